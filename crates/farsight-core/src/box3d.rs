@@ -1,0 +1,149 @@
+//! Upright boxes in the scene, their corners, angles and distances.
+
+use crate::scalar::Scalar;
+use crate::{Affine2, Box2d, Camera, wrapped_angle};
+
+/// Size of an object in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dimensions {
+    /// Extent along the vertical, metres.
+    pub height: f64,
+    /// Extent across the heading, metres.
+    pub width: f64,
+    /// Extent along the heading, metres.
+    pub length: f64,
+}
+
+/// An upright box in camera coordinates (x right, y down, z forward), KITTI's convention.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Box3d {
+    /// Size, metres.
+    pub dimensions: Dimensions,
+    /// Centre of the **bottom** face, metres.
+    pub location: [f64; 3],
+    /// Turn about the y axis, radians; 0 faces +x, `-pi/2` faces away from the camera.
+    pub yaw: f64,
+}
+
+/// Signs of the eight corners along length, height (1 = top) and width; the order of spec 5.5.
+const CORNER_SIGNS: [[f64; 3]; 8] = [
+    [-1.0, 1.0, -1.0],
+    [1.0, 1.0, -1.0],
+    [1.0, 0.0, -1.0],
+    [1.0, 0.0, 1.0],
+    [1.0, 1.0, 1.0],
+    [-1.0, 1.0, 1.0],
+    [-1.0, 0.0, 1.0],
+    [-1.0, 0.0, -1.0],
+];
+
+/// The twelve edges as pairs of indices into [`Box3d::corners`].
+pub const EDGES: [[usize; 2]; 12] =
+    [[0, 1], [1, 2], [2, 7], [7, 0], [5, 4], [4, 3], [3, 6], [6, 5], [0, 5], [1, 4], [2, 3], [7, 6]];
+
+/// Corners of the front face (the +x side of an object with yaw 0), in order around it.
+pub const FRONT_FACE: [usize; 4] = [1, 2, 3, 4];
+
+/// Points nearer than this in front of the camera are not projected, metres.
+pub const NEAR_PLANE_M: f64 = 0.1;
+
+/// Corners of the box with these dimensions (length, height, width), bottom centre and yaw.
+///
+/// Generic over the scalar, so that the corner loss and the geometry are one formula.
+pub fn corners<D: Scalar>(dimensions_lhw: [D; 3], location: [D; 3], yaw: D) -> [[D; 3]; 8] {
+    let [length, height, width] = dimensions_lhw;
+    let (sin, cos) = yaw.sin_cos();
+    CORNER_SIGNS.map(|[along, up, across]| {
+        let a = length * (0.5 * along);
+        let b = width * (0.5 * across);
+        [cos * a + sin * b + location[0], location[1] - height * up, cos * b - sin * a + location[2]]
+    })
+}
+
+impl Box3d {
+    /// The eight corners, metres, in the order of spec 5.5: top faces have the smaller y.
+    pub fn corners(&self) -> [[f64; 3]; 8] {
+        let Dimensions { height, width, length } = self.dimensions;
+        corners([length, height, width], self.location, self.yaw)
+    }
+
+    /// The centre of the box, half its height above [`Box3d::location`].
+    pub fn center(&self) -> [f64; 3] {
+        let [x, y, z] = self.location;
+        [x, y - self.dimensions.height / 2.0, z]
+    }
+
+    /// Observation angle: yaw less the angle of the ray to the object, in `(-pi, pi]`.
+    pub fn alpha(&self) -> f64 {
+        wrapped_angle(self.yaw - ray_angle(self.location))
+    }
+
+    /// Depth along the optical axis, metres (`z` of the location).
+    pub fn depth_m(&self) -> f64 {
+        self.location[2]
+    }
+
+    /// Distance over the ground from the camera to the location, metres.
+    pub fn ground_distance_m(&self) -> f64 {
+        self.location[0].hypot(self.location[2])
+    }
+
+    /// Distance from the camera to the centre of the box, metres.
+    pub fn center_distance_m(&self) -> f64 {
+        norm(self.center())
+    }
+
+    /// Distance from the camera to the nearest point of the box, metres; 0 inside it.
+    pub fn nearest_distance_m(&self) -> f64 {
+        let [x, y, z] = self.center();
+        let (sin, cos) = self.yaw.sin_cos();
+        // The camera in the box's own axes; the turn is the transpose of the one in `corners`.
+        let camera = [sin * z - cos * x, -y, -sin * x - cos * z];
+        let half = [self.dimensions.length, self.dimensions.height, self.dimensions.width].map(|d| d / 2.0);
+        norm([0, 1, 2].map(|axis| (camera[axis].abs() - half[axis]).max(0.0)))
+    }
+
+    /// The box around the projection, pixels, not clipped to any image; `None` when all of the box is behind the camera.
+    ///
+    /// Edges that cross the near plane are cut there, so a vehicle beside the camera keeps a true outline.
+    pub fn projected(&self, camera: &Camera) -> Option<Box2d> {
+        let corners = self.corners();
+        let ahead = corners.iter().copied().filter(|c| c[2] >= NEAR_PLANE_M);
+        let crossings = EDGES.iter().filter_map(|&[a, b]| near_plane_crossing(corners[a], corners[b]));
+        Box2d::around(ahead.chain(crossings).filter_map(|point| camera.pixel_from_point(point)))
+    }
+
+    /// The same box in a world mirrored left to right (`x` becomes `-x`).
+    pub fn mirrored(&self) -> Self {
+        let [x, y, z] = self.location;
+        Self { location: [-x, y, z], yaw: wrapped_angle(std::f64::consts::PI - self.yaw), ..*self }
+    }
+}
+
+impl Box2d {
+    /// The box around this one after `map`.
+    pub fn transformed(&self, map: &Affine2) -> Self {
+        let [ax, ay] = map.apply([self.x1, self.y1]);
+        let [bx, by] = map.apply([self.x2, self.y2]);
+        Self::new(ax.min(bx), ay.min(by), ax.max(bx), ay.max(by))
+    }
+}
+
+/// Angle of the ray from the camera to `location` on the ground plane, radians; 0 straight ahead, positive to the right.
+pub fn ray_angle(location: [f64; 3]) -> f64 {
+    location[0].atan2(location[2])
+}
+
+/// Where the segment from `a` to `b` meets the near plane, if its ends lie on both sides of it.
+pub fn near_plane_crossing(a: [f64; 3], b: [f64; 3]) -> Option<[f64; 3]> {
+    let (da, db) = (a[2] - NEAR_PLANE_M, b[2] - NEAR_PLANE_M);
+    if (da < 0.0) == (db < 0.0) {
+        return None;
+    }
+    let t = da / (da - db);
+    Some([0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis])))
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|c| c * c).sum::<f64>().sqrt()
+}

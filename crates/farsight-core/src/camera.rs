@@ -1,0 +1,152 @@
+//! The pinhole camera with its full 3x4 projection.
+
+use thiserror::Error;
+
+use crate::Affine2;
+use crate::scalar::Scalar;
+
+/// A camera: the 3x4 matrix from camera coordinates (metres) to homogeneous pixels.
+///
+/// KITTI's left colour camera stands 6 cm beside the origin of its coordinates, so the fourth column is not zero. It is kept
+/// everywhere: dropping it, as official SMOKE does, moves a centre at 5 m by 9 pixels (spec 5.6).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Row-major projection; row 2 gives the divisor, in metres of depth.
+    pub projection: [[f64; 4]; 3],
+}
+
+/// A description of a camera that no camera can have.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum CameraError {
+    /// A focal length that is not a positive number.
+    #[error("focal length {name} is {value}; expected a positive number of pixels")]
+    Focal {
+        /// `fx` or `fy`.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A principal point that is not finite.
+    #[error("principal point {name} is {value}; expected a finite number of pixels")]
+    PrincipalPoint {
+        /// `cx` or `cy`.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A field of view that a pinhole cannot have.
+    #[error("horizontal field of view is {0} degrees; expected more than 0 and less than 180")]
+    FieldOfView(f64),
+    /// A projection that sends no point anywhere.
+    #[error("the projection is not a camera: {0}")]
+    Degenerate(&'static str),
+}
+
+impl Camera {
+    /// A camera from a 3x4 projection, row by row.
+    ///
+    /// # Errors
+    /// When a value is not finite or a focal length is not positive.
+    pub fn from_projection(projection: [[f64; 4]; 3]) -> Result<Self, CameraError> {
+        if projection.iter().flatten().any(|v| !v.is_finite()) {
+            return Err(CameraError::Degenerate("a value is not finite"));
+        }
+        let camera = Self { projection };
+        if projection[2][2] <= 0.0 {
+            return Err(CameraError::Degenerate("points ahead have no positive depth (third row, third value)"));
+        }
+        check_focal("fx", camera.focal_x())?;
+        check_focal("fy", camera.focal_y())?;
+        Ok(camera)
+    }
+
+    /// An ideal camera from focal lengths and principal point, pixels.
+    ///
+    /// # Errors
+    /// When a focal length is not positive or the principal point is not finite.
+    pub fn from_intrinsics(fx: f64, fy: f64, cx: f64, cy: f64) -> Result<Self, CameraError> {
+        check_focal("fx", fx)?;
+        check_focal("fy", fy)?;
+        for (name, value) in [("cx", cx), ("cy", cy)] {
+            if !value.is_finite() {
+                return Err(CameraError::PrincipalPoint { name, value });
+            }
+        }
+        Ok(Self { projection: [[fx, 0.0, cx, 0.0], [0.0, fy, cy, 0.0], [0.0, 0.0, 1.0, 0.0]] })
+    }
+
+    /// An ideal camera that sees `hfov_deg` degrees across an image of `width` x `height` pixels, principal point in the middle.
+    ///
+    /// # Errors
+    /// When the angle is not between 0 and 180 degrees.
+    pub fn from_hfov(hfov_deg: f64, width: usize, height: usize) -> Result<Self, CameraError> {
+        if !(hfov_deg > 0.0 && hfov_deg < 180.0) {
+            return Err(CameraError::FieldOfView(hfov_deg));
+        }
+        let focal = width as f64 / 2.0 / (hfov_deg.to_radians() / 2.0).tan();
+        Self::from_intrinsics(focal, focal, (width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0)
+    }
+
+    /// Horizontal focal length, pixels.
+    pub fn focal_x(&self) -> f64 {
+        self.projection[0][0] / self.projection[2][2]
+    }
+
+    /// Vertical focal length, pixels.
+    pub fn focal_y(&self) -> f64 {
+        self.projection[1][1] / self.projection[2][2]
+    }
+
+    /// The pixel that sees `point` (metres); `None` for a point not in front of the camera.
+    pub fn pixel_from_point(&self, point: [f64; 3]) -> Option<[f64; 2]> {
+        let [u, v, w] = self.projection.map(|r| r[0] * point[0] + r[1] * point[1] + r[2] * point[2] + r[3]);
+        (w > 0.0).then(|| [u / w, v / w])
+    }
+
+    /// The point at depth `z` (metres) that `pixel` sees. The inverse of [`Camera::pixel_from_point`].
+    ///
+    /// Generic over the scalar: the loss takes its gradient through this very function.
+    pub fn point_from_pixel<D: Scalar>(&self, pixel: [D; 2], z: D) -> [D; 3] {
+        let [first, second, third] = self.projection;
+        // u * (third . X) = first . X and v * (third . X) = second . X: two equations linear in x and y.
+        let equation = |coordinate: D, row: [f64; 4]| {
+            let by = |j: usize| coordinate * third[j] - row[j];
+            (by(0), by(1), -(by(2) * z + by(3)))
+        };
+        let (a, b, c) = equation(pixel[0], first);
+        let (d, e, f) = equation(pixel[1], second);
+        let determinant = a * e - b * d;
+        [(c * e - b * f) / determinant, (a * f - c * d) / determinant, z]
+    }
+
+    /// The camera of the image after `map` (crop, scale, pad).
+    pub fn transformed(&self, map: &Affine2) -> Self {
+        let [first, second, third] = self.projection;
+        let row = |m: [f64; 3]| [0, 1, 2, 3].map(|j| m[0] * first[j] + m[1] * second[j] + m[2] * third[j]);
+        Self { projection: [row(map.matrix[0]), row(map.matrix[1]), third] }
+    }
+
+    /// The camera that sees the left-right mirrored image of a mirrored world.
+    ///
+    /// Column `u` becomes `width - 1 - u` and the scene's `x` becomes `-x`; every projection stays exact, the fourth column included.
+    pub fn mirrored(&self, width: usize) -> Self {
+        let mut mirrored = self.transformed(&Affine2::mirror(width));
+        for row in &mut mirrored.projection {
+            row[0] = -row[0];
+        }
+        mirrored
+    }
+
+    /// The same camera with the fourth column dropped: official SMOKE's 3x3 `K` (spec 5.6), for its checkpoints only.
+    pub fn without_fourth_column(&self) -> Self {
+        let mut projection = self.projection;
+        for row in &mut projection {
+            row[3] = 0.0;
+        }
+        Self { projection }
+    }
+}
+
+fn check_focal(name: &'static str, value: f64) -> Result<(), CameraError> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(CameraError::Focal { name, value }) }
+}

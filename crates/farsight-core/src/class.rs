@@ -1,0 +1,95 @@
+//! Object classes by KITTI's names.
+
+use std::convert::Infallible;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// What an object is. KITTI's names are known; any other name is kept as written.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub enum ObjectClass {
+    /// Passenger car.
+    Car,
+    /// Van; a neighbour of `Car` in the KITTI evaluation.
+    Van,
+    /// Lorry.
+    Truck,
+    /// Person on foot.
+    Pedestrian,
+    /// Seated person; a neighbour of `Pedestrian` in the KITTI evaluation.
+    PersonSitting,
+    /// Person on a bicycle, bicycle included.
+    Cyclist,
+    /// Tram or train.
+    Tram,
+    /// Anything else with wheels, trailers for instance.
+    Misc,
+    /// A region that was not labelled.
+    DontCare,
+    /// A class that KITTI does not have.
+    Other(Box<str>),
+}
+
+impl ObjectClass {
+    /// The classes that KITTI labels, in the order of its paper.
+    pub const KITTI: [Self; 9] = [
+        Self::Car,
+        Self::Van,
+        Self::Truck,
+        Self::Pedestrian,
+        Self::PersonSitting,
+        Self::Cyclist,
+        Self::Tram,
+        Self::Misc,
+        Self::DontCare,
+    ];
+
+    /// The name as KITTI writes it.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Car => "Car",
+            Self::Van => "Van",
+            Self::Truck => "Truck",
+            Self::Pedestrian => "Pedestrian",
+            Self::PersonSitting => "Person_sitting",
+            Self::Cyclist => "Cyclist",
+            Self::Tram => "Tram",
+            Self::Misc => "Misc",
+            Self::DontCare => "DontCare",
+            Self::Other(name) => name,
+        }
+    }
+
+    /// The class called `name`, case included.
+    pub fn from_name(name: &str) -> Self {
+        Self::KITTI.into_iter().find(|class| class.name() == name).unwrap_or_else(|| Self::Other(name.into()))
+    }
+}
+
+impl fmt::Display for ObjectClass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for ObjectClass {
+    type Err = Infallible;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        Ok(Self::from_name(name))
+    }
+}
+
+impl From<String> for ObjectClass {
+    fn from(name: String) -> Self {
+        Self::from_name(&name)
+    }
+}
+
+impl From<ObjectClass> for String {
+    fn from(class: ObjectClass) -> Self {
+        class.name().to_owned()
+    }
+}

@@ -1,0 +1,71 @@
+//! The disentangled corner loss of SMOKE (spec 7.2) with its exact gradient.
+//!
+//! The loss is the decoder seen from the other side, so it *is* the decoder: the same generic functions run on dual numbers
+//! that carry the derivatives with respect to the eight raw channels. There is no second, tensor-shaped decoder to keep in step.
+
+use crate::box3d::{corners, ray_angle};
+use crate::codec::{CHANNELS, Regression};
+use crate::scalar::Dual;
+use crate::targets::ObjectTarget;
+use crate::{Camera, Codec, Dimensions};
+
+type Variable = Dual<CHANNELS>;
+
+/// The three parts of one object's loss, metres summed over 24 corner coordinates, and the gradient of their sum.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CornerLoss {
+    /// Predicted yaw, everything else true.
+    pub orientation: f64,
+    /// Predicted dimensions, everything else true.
+    pub dimensions: f64,
+    /// Predicted location, everything else true.
+    pub location: f64,
+    /// Derivative of the sum of the three with respect to each raw channel.
+    pub gradient: [f64; CHANNELS],
+}
+
+/// Loss of the raw regression channels `raw` at the cell of `target`, under `camera` (of the feature map).
+///
+/// The yaw is made with the angle of the **true** ray, as in official SMOKE, so that the three parts stay apart.
+///
+/// # Panics
+/// When the target's class is not a class of `codec`.
+pub fn corner_loss(codec: &Codec, raw: [f64; CHANNELS], target: &ObjectTarget, camera: &Camera) -> CornerLoss {
+    let predicted = Regression::from_raw(Variable::variables(raw));
+
+    let truth = &target.box3d;
+    let Dimensions { height, width, length } = truth.dimensions;
+    let true_dimensions = [length, height, width].map(Variable::constant);
+    let true_location = truth.location.map(Variable::constant);
+    let true_yaw = Variable::constant(truth.yaw);
+
+    let yaw = predicted.alpha() + ray_angle(truth.location);
+    let dimensions = codec.dimensions_lhw(&predicted, target.class);
+    let location = codec.location(&predicted, target.cell, dimensions[1], camera);
+
+    let true_corners = truth.corners();
+    let distance = |predicted: [[Variable; 3]; 8]| l1(&predicted, &true_corners);
+    let orientation = distance(corners(true_dimensions, true_location, yaw));
+    let dimensions = distance(corners(dimensions, true_location, true_yaw));
+    let location = distance(corners(true_dimensions, location, true_yaw));
+
+    CornerLoss {
+        orientation: orientation.value,
+        dimensions: dimensions.value,
+        location: location.value,
+        gradient: (orientation + dimensions + location).gradient,
+    }
+}
+
+/// Sum of absolute differences; at a difference of zero the derivative is zero, as in libtorch.
+fn l1(predicted: &[[Variable; 3]; 8], truth: &[[f64; 3]; 8]) -> Variable {
+    let pairs = predicted.as_flattened().iter().zip(truth.as_flattened());
+    pairs.fold(Variable::constant(0.0), |sum, (&p, &t)| {
+        let difference = p - t;
+        match difference.value.partial_cmp(&0.0) {
+            Some(std::cmp::Ordering::Less) => sum - difference,
+            Some(std::cmp::Ordering::Equal) => sum,
+            _ => sum + difference,
+        }
+    })
+}

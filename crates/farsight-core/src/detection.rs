@@ -1,0 +1,114 @@
+//! From head maps to detections: the one decoder that every engine shares.
+
+use crate::codec::{CHANNELS, Encoded, Regression};
+use crate::peaks::{Peak, peaks};
+use crate::targets::feature_camera;
+use crate::{Box2d, Box3d, Camera, Codec, ObjectClass};
+
+/// One vehicle or person found in an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detection {
+    /// What it is.
+    pub class: ObjectClass,
+    /// Height of its peak, 0 to 1.
+    pub score: f64,
+    /// Around the projected 3D box, clipped to the image, pixels of the original image.
+    pub box2d: Box2d,
+    /// Where it is, rectified camera coordinates, metres.
+    pub box3d: Box3d,
+    /// Standard deviation of its distance, metres, when the model gives one.
+    pub range_sigma_m: Option<f64>,
+}
+
+impl Detection {
+    /// Observation angle, radians.
+    pub fn alpha(&self) -> f64 {
+        self.box3d.alpha()
+    }
+}
+
+/// What a network answers for one image, before any activation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeadMaps {
+    /// Heat map logits, `[classes, height, width]`.
+    pub logits: Vec<f32>,
+    /// Raw regression channels, `[8, height, width]`.
+    pub regression: Vec<f32>,
+    /// Width and height, cells.
+    pub map_size: [usize; 2],
+}
+
+/// The image that the detections are for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Width and height of the original image, pixels.
+    pub image_size: [usize; 2],
+    /// Camera of the original image.
+    pub camera: Camera,
+    /// Camera of the network's input.
+    pub input_camera: Camera,
+}
+
+/// What to keep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DecodeOptions {
+    /// Detections have a score above this.
+    pub min_score: f64,
+    /// At most so many detections an image.
+    pub max_detections: usize,
+}
+
+impl Default for DecodeOptions {
+    /// Official SMOKE: score above 0.25, at most 50.
+    fn default() -> Self {
+        Self { min_score: 0.25, max_detections: 50 }
+    }
+}
+
+/// Bounds of a score (spec section 4).
+const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
+
+/// The detections in `maps`, highest score first (spec section 10).
+///
+/// Boxes that do not come out finite or lie behind the camera are left out.
+pub fn detections(codec: &Codec, maps: &HeadMaps, view: &View, options: &DecodeOptions) -> Vec<Detection> {
+    let floor = (options.min_score / (1.0 - options.min_score)).ln() as f32;
+    let camera = feature_camera(&view.input_camera);
+    peaks(&maps.logits, maps.map_size, options.max_detections, floor)
+        .into_iter()
+        .filter_map(|peak| {
+            let regression = Regression::from_raw(raw_regression(maps, peak.cell));
+            let score = (1.0 / (1.0 + (-f64::from(peak.value)).exp())).clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
+            detection(codec, &peak, score, regression, &camera, view)
+        })
+        .filter(|detection| detection.score > options.min_score)
+        .collect()
+}
+
+/// The raw channels at `cell`.
+///
+/// # Panics
+/// When `cell` lies outside the maps.
+pub fn raw_regression(maps: &HeadMaps, cell: [usize; 2]) -> [f64; CHANNELS] {
+    let [width, height] = maps.map_size;
+    std::array::from_fn(|channel| f64::from(maps.regression[channel * width * height + cell[1] * width + cell[0]]))
+}
+
+/// The detection that stands at `peak` with these activated regression values; `camera` is the feature map's.
+pub fn detection(
+    codec: &Codec,
+    peak: &Peak,
+    score: f64,
+    regression: Regression<f64>,
+    camera: &Camera,
+    view: &View,
+) -> Option<Detection> {
+    let box3d = codec.decode(&Encoded { cell: peak.cell, regression }, peak.class, camera);
+    if !box3d.location.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let [width, height] = view.image_size.map(|s| s as f64);
+    let box2d = box3d.projected(&view.camera)?.clamped(width, height);
+    let class = codec.classes[peak.class].class.clone();
+    Some(Detection { class, score, box2d, box3d, range_sigma_m: None })
+}

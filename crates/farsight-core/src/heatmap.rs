@@ -1,0 +1,120 @@
+//! The Gaussian that a target draws around its centre: fixed, CornerNet's, or dynamic (DGH).
+
+use serde::{Deserialize, Serialize};
+
+/// How wide the Gaussian of an object is (spec section 6; dynamic Gaussian heat map: MSFE/DGH spec section 4).
+///
+/// Sizes are cells of the feature map. In every rule `sigma = (2 radius + 1) / 6`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "rule", rename_all = "snake_case", deny_unknown_fields)]
+pub enum HeatMapRule {
+    /// The same radius for every object.
+    Fixed {
+        /// Radius, cells.
+        radius: f64,
+    },
+    /// The corrected CornerNet radius of official SMOKE, cut to whole cells.
+    CornerNet {
+        /// Overlap that a box moved by the radius must keep.
+        min_overlap: f64,
+    },
+    /// DGH as the paper words it: `alpha * sqrt(w h)`, rounded to whole cells.
+    DynamicInteger {
+        /// Share of `sqrt(w h)`.
+        alpha: f64,
+        /// Smallest radius, cells.
+        min_radius: f64,
+        /// Largest radius, cells.
+        max_radius: f64,
+    },
+    /// DGH without rounding: small and distant objects keep a soft target that follows their size.
+    Dynamic {
+        /// Share of `sqrt(w h)`.
+        alpha: f64,
+        /// Smallest radius, cells.
+        min_radius: f64,
+        /// Largest radius, cells.
+        max_radius: f64,
+    },
+}
+
+impl HeatMapRule {
+    /// Official SMOKE's rule.
+    pub const SMOKE: Self = Self::CornerNet { min_overlap: 0.7 };
+
+    /// The Gaussian of a box `width` x `height` cells large; `factor` scales alpha for its class.
+    pub fn gaussian(&self, width: f64, height: f64, factor: f64) -> Gaussian {
+        let dynamic = |alpha: f64| alpha * factor * (width.max(0.0) * height.max(0.0)).sqrt();
+        let radius = match *self {
+            Self::Fixed { radius } => radius,
+            Self::CornerNet { min_overlap } => cornernet_radius(width, height, min_overlap).trunc().max(0.0),
+            Self::DynamicInteger { alpha, min_radius, max_radius } => {
+                (dynamic(alpha) + 0.5).floor().clamp(min_radius, max_radius)
+            }
+            Self::Dynamic { alpha, min_radius, max_radius } => dynamic(alpha).clamp(min_radius, max_radius),
+        };
+        Gaussian { radius }
+    }
+
+    /// Why this rule cannot be used, if it cannot.
+    pub fn problem(&self) -> Option<String> {
+        let positive = |name: &str, value: f64| {
+            (!(value.is_finite() && value > 0.0))
+                .then(|| format!("heat map {name} is {value}; expected a positive number"))
+        };
+        match *self {
+            Self::Fixed { radius } => (!(radius.is_finite() && radius >= 0.0))
+                .then(|| format!("heat map radius is {radius}; expected a number of cells from 0 up")),
+            Self::CornerNet { min_overlap } => (!(min_overlap > 0.0 && min_overlap < 1.0))
+                .then(|| format!("heat map min_overlap is {min_overlap}; expected a number between 0 and 1")),
+            Self::DynamicInteger { alpha, min_radius, max_radius }
+            | Self::Dynamic { alpha, min_radius, max_radius } => positive("alpha", alpha).or_else(|| {
+                (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius.is_finite())).then(|| {
+                    format!("heat map radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius")
+                })
+            }),
+        }
+    }
+}
+
+/// The largest radius by which both corners of a box can move and keep an overlap of `t`, cells (the corrected formula).
+pub fn cornernet_radius(width: f64, height: f64, t: f64) -> f64 {
+    let (sum, area) = (width + height, width * height);
+    let r1 = (sum - (sum * sum - 4.0 * area * (1.0 - t) / (1.0 + t)).sqrt()) / 2.0;
+    let r2 = (2.0 * sum - (4.0 * sum * sum - 16.0 * (1.0 - t) * area).sqrt()) / 8.0;
+    let r3 = (-2.0 * t * sum + (4.0 * t * t * sum * sum + 16.0 * t * (1.0 - t) * area).sqrt()) / (8.0 * t);
+    r1.min(r2).min(r3)
+}
+
+/// A round Gaussian with peak 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaussian {
+    /// Radius, cells, not negative.
+    pub radius: f64,
+}
+
+impl Gaussian {
+    /// Standard deviation, cells.
+    pub fn sigma(&self) -> f64 {
+        (2.0 * self.radius + 1.0) / 6.0
+    }
+
+    /// Draws the Gaussian at `cell` (column, row) of `map`, `width` cells a row; where targets meet, the larger value stays.
+    ///
+    /// # Panics
+    /// When `cell` lies outside the map.
+    pub fn draw(&self, map: &mut [f32], width: usize, cell: [usize; 2]) {
+        let height = map.len() / width;
+        let reach = self.radius.ceil() as usize;
+        let scale = 1.0 / (2.0 * self.sigma() * self.sigma());
+        let range = |center: usize, size: usize| center.saturating_sub(reach)..(center + reach + 1).min(size);
+        for row in range(cell[1], height) {
+            for column in range(cell[0], width) {
+                let (dx, dy) = (column.abs_diff(cell[0]) as f64, row.abs_diff(cell[1]) as f64);
+                let value = (-(dx * dx + dy * dy) * scale).exp() as f32;
+                let here = &mut map[row * width + column];
+                *here = here.max(value);
+            }
+        }
+    }
+}

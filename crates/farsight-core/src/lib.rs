@@ -1,0 +1,42 @@
+//! The numerics that every other crate shares: camera, boxes, labels, heat maps, encode and decode.
+//!
+//! Frames of reference are KITTI's. Camera coordinates are metres with x right, y **down**, z forward;
+//! pixels are `(u, v)`, u right, v down, with pixel centres at whole numbers. An object stands at the centre of
+//! its **bottom** face; `yaw` turns about the y axis and is 0 when the object faces +x.
+//!
+//! Nothing here reads a file, knows an engine or starts a thread.
+
+pub mod affine;
+pub mod box2d;
+pub mod box3d;
+pub mod camera;
+pub mod class;
+pub mod codec;
+pub mod corner_loss;
+pub mod detection;
+pub mod heatmap;
+pub mod input;
+pub mod label;
+pub mod overlap;
+pub mod peaks;
+pub mod scalar;
+pub mod targets;
+
+pub use affine::Affine2;
+pub use box2d::Box2d;
+pub use box3d::{Box3d, Dimensions};
+pub use camera::Camera;
+pub use class::ObjectClass;
+pub use codec::{ClassReference, Codec};
+pub use detection::{Detection, HeadMaps};
+pub use label::Label;
+
+/// The angle equal to `angle_rad` up to whole turns, in `(-pi, pi]`.
+pub fn wrapped_angle(angle_rad: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    if -PI < angle_rad && angle_rad <= PI {
+        return angle_rad;
+    }
+    let turned = angle_rad.rem_euclid(TAU);
+    if turned > PI { turned - TAU } else { turned }
+}

@@ -1,0 +1,1 @@
+//! Overlap of upright boxes, rotated in the ground plane.

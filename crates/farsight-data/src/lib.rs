@@ -1,0 +1,1 @@
+//! KITTI readers and writers, image loading, warping, augmentation and a prefetching loader.

@@ -1,0 +1,1 @@
+//! The KITTI evaluation and ranging errors.

@@ -1,0 +1,1 @@
+//! Image in, detections out: the engine trait and the detector.

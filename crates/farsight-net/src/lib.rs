@@ -1,0 +1,1 @@
+//! The network as data: graph, builders, weights, counts and checkpoint import.

@@ -1,0 +1,1 @@
+//! Training on libtorch: executor, losses, optimiser, trainer, checkpoints.

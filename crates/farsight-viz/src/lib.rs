@@ -1,0 +1,1 @@
+//! Detections drawn on the image and seen from above.
