@@ -1,1 +1,24 @@
 //! KITTI readers and writers, image loading, warping, augmentation and a prefetching loader.
+//!
+//! A [`Frame`] is an image with its camera and labels. A random policy ([`AugmentationConfig`]) draws a fixed [`Transform`], which
+//! moves all three together and makes a [`Sample`] of them: the network's input with its own camera and labels. A [`Loader`] prepares
+//! samples on several threads, in the same order and with the same content for any number of threads.
+
+pub mod augment;
+mod durable;
+pub mod frame;
+pub mod image_io;
+pub mod jitter;
+pub mod kitti;
+pub mod loader;
+pub mod transform;
+pub mod warp;
+
+pub use augment::AugmentationConfig;
+pub use frame::Frame;
+pub use image_io::{ImageError, read_image};
+pub use jitter::ColorJitter;
+pub use kitti::KittiDataset;
+pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};
+pub use transform::{Sample, Transform};
+pub use warp::{network_input, warp};

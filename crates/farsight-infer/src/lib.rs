@@ -1,1 +1,14 @@
 //! Image in, detections out: the engine trait and the detector.
+//!
+//! An [`Engine`] turns a tensor into head maps and knows nothing else. A [`Detector`] does the rest, the same for every engine: it warps and
+//! normalises the image, moves the camera with it, runs the engine and decodes.
+
+pub mod detector;
+pub mod engine;
+pub mod spec;
+pub mod timing;
+
+pub use detector::{DetectError, Detector};
+pub use engine::{Engine, EngineError};
+pub use spec::DetectorSpec;
+pub use timing::StageTimes;

@@ -1,1 +1,14 @@
-//! The network as data: graph, builders, weights, counts and checkpoint import.
+//! The network as data: one description, many readers.
+//!
+//! [`graph::Graph`] lists typed nodes; [`build`] makes such lists from a [`config::ModelConfig`]; [`weights::Weights`] maps parameter names to
+//! numbers. Everything else reads these: [`count`] here, the libtorch executor in `farsight-train`, checkpoint import in [`checkpoint`].
+
+pub mod build;
+pub mod checkpoint;
+pub mod config;
+pub mod count;
+pub mod durable;
+pub mod graph;
+pub mod init;
+pub mod model;
+pub mod weights;

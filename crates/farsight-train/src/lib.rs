@@ -1,1 +1,25 @@
 //! Training on libtorch: executor, losses, optimiser, trainer, checkpoints.
+//!
+//! The only crate that knows libtorch. `tch` calls that cannot fail for shapes the graph has checked panic instead of returning an error;
+//! everything that depends on the user's files, config or data returns one.
+
+pub mod adam;
+pub mod checkpoint;
+pub mod config;
+pub mod deform;
+pub mod engine;
+pub mod executor;
+pub mod loss;
+pub mod metrics;
+pub mod samples;
+pub mod schedule;
+pub mod trainer;
+
+/// Sets the number of threads that libtorch computes with; `None` leaves its own choice.
+///
+/// Results are bit-identical from run to run only for one number of threads.
+pub fn set_threads(threads: Option<usize>) {
+    if let Some(threads) = threads {
+        tch::set_num_threads(threads.max(1) as i32);
+    }
+}

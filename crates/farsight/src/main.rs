@@ -1,2 +1,40 @@
 //! The command line.
-fn main() {}
+//!
+//! Exit status: 0 done; 1 done, with something the caller asked to be told; 2 could not run.
+
+mod camera_source;
+mod commands;
+mod engines;
+mod inputs;
+mod names;
+mod printer;
+mod range_json;
+mod range_table;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use commands::{Command, Outcome};
+use printer::Printer;
+
+/// Finds vehicles in images of one camera and says how far away each is.
+#[derive(Debug, Parser)]
+#[command(name = "farsight", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let mut printer = Printer::new();
+    match cli.command.run(&mut printer) {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Told) => ExitCode::from(1),
+        Err(error) => {
+            printer.error(&format!("{error:#}"));
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Reading images.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbImage};
+use thiserror::Error;
+
+/// Most pixels that an image may have; a larger one is more likely an attack or a mistake than a picture.
+pub const MAX_PIXELS: u64 = 200_000_000;
+
+/// Memory that a decoder may take: the largest image with four channels of 16 bits.
+const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
+
+/// An image that could not be read.
+#[derive(Debug, Error)]
+pub enum ImageError {
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file holds something else, or nothing.
+    #[error("{}: no image that is known here; expected PNG or JPEG", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The image has too many pixels.
+    #[error("{}: {width} x {height} pixels; expected at most {MAX_PIXELS} pixels", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its width, pixels.
+        width: u32,
+        /// Its height, pixels.
+        height: u32,
+    },
+    /// The image is damaged or cut off.
+    #[error("{}: damaged image: {source}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder says.
+        source: image::ImageError,
+    },
+}
+
+/// Reads a PNG or JPEG file as 8-bit RGB, whatever its name says.
+///
+/// Grey becomes RGB, 16 bits become 8, an alpha channel is dropped. The orientation that cameras and phones write (EXIF) is applied, so
+/// the image is upright as viewers show it; a calibration must be that of the upright image.
+///
+/// The `image` crate decodes KITTI's PNG files in less than half the time that zune-png needs (8.4 against 19 ms, side by side).
+///
+/// # Errors
+/// When the file cannot be read, is no PNG or JPEG, is damaged, or has more than [`MAX_PIXELS`] pixels.
+pub fn read_image(path: &Path) -> Result<RgbImage, ImageError> {
+    let read_failed = |source| ImageError::Read { path: path.to_owned(), source };
+    let file = File::open(path).map_err(read_failed)?;
+    let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(read_failed)?;
+    if reader.format().is_none() {
+        return Err(ImageError::Format { path: path.to_owned() });
+    }
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_DECODER_BYTES);
+    reader.limits(limits);
+
+    let damaged = |source| ImageError::from_decoder(path, source);
+    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let (width, height) = decoder.dimensions();
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(ImageError::TooLarge { path: path.to_owned(), width, height });
+    }
+    let orientation = decoder.orientation().map_err(damaged)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+    image.apply_orientation(orientation);
+    Ok(image.into_rgb8())
+}
+
+impl ImageError {
+    fn from_decoder(path: &Path, source: image::ImageError) -> Self {
+        let path = path.to_owned();
+        match source {
+            image::ImageError::Unsupported(_) => Self::Format { path },
+            source => Self::Damaged { path, source },
+        }
+    }
+}

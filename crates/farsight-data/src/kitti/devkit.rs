@@ -1,0 +1,104 @@
+//! Reading label and result files as the official devkit does, and telling what it would have done silently.
+//!
+//! The devkit reads with `fscanf`: a stream of words in which line ends mean nothing (spec kitti-eval.md, section 2, rules 1 to 3). Ordinary
+//! rows go through the parser that all readers share; from the first row that is not ordinary, `stream` follows the devkit word by word.
+
+mod oddity;
+mod stream;
+#[cfg(test)]
+mod tests;
+
+pub use oddity::Oddity;
+
+use farsight_core::ObjectClass;
+
+use super::fields::{Row, RowKind, row_and_problem};
+use stream::Stream;
+
+/// Larger numbers are read as they are, and told: no distance in metres or pixel of an image comes near.
+const ABSURD: f64 = 1e5;
+
+/// A row that the devkit takes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DevkitRow {
+    /// The line it starts on, from 1.
+    pub line: usize,
+    /// Its values; numbers need not be finite.
+    pub row: Row,
+    /// Standard deviation of the distance, metres: a 17th column of results, which the devkit reads past.
+    pub range_sigma_m: Option<f64>,
+}
+
+/// What a file holds for the devkit.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DevkitRows {
+    /// The rows that count, in file order.
+    pub rows: Vec<DevkitRow>,
+    /// What was odd, in file order: the line, from 1, and what is odd about it.
+    pub oddities: Vec<(usize, Oddity)>,
+}
+
+/// Reads a label or result file as the devkit does.
+///
+/// One kind of oddity is no reading at all: see [`Oddity::is_fatal`].
+pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
+    let mut read = DevkitRows::default();
+    let mut start = 0;
+    let mut words = Vec::with_capacity(kind.columns() + 1);
+    for (line, number) in text.split_inclusive('\n').zip(1..) {
+        words.clear();
+        words.extend(line.split_ascii_whitespace());
+        if !words.is_empty() && !read.push_ordinary(&words, kind, number) {
+            Stream::new(&text[start..], number).read(kind, &mut read);
+            break;
+        }
+        start += line.len();
+    }
+    if let Some(position) = text.find('\r') {
+        read.oddities.push((1 + text[..position].matches('\n').count(), Oddity::CarriageReturn));
+    }
+    read
+}
+
+impl DevkitRows {
+    /// Takes a line that holds one whole row and nothing that two readers could read differently; false for any other line.
+    fn push_ordinary(&mut self, words: &[&str], kind: RowKind, line: usize) -> bool {
+        let (words, range_sigma_m) = match (kind, words.split_at_checked(kind.columns())) {
+            (RowKind::Result, Some((row, [sigma]))) => match sigma.parse() {
+                Ok(sigma) => (row, Some(sigma)),
+                Err(_) => return false,
+            },
+            _ => (words, None),
+        };
+        let Ok((row, problem)) = row_and_problem(words, kind) else { return false };
+        self.oddities.extend(problem.map(|problem| (line, Oddity::OutOfRange(problem))));
+        self.push(DevkitRow { line, row, range_sigma_m });
+        true
+    }
+
+    fn push(&mut self, row: DevkitRow) {
+        self.oddities.extend(odd_class(&row.row.label.class).map(|oddity| (row.line, oddity)));
+        self.oddities.extend(row.row.numbers().find_map(odd_number).map(|oddity| (row.line, oddity)));
+        self.rows.push(row);
+    }
+}
+
+/// Names that KITTI does not know. The devkit compares without regard to case; nothing else makes two names equal.
+fn odd_class(class: &ObjectClass) -> Option<Oddity> {
+    let ObjectClass::Other(name) = class else { return None };
+    let known = ObjectClass::KITTI.into_iter().find(|known| known.name().eq_ignore_ascii_case(name));
+    Some(match known {
+        Some(known) => Oddity::ClassInOtherCase { found: name.to_string(), known },
+        None => Oddity::UnknownClass { found: name.to_string() },
+    })
+}
+
+fn odd_number((name, value): (&'static str, f64)) -> Option<Oddity> {
+    if !value.is_finite() {
+        Some(Oddity::NotFinite { name, value })
+    } else if value.abs() > ABSURD {
+        Some(Oddity::Absurd { name, value })
+    } else {
+        None
+    }
+}

@@ -1,0 +1,78 @@
+//! From pixels to the network's input: an affine warp, colour jitter and normalisation in one pass.
+
+mod paint;
+mod resample;
+mod taps;
+
+use farsight_core::Affine2;
+use farsight_core::input::{InputRules, Sampling};
+use image::RgbImage;
+
+use crate::ColorJitter;
+use paint::Paint;
+
+/// The network's input, planar `[3, height, width]` of `rules.size`, normalised (spec section 8, items 4 and 5).
+///
+/// `affine` takes pixels of `image` to pixels of the input; mirror, crop, scale and rotation are all allowed. What lies outside the
+/// image is black, before and after the jitter. A singular `affine` gives a black input.
+///
+/// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with [`Sampling::PixelExact`] they stay as they are.
+pub fn network_input(image: &RgbImage, affine: &Affine2, rules: &InputRules, jitter: Option<&ColorJitter>) -> Vec<f32> {
+    let [width, height] = rules.size;
+    let area = width * height;
+    let mut input = vec![0.0; 3 * area];
+    let paint = Paint::new(rules, jitter);
+    paint.fill_black(&mut input);
+    let Some(source_from_output) = source_from_output(affine, rules.sampling) else { return input };
+    resample::rows(image, &source_from_output, rules.size, rules.sampling, |row, columns, rgb| {
+        let start = row * width + columns.start;
+        let [first, second, third] = planes(&mut input, area);
+        paint.row([first, second, third].map(|plane| &mut plane[start..start + columns.len()]), rgb);
+    });
+    input
+}
+
+/// The image after `affine`, `size` (width, height) pixels large, bilinear, black outside.
+///
+/// Values are cut to whole numbers with [`Sampling::HalfPixel`] (Pillow) and rounded with [`Sampling::PixelExact`] (OpenCV).
+///
+/// # Panics
+/// When a side of `size` does not fit `u32`.
+pub fn warp(image: &RgbImage, affine: &Affine2, size: [usize; 2], sampling: Sampling) -> RgbImage {
+    let [width, height] = size.map(|side| side as u32);
+    let mut warped = RgbImage::new(width, height);
+    let Some(source_from_output) = source_from_output(affine, sampling) else { return warped };
+    let rounding = match sampling {
+        Sampling::PixelExact => 0.5,
+        Sampling::HalfPixel => 0.0,
+    };
+    resample::rows(image, &source_from_output, size, sampling, |row, columns, [red, green, blue]| {
+        let start = row * size[0] + columns.start;
+        let bytes = &mut warped.as_flat_samples_mut().samples[3 * start..][..3 * columns.len()];
+        let (pixels, _) = bytes.as_chunks_mut::<3>();
+        for ((pixel, &r), (&g, &b)) in pixels.iter_mut().zip(red).zip(green.iter().zip(blue)) {
+            *pixel = [r, g, b].map(|value| (value + rounding) as u8);
+        }
+    });
+    warped
+}
+
+/// Where each output pixel looks in the source; `None` when `affine` is singular.
+///
+/// The half-pixel rule takes pixels for squares and turns about their corners. An axis that is mirrored is mirrored about pixel
+/// centres all the same, as official SMOKE flips pixels first and warps afterwards.
+fn source_from_output(affine: &Affine2, sampling: Sampling) -> Option<Affine2> {
+    let mut inverse = affine.inverse()?;
+    if sampling == Sampling::HalfPixel {
+        for (axis, row) in inverse.matrix.iter_mut().enumerate() {
+            row[2] += 0.5 * (row[0] + row[1]) - 0.5_f64.copysign(row[axis]);
+        }
+    }
+    Some(inverse)
+}
+
+fn planes(input: &mut [f32], area: usize) -> [&mut [f32]; 3] {
+    let (first, rest) = input.split_at_mut(area);
+    let (second, third) = rest.split_at_mut(area);
+    [first, second, third]
+}

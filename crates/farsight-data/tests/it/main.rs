@@ -1,0 +1,12 @@
+//! Laws, tables and goldens of the data crate, and of the shared geometry over real KITTI frames.
+
+mod codec_golden;
+mod geometry;
+mod image_files;
+mod kitti_errors;
+mod kitti_real;
+mod loader_laws;
+mod material;
+mod transform_laws;
+mod warp_golden;
+mod warp_laws;

@@ -1,0 +1,166 @@
+//! What every warp must do, whatever the image.
+
+use farsight_core::Affine2;
+use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD, ChannelOrder, InputRules, Sampling};
+use farsight_data::{ColorJitter, network_input, warp};
+use image::RgbImage;
+use image::imageops::flip_horizontal;
+use proptest::prelude::*;
+
+const BOTH: [Sampling; 2] = [Sampling::PixelExact, Sampling::HalfPixel];
+const INPUT_TOLERANCE: f32 = 2e-5;
+/// One grey level, normalised with the smallest standard deviation.
+const ONE_LEVEL: f32 = 1.0 / 255.0 / 0.224 + INPUT_TOLERANCE;
+
+fn rules(size: [usize; 2], sampling: Sampling) -> InputRules {
+    InputRules { size, channels: ChannelOrder::Rgb, sampling }
+}
+
+fn images() -> impl Strategy<Value = RgbImage> {
+    (1_u32..20, 1_u32..12).prop_flat_map(|(width, height)| {
+        let bytes = prop::collection::vec(any::<u8>(), (3 * width * height) as usize);
+        bytes.prop_map(move |bytes| RgbImage::from_raw(width, height, bytes).unwrap())
+    })
+}
+
+fn size(image: &RgbImage) -> [usize; 2] {
+    [image.width() as usize, image.height() as usize]
+}
+
+proptest! {
+    #[test]
+    fn nothing_done_changes_nothing(image in images()) {
+        for sampling in BOTH {
+            prop_assert_eq!(&warp(&image, &Affine2::IDENTITY, size(&image), sampling), &image);
+        }
+    }
+
+    #[test]
+    fn the_mirror_mirrors_pixels(image in images()) {
+        for sampling in BOTH {
+            let mirror = Affine2::mirror(size(&image)[0]);
+            prop_assert_eq!(warp(&image, &mirror, size(&image), sampling), flip_horizontal(&image));
+        }
+    }
+
+    #[test]
+    fn mirror_and_window_in_one_are_the_mirror_then_the_window(
+        image in images(), center in [0.0..20.0, 0.0..12.0], width in 2.0..30.0,
+    ) {
+        let window = Affine2::window(center, width, [24, 10]);
+        let both = Affine2::mirror(size(&image)[0]).then(&window);
+        let rules = rules([24, 10], Sampling::PixelExact);
+        let at_once = network_input(&image, &both, &rules, None);
+        let one_by_one = network_input(&flip_horizontal(&image), &window, &rules, None);
+        for (a, b) in at_once.iter().zip(&one_by_one) {
+            prop_assert!((a - b).abs() < INPUT_TOLERANCE, "{} {}", a, b);
+        }
+    }
+
+    #[test]
+    fn whole_shifts_move_pixels_and_leave_black(image in images(), shift in [-5_i32..6, -5_i32..6]) {
+        let map = Affine2 { matrix: [[1.0, 0.0, f64::from(shift[0])], [0.0, 1.0, f64::from(shift[1])]] };
+        for sampling in BOTH {
+            let moved = warp(&image, &map, size(&image), sampling);
+            for (x, y, pixel) in moved.enumerate_pixels() {
+                let from = [x as i32 - shift[0], y as i32 - shift[1]].map(u32::try_from);
+                let [Ok(x), Ok(y)] = from else {
+                    prop_assert_eq!(pixel.0, [0; 3]);
+                    continue;
+                };
+                let expected = image.get_pixel_checked(x, y).map_or([0; 3], |pixel| pixel.0);
+                prop_assert_eq!(pixel.0, expected);
+            }
+        }
+    }
+
+    /// Upright maps take a faster way; a shear too small to matter forces the other one.
+    #[test]
+    fn both_ways_through_the_warp_agree(
+        image in images(), center in [-5.0..25.0, -5.0..15.0], width in 2.0..60.0, mirror in any::<bool>(),
+    ) {
+        let window = Affine2::window(center, width, [24, 10]);
+        let upright = if mirror { Affine2::mirror(size(&image)[0]).then(&window) } else { window };
+        let mut turned = upright;
+        turned.matrix[0][1] = 1e-14;
+        for sampling in BOTH {
+            let rules = rules([24, 10], sampling);
+            let [a, b] = [upright, turned].map(|map| network_input(&image, &map, &rules, None));
+            let differing = a.iter().zip(&b).filter(|(a, b)| (*a - *b).abs() > ONE_LEVEL).count();
+            // Half-pixel borders are sharp: a sample exactly on one may fall to either side.
+            prop_assert!(differing == 0 || sampling == Sampling::HalfPixel, "{}", differing);
+        }
+    }
+
+    /// A linear ramp is what bilinear sampling keeps exactly.
+    #[test]
+    fn a_ramp_stays_a_ramp(center in [10.0..30.0, 8.0..12.0], width in 6.0..16.0) {
+        let image = RgbImage::from_fn(41, 21, |x, y| image::Rgb([6 * x as u8, 12 * y as u8, 100]));
+        let map = Affine2::window(center, width, [16, 4]);
+        let inverse = map.inverse().unwrap();
+        let input = network_input(&image, &map, &rules([16, 4], Sampling::PixelExact), None);
+        for row in 0..4 {
+            for column in 0..16 {
+                let [x, y] = inverse.apply([column as f64, row as f64]);
+                if !(0.0..=40.0).contains(&x) || !(0.0..=20.0).contains(&y) {
+                    continue;
+                }
+                for (channel, expected) in [6.0 * x, 12.0 * y, 100.0].into_iter().enumerate() {
+                    let found = input[channel * 64 + row * 16 + column];
+                    let expected = (expected as f32 / 255.0 - CHANNEL_MEAN[channel]) / CHANNEL_STD[channel];
+                    prop_assert!((found - expected).abs() < INPUT_TOLERANCE, "{} {}", found, expected);
+                }
+            }
+        }
+    }
+}
+
+fn black() -> [f32; 3] {
+    [0, 1, 2].map(|channel| -CHANNEL_MEAN[channel] / CHANNEL_STD[channel])
+}
+
+#[test]
+fn a_half_pixel_mirror_and_window_in_one_are_the_mirror_then_the_window() {
+    let image = RgbImage::from_fn(40, 12, |x, y| image::Rgb([(x * 37 % 251) as u8, (y * 91 % 241) as u8, (x * y) as u8]));
+    let rules = rules([32, 32], Sampling::HalfPixel);
+    for width in [24.3, 40.0, 55.7] {
+        let window = Affine2::window([18.0, 6.3], width, rules.size);
+        let at_once = network_input(&image, &Affine2::mirror(40).then(&window), &rules, None);
+        let one_by_one = network_input(&flip_horizontal(&image), &window, &rules, None);
+        assert!(at_once.iter().zip(&one_by_one).all(|(a, b)| (a - b).abs() < ONE_LEVEL), "{width}");
+    }
+}
+
+#[test]
+fn what_lies_outside_is_black_even_after_the_jitter() {
+    let image = RgbImage::from_pixel(8, 8, image::Rgb([255; 3]));
+    let jitter = ColorJitter { brightness: 1.3, contrast: 0.5, saturation: 1.5, hue_rad: 0.2 };
+    let outside = Affine2 { matrix: [[1.0, 0.0, 100.0], [0.0, 1.0, 0.0]] };
+    let singular = Affine2 { matrix: [[0.0; 3]; 2] };
+    for sampling in BOTH {
+        for map in [outside, singular] {
+            let input = network_input(&image, &map, &rules([16, 4], sampling), Some(&jitter));
+            assert_eq!(input.len(), 3 * 16 * 4);
+            for (plane, black) in input.chunks_exact(64).zip(black()) {
+                assert!(plane.iter().all(|value| (value - black).abs() < INPUT_TOLERANCE));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_jitter_is_its_matrix_clipped() {
+    let image = RgbImage::from_pixel(4, 4, image::Rgb([250, 120, 10]));
+    let jitter = ColorJitter { brightness: 1.2, contrast: 1.4, saturation: 0.7, hue_rad: 0.1 };
+    let rgb = [250.0, 120.0, 10.0].map(|v: f64| v / 255.0);
+    let expected = jitter.matrix().map(|m| (m[0] * rgb[0] + m[1] * rgb[1] + m[2] * rgb[2] + m[3]).clamp(0.0, 1.0));
+    for (channels, order) in [(ChannelOrder::Rgb, [0, 1, 2]), (ChannelOrder::Bgr, [2, 1, 0])] {
+        let rules = InputRules { size: [4, 4], channels, sampling: Sampling::PixelExact };
+        let input = network_input(&image, &Affine2::IDENTITY, &rules, Some(&jitter));
+        for plane in 0..3 {
+            // The constants keep their order, whichever colour the plane holds.
+            let expected = (expected[order[plane]] as f32 - CHANNEL_MEAN[plane]) / CHANNEL_STD[plane];
+            assert!((input[16 * plane + 5] - expected).abs() < INPUT_TOLERANCE, "{channels:?} {plane}");
+        }
+    }
+}

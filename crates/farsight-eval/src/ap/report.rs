@@ -1,0 +1,107 @@
+//! The AP report: every curve, and the tables made of them.
+
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+
+use super::curve::{percent_r11, percent_r40};
+use super::{Curve, Metric, OverlapSet};
+use crate::{Difficulty, EvaluatedClass};
+
+/// All curves of a result set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ApReport {
+    /// By overlap set, metric, class and difficulty; `None` where the devkit evaluates nothing.
+    curves: Vec<Option<Curve>>,
+    /// Whether every detection states its angle, so that AOS can be computed.
+    pub has_orientation: bool,
+}
+
+/// Average precision at the three difficulties, percent.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ApValues {
+    /// Over 40 points of recall: easy, moderate, hard.
+    pub r40: [f64; 3],
+    /// Over 11 points of recall.
+    pub r11: [f64; 3],
+}
+
+/// AP of every class under one overlap set; in JSON class, metric, recall points.
+#[derive(Debug, Clone, Copy)]
+pub struct ApTable<'a> {
+    report: &'a ApReport,
+    set: OverlapSet,
+}
+
+/// AP of one class; in JSON a map from metric.
+struct ClassTable<'a>(ApTable<'a>, EvaluatedClass);
+
+impl ApReport {
+    pub(super) fn new(curves: Vec<Option<Curve>>, has_orientation: bool) -> Self {
+        Self { curves, has_orientation }
+    }
+
+    /// One curve; `None` when no detection of the class has what the metric needs (spec rule 6).
+    pub fn curve(
+        &self,
+        set: OverlapSet,
+        metric: Metric,
+        class: EvaluatedClass,
+        difficulty: Difficulty,
+    ) -> Option<&Curve> {
+        // In the image the two sets are the same.
+        let set = if metric == Metric::Image { OverlapSet::Strict } else { set };
+        let row = (set as usize * Metric::ALL.len() + metric as usize) * EvaluatedClass::ALL.len() + class as usize;
+        self.curves.get(row * Difficulty::ALL.len() + difficulty as usize)?.as_ref()
+    }
+
+    /// AP of one class in one metric; `None` when it is not evaluated.
+    pub fn ap(&self, set: OverlapSet, metric: Metric, class: EvaluatedClass) -> Option<ApValues> {
+        self.values(set, metric, class, |curve| Some(curve.precision))
+    }
+
+    /// Average orientation similarity of one class; `None` when it is not evaluated or a detection has no angle.
+    pub fn aos(&self, class: EvaluatedClass) -> Option<ApValues> {
+        self.values(OverlapSet::Strict, Metric::Image, class, |curve| curve.orientation)
+    }
+
+    /// The table of one overlap set, for JSON.
+    pub fn table(&self, set: OverlapSet) -> ApTable<'_> {
+        ApTable { report: self, set }
+    }
+
+    fn values(
+        &self,
+        set: OverlapSet,
+        metric: Metric,
+        class: EvaluatedClass,
+        points: impl Fn(&Curve) -> Option<[f64; super::RECALL_POINTS]>,
+    ) -> Option<ApValues> {
+        let mut values = ApValues { r40: [0.0; 3], r11: [0.0; 3] };
+        for difficulty in Difficulty::ALL {
+            let points = points(self.curve(set, metric, class, difficulty)?)?;
+            values.r40[difficulty as usize] = percent_r40(&points);
+            values.r11[difficulty as usize] = percent_r11(&points);
+        }
+        Some(values)
+    }
+}
+
+impl Serialize for ApTable<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(EvaluatedClass::ALL.map(|class| (class.name(), ClassTable(*self, class))))
+    }
+}
+
+impl Serialize for ClassTable<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self(ApTable { report, set }, class) = *self;
+        let mut map = serializer.serialize_map(Some(Metric::ALL.len() + 1))?;
+        for metric in Metric::ALL {
+            map.serialize_entry(metric.name(), &report.ap(set, metric, class))?;
+            if metric == Metric::Image {
+                map.serialize_entry("aos", &report.aos(class))?;
+            }
+        }
+        map.end()
+    }
+}

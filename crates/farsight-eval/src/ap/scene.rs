@@ -1,0 +1,187 @@
+//! What one frame comes down to for one class.
+
+use farsight_core::Label;
+use farsight_core::overlap::{Block, Overlap, covered_share_2d, iou_2d};
+
+use super::{Metric, Overlaps};
+use crate::class::{Role, is_dont_care};
+use crate::{Claim, Difficulty, EvaluatedClass, Frame};
+
+/// The objects that matter to a class in one frame, and the detections that overlap them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Scene {
+    /// Objects of the class and its neighbours, in file order.
+    pub objects: Vec<SceneObject>,
+    /// Detections that overlap one of them, or a `DontCare` region, enough to matter; in file order.
+    pub claims: Vec<SceneClaim>,
+    /// Scores of all detections of the class with the size that they count at.
+    pub(super) scores: Vec<(f64, Option<Difficulty>)>,
+}
+
+/// A labelled object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneObject {
+    /// What is known of it.
+    pub label: SceneLabel,
+    /// Positions in [`Scene::claims`] of detections that overlap it, in file order, with the overlaps.
+    pub overlapping: Vec<(usize, Overlaps)>,
+}
+
+/// A label, seen from one class.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneLabel {
+    /// Position in the frame's labels.
+    pub index: usize,
+    /// The easiest level at which it must be found; `None` for neighbours and objects that never count.
+    pub difficulty: Option<Difficulty>,
+    /// Observation angle, radians.
+    pub alpha_rad: f64,
+}
+
+/// A detection, seen from one class.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneClaim {
+    /// Position in the frame's claims.
+    pub index: usize,
+    /// Whether it is of the class.
+    pub is_own: bool,
+    /// The easiest level at which it is not too small; `None` when it always is.
+    pub size: Option<Difficulty>,
+    /// Its score.
+    pub score: f64,
+    /// Observation angle, radians.
+    pub alpha_rad: f64,
+    /// The largest share of it that a `DontCare` region covers.
+    pub excuse: Overlaps,
+}
+
+/// What a detection counts as at one difficulty (spec rule 9).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ClaimRole {
+    /// Right or wrong.
+    Counts,
+    /// Too small, of **whatever** class: takes objects, but is neither right nor wrong.
+    TooSmall,
+    /// Of another class: not there.
+    Other,
+}
+
+/// The boxes of a frame, prepared once for all classes.
+pub(super) struct Prepared<'a> {
+    frame: &'a Frame,
+    label_blocks: Vec<Block>,
+    claim_blocks: Vec<Block>,
+    claim_sizes: Vec<Option<Difficulty>>,
+    /// Positions of the `DontCare` regions.
+    dont_care: Vec<usize>,
+}
+
+impl SceneLabel {
+    /// Whether it must be found at this level.
+    pub fn counts_at(&self, difficulty: Difficulty) -> bool {
+        self.difficulty.is_some_and(|easiest| easiest <= difficulty)
+    }
+}
+
+impl SceneClaim {
+    pub(crate) fn role_at(&self, difficulty: Difficulty) -> ClaimRole {
+        match self.size {
+            Some(easiest) if easiest <= difficulty => {
+                if self.is_own {
+                    ClaimRole::Counts
+                } else {
+                    ClaimRole::Other
+                }
+            }
+            _ => ClaimRole::TooSmall,
+        }
+    }
+}
+
+impl<'a> Prepared<'a> {
+    pub(super) fn new(frame: &'a Frame) -> Self {
+        let size =
+            |claim: &Claim| Difficulty::ALL.into_iter().find(|level| !level.ignores_detection(&claim.detection.box2d));
+        let labels = frame.labels.iter().enumerate();
+        Self {
+            frame,
+            label_blocks: frame.labels.iter().map(|label| Block::new(&label.box3d)).collect(),
+            claim_blocks: frame.claims.iter().map(|claim| Block::new(&claim.detection.box3d)).collect(),
+            claim_sizes: frame.claims.iter().map(size).collect(),
+            dont_care: labels.filter(|(_, label)| is_dont_care(&label.class)).map(|(index, _)| index).collect(),
+        }
+    }
+
+    /// The scene of one class; `classes` says what each claim is.
+    pub(super) fn scene(&self, class: EvaluatedClass, classes: &[Option<EvaluatedClass>]) -> Scene {
+        let mut objects: Vec<_> = self.frame.labels.iter().enumerate().filter_map(|row| object(class, row)).collect();
+        let mut scene = Scene::default();
+        for (index, claim) in self.frame.claims.iter().enumerate() {
+            let (is_own, size) = (classes[index] == Some(class), self.claim_sizes[index]);
+            if is_own {
+                scene.scores.push((claim.detection.score, size));
+            }
+            // Large detections of other classes are not there; the smallest ones are in no level's way but all may be taken by an object.
+            if !is_own && size == Some(Difficulty::Easy) {
+                continue;
+            }
+            let position = scene.claims.len();
+            let mut matters = false;
+            for object in &mut objects {
+                let overlaps = self.overlaps(index, object.label.index);
+                if overlaps.matter(class) {
+                    object.overlapping.push((position, overlaps));
+                    matters = true;
+                }
+            }
+            let excuse = if is_own { self.excuse(index) } else { Overlaps::default() };
+            if matters || excuse.matter(class) {
+                let Claim { detection, alpha_rad } = claim;
+                let (score, alpha_rad) = (detection.score, *alpha_rad);
+                scene.claims.push(SceneClaim { index, is_own, size, score, alpha_rad, excuse });
+            }
+        }
+        scene.objects = objects;
+        scene
+    }
+
+    fn overlaps(&self, claim: usize, label: usize) -> Overlaps {
+        let image = iou_2d(&self.frame.claims[claim].detection.box2d, &self.frame.labels[label].box2d);
+        Overlaps { image, scene: self.claim_blocks[claim].overlap(&self.label_blocks[label]) }
+    }
+
+    /// The devkit measures `DontCare` in every metric. Beyond the image its default box is nowhere near a real one, but coincides with that of
+    /// a detection without 3D box seen from above (spec rule 16, quirk Q2); in space the two share no height.
+    fn excuse(&self, claim: usize) -> Overlaps {
+        let covered = self.dont_care.iter().map(|&region| Overlaps {
+            image: covered_share_2d(&self.frame.claims[claim].detection.box2d, &self.frame.labels[region].box2d),
+            scene: Overlap { bev: self.claim_blocks[claim].covered_share(&self.label_blocks[region]), volume: 0.0 },
+        });
+        covered.fold(Overlaps::default(), Overlaps::largest)
+    }
+}
+
+fn object(class: EvaluatedClass, (index, label): (usize, &Label)) -> Option<SceneObject> {
+    let difficulty = match class.role(&label.class) {
+        Role::Own => Difficulty::of(label),
+        Role::Neighbour => None,
+        Role::Other => return None,
+    };
+    let label = SceneLabel { index, difficulty, alpha_rad: label.alpha };
+    Some(SceneObject { label, overlapping: Vec::new() })
+}
+
+/// Whether a detection lets its class be evaluated in each metric (spec rule 6).
+pub(super) fn enabled_metrics(claim: &Claim) -> [bool; 3] {
+    /// What the devkit takes for "no 3D box".
+    const NOWHERE: f64 = -1000.0;
+    let detection = &claim.detection;
+    let [x, y, z] = detection.box3d.location;
+    let size = detection.box3d.dimensions;
+    let on_ground = x != NOWHERE && z != NOWHERE && size.width > 0.0 && size.length > 0.0;
+    Metric::ALL.map(|metric| match metric {
+        Metric::Image => detection.box2d.x1 >= 0.0,
+        Metric::Bev => on_ground,
+        Metric::Space => on_ground && y != NOWHERE && size.height > 0.0,
+    })
+}

@@ -1,0 +1,142 @@
+//! All frames of a result set, boiled down.
+
+use rayon::prelude::*;
+
+use super::matching::Matching;
+use super::report::ApReport;
+use super::scene::{Prepared, enabled_metrics};
+use super::{Curve, Metric, OverlapSet, Scene};
+use crate::{Difficulty, EvaluatedClass, Frame};
+
+/// The scenes of one class, in the order of the frames.
+pub(super) type ClassScenes = [Scene];
+
+/// The devkit's mark for "no angle known", exactly.
+const NO_ALPHA: f64 = -10.0;
+
+/// What AP needs to know of a set of frames; grows by a few hundred bytes a frame and eight bytes a detection.
+#[derive(Debug, Clone, Default)]
+pub struct SceneSet {
+    scenes: [Vec<Scene>; 3],
+    scores: [SizedScores; 3],
+    enabled: [[bool; 3]; 3],
+    lacks_alpha: bool,
+}
+
+/// Scores of all detections of a class, by the easiest level at which they are not too small.
+#[derive(Debug, Clone, Default)]
+struct SizedScores([Vec<f64>; 3]);
+
+/// Scores of the detections that count and that no `DontCare` region excuses, highest first.
+pub(super) struct Scores {
+    counting: Vec<f64>,
+    excused: Vec<f64>,
+}
+
+impl SceneSet {
+    /// A set without frames.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Boils `frame` down, alone; the frames of a large set can be observed on many threads.
+    pub fn observe(frame: &Frame) -> Self {
+        let prepared = Prepared::new(frame);
+        let classes: Vec<_> = frame.claims.iter().map(|claim| EvaluatedClass::of(&claim.detection.class)).collect();
+        let mut set = Self::new();
+        for class in EvaluatedClass::ALL {
+            let mut scene = prepared.scene(class, &classes);
+            for (score, size) in std::mem::take(&mut scene.scores) {
+                if let Some(size) = size {
+                    set.scores[class as usize].0[size as usize].push(score);
+                }
+            }
+            if !scene.objects.is_empty() || !scene.claims.is_empty() {
+                set.scenes[class as usize].push(scene);
+            }
+        }
+        for (claim, class) in frame.claims.iter().zip(&classes) {
+            set.lacks_alpha |= claim.alpha_rad == NO_ALPHA;
+            if let Some(class) = class {
+                let enabled = &mut set.enabled[*class as usize];
+                enabled.iter_mut().zip(enabled_metrics(claim)).for_each(|(old, new)| *old |= new);
+            }
+        }
+        set
+    }
+
+    /// Adds frames after those that are here.
+    pub fn append(&mut self, mut other: Self) {
+        for class in 0..EvaluatedClass::ALL.len() {
+            self.scenes[class].append(&mut other.scenes[class]);
+            for size in 0..Difficulty::ALL.len() {
+                self.scores[class].0[size].append(&mut other.scores[class].0[size]);
+            }
+            self.enabled[class].iter_mut().zip(other.enabled[class]).for_each(|(old, new)| *old |= new);
+        }
+        self.lacks_alpha |= other.lacks_alpha;
+    }
+
+    /// Draws all curves.
+    pub fn report(&self) -> ApReport {
+        let counting: Vec<_> = self.scores.par_iter().map(SizedScores::by_difficulty).collect();
+        let mut wanted = Vec::new();
+        for set in OverlapSet::ALL {
+            for metric in Metric::ALL {
+                for class in EvaluatedClass::ALL {
+                    for difficulty in Difficulty::ALL {
+                        wanted.push((set, metric, class, difficulty));
+                    }
+                }
+            }
+        }
+        let curves = wanted.into_par_iter().map(|(set, metric, class, difficulty)| {
+            // In the image both sets are the same; the report hands out the strict curve.
+            let is_copy = set == OverlapSet::Loose && metric == Metric::Image;
+            let is_drawn = self.enabled[class as usize][metric as usize] && !is_copy;
+            is_drawn.then(|| {
+                let matching = Matching::new(set, metric, class, difficulty);
+                let scenes = &self.scenes[class as usize];
+                let excused = excused_scores(scenes, &matching);
+                let counting = counting[class as usize][difficulty as usize].clone();
+                let with_orientation = metric == Metric::Image && !self.lacks_alpha;
+                Curve::new(scenes, &matching, &Scores { counting, excused }, with_orientation)
+            })
+        });
+        ApReport::new(curves.collect(), !self.lacks_alpha)
+    }
+}
+
+impl SizedScores {
+    /// The scores that count at each difficulty, highest first.
+    fn by_difficulty(&self) -> [Vec<f64>; 3] {
+        let mut so_far = Vec::new();
+        self.0.each_ref().map(|scores| {
+            so_far.extend_from_slice(scores);
+            so_far.sort_unstable_by(highest_first);
+            so_far.clone()
+        })
+    }
+}
+
+impl Scores {
+    /// How many detections reach the limit.
+    pub(super) fn reaching(&self, limit: f64) -> usize {
+        let count = |scores: &[f64]| scores.partition_point(|&score| !(score < limit));
+        count(&self.counting) - count(&self.excused)
+    }
+}
+
+fn excused_scores(scenes: &ClassScenes, matching: &Matching) -> Vec<f64> {
+    let counts =
+        |claim: &&super::SceneClaim| claim.is_own && claim.size.is_some_and(|size| size <= matching.difficulty);
+    let claims = scenes.iter().flat_map(|scene| &scene.claims).filter(counts);
+    let mut scores: Vec<_> = claims.filter(|claim| matching.excuses(claim)).map(|claim| claim.score).collect();
+    scores.sort_unstable_by(highest_first);
+    scores
+}
+
+/// Falling, with those that are no numbers in front: they reach every limit.
+fn highest_first(a: &f64, b: &f64) -> std::cmp::Ordering {
+    b.is_nan().cmp(&a.is_nan()).then(b.total_cmp(a))
+}

@@ -1,0 +1,39 @@
+//! What is evaluated: the labels of an image and what a detector says about it.
+
+use farsight_core::{Detection, Label};
+use farsight_data::kitti::DevkitRow;
+
+/// One image's ground truth and detections, each in file order: the order decides between equals.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// Name of the frame, KITTI's six digits for instance.
+    pub id: String,
+    /// Ground truth, all classes and `DontCare` regions.
+    pub labels: Vec<Label>,
+    /// What the detector says.
+    pub claims: Vec<Claim>,
+}
+
+/// A detection as it is handed in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Claim {
+    /// Class, score and boxes.
+    pub detection: Detection,
+    /// Observation angle as handed in, radians; -10 says that the detector knows none, which turns AOS off for the whole set.
+    pub alpha_rad: f64,
+}
+
+impl From<Detection> for Claim {
+    fn from(detection: Detection) -> Self {
+        Self { alpha_rad: detection.alpha(), detection }
+    }
+}
+
+impl From<DevkitRow> for Claim {
+    /// The row of a result file, with the angle as written.
+    fn from(read: DevkitRow) -> Self {
+        let alpha_rad = read.row.label.alpha;
+        let detection = Detection { range_sigma_m: read.range_sigma_m, ..read.row.into_detection() };
+        Self { detection, alpha_rad }
+    }
+}

@@ -1,0 +1,139 @@
+//! Two result sets on the same frames: is the difference real?
+
+use serde::Serialize;
+
+use super::bootstrap::{Bootstrap, Interval};
+use super::figures::{Figure, Figures};
+use super::matching::Target;
+use super::slices::{Group, Part, Slice};
+use super::tally::{Tallies, Tally};
+use crate::EvaluatedClass;
+
+/// Ranging figures of two detectors side by side.
+///
+/// Errors are compared on the objects that **both** found, shares on all objects: otherwise the detector that finds more hard objects
+/// would look worse. Frames are drawn together for both, so what makes a frame hard for both cancels.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RangingComparison {
+    /// One row for every class with objects, group, and range of distances.
+    pub rows: Vec<ComparisonRow>,
+}
+
+/// The comparison over one slice of one class.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ComparisonRow {
+    /// The class.
+    pub class: EvaluatedClass,
+    /// `easy`, `moderate`, `hard` or `all`.
+    pub group: &'static str,
+    /// Metres of true z, or `all`.
+    pub distance: &'static str,
+    /// Objects in the slice.
+    pub objects: usize,
+    /// Objects that both found.
+    pub found_by_both: usize,
+    /// The figures.
+    pub figures: Figures<Option<Difference>>,
+}
+
+/// One figure of two detectors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Difference {
+    /// Of the results.
+    pub value: f64,
+    /// Of the results they are compared with.
+    pub against: f64,
+    /// `value - against`.
+    pub difference: f64,
+    /// 95% interval of the difference.
+    pub interval: Option<Interval>,
+    /// Whether the interval leaves zero out.
+    pub excludes_zero: bool,
+}
+
+/// The targets of one class for both detectors: all, and those that both found.
+struct Paired {
+    all: [Tallies; 2],
+    common: [Tallies; 2],
+}
+
+impl RangingComparison {
+    /// Compares two sets of targets made from the **same** labels in the same order; `frames` is the number of frames.
+    ///
+    /// Returns `None` when the labels differ.
+    pub fn new(ours: &[Target], theirs: &[Target], frames: usize, bootstrap: &Bootstrap) -> Option<Self> {
+        let is_same =
+            |(a, b): (&Target, &Target)| Target { found: None, ..a.clone() } == Target { found: None, ..b.clone() };
+        if ours.len() != theirs.len() || !ours.iter().zip(theirs).all(is_same) {
+            return None;
+        }
+        let rows = EvaluatedClass::ALL.into_iter().filter_map(|class| {
+            let pairs: Vec<_> = ours.iter().zip(theirs).filter(|(target, _)| target.class == class).collect();
+            (!pairs.is_empty()).then(|| rows_of_class(class, &pairs, frames, bootstrap))
+        });
+        Some(Self { rows: rows.flatten().collect() })
+    }
+}
+
+fn rows_of_class(
+    class: EvaluatedClass,
+    pairs: &[(&Target, &Target)],
+    frames: usize,
+    bootstrap: &Bootstrap,
+) -> Vec<ComparisonRow> {
+    let [distances, ..] = Part::tables();
+    let parts: Vec<_> = std::iter::once(("all", Part::Whole)).chain(distances).collect();
+    let named: Vec<_> = Group::ALL.iter().flat_map(|group| parts.iter().map(move |part| (*group, *part))).collect();
+    let slices: Vec<_> = named.iter().map(|(group, (_, part))| Slice { group: *group, part: *part }).collect();
+    let paired = Paired::new(pairs);
+
+    let intervals = bootstrap.intervals(frames, |drawn| {
+        let values = paired.values(&slices, Some(drawn));
+        values.iter().flat_map(|row| row.iter().map(|(_, [a, b])| a - b).collect::<Vec<_>>()).collect()
+    });
+    let values = paired.values(&slices, None);
+    let objects = paired.all[0].of_slices(&slices, None);
+    let common = paired.common[0].of_slices(&slices, None);
+    let rows = named.iter().enumerate().map(|(i, (group, (distance, _)))| ComparisonRow {
+        class,
+        group: group.name(),
+        distance,
+        objects: objects[i].objects as usize,
+        found_by_both: common[i].objects as usize,
+        figures: Figures::from_fn(|f| Difference::new(values[i].get(f), intervals[i * Figure::COUNT + f as usize])),
+    });
+    rows.collect()
+}
+
+impl Paired {
+    fn new(pairs: &[(&Target, &Target)]) -> Self {
+        let both = || pairs.iter().filter(|(a, b)| a.found.is_some() && b.found.is_some());
+        Self {
+            all: [Tallies::new(pairs.iter().map(|p| p.0)), Tallies::new(pairs.iter().map(|p| p.1))],
+            common: [Tallies::new(both().map(|p| p.0)), Tallies::new(both().map(|p| p.1))],
+        }
+    }
+
+    /// Both detectors' figures of each slice, NaN where there is none.
+    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<Figures<[f64; 2]>> {
+        let figures = |tallies: &[Tallies; 2]| {
+            tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::figures).collect::<Vec<_>>())
+        };
+        let (all, common) = (figures(&self.all), figures(&self.common));
+        let row = |i: usize| {
+            Figures::from_fn(|figure| {
+                let source = if figure == Figure::Share { &all } else { &common };
+                source.each_ref().map(|rows| rows[i].get(figure).unwrap_or(f64::NAN))
+            })
+        };
+        (0..slices.len()).map(row).collect()
+    }
+}
+
+impl Difference {
+    fn new([value, against]: [f64; 2], interval: Option<Interval>) -> Option<Self> {
+        let difference = value - against;
+        let excludes_zero = interval.is_some_and(|i| i.excludes_zero());
+        difference.is_finite().then_some(Self { value, against, difference, interval, excludes_zero })
+    }
+}

@@ -1,0 +1,108 @@
+//! Who found what: the greedy matching of the ranging protocol.
+
+use farsight_core::overlap::iou_2d;
+use farsight_core::{Detection, Label};
+
+use super::RangingOptions;
+use crate::{Claim, Difficulty, EvaluatedClass, Frame};
+
+/// A detection finds an object when their 2D boxes overlap by at least this much.
+pub const MATCH_IOU: f64 = 0.5;
+
+/// A labelled object of an evaluated class, and how it was ranged if it was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// Position of its frame in the set; frames are what the bootstrap draws.
+    pub frame: u32,
+    /// Its class.
+    pub class: EvaluatedClass,
+    /// The easiest level at which it counts; `None` when it counts at none.
+    pub difficulty: Option<Difficulty>,
+    /// KITTI's occlusion, 0 to 3.
+    pub occlusion: i32,
+    /// Share outside the image.
+    pub truncation: f64,
+    /// True z, metres.
+    pub depth_m: f64,
+    /// True distance over the ground, metres.
+    pub ground_m: f64,
+    /// What the detection that took it says.
+    pub found: Option<Measurement>,
+}
+
+/// The distance that a detection claims.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measurement {
+    /// Position of the detection in its frame.
+    pub claim: u32,
+    /// Score of the detection.
+    pub score: f64,
+    /// Claimed z, metres.
+    pub depth_m: f64,
+    /// Claimed distance over the ground, metres.
+    pub ground_m: f64,
+    /// Standard deviation that the detection gives its distance, metres.
+    pub sigma_m: Option<f64>,
+}
+
+/// The evaluated objects of `frame`, in the order of its labels, with what was found of them.
+///
+/// Detections whose score, location or 2D box is not a finite number take no part.
+pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Target> {
+    let mut targets: Vec<_> = frame.labels.iter().map(|label| target(label, index)).collect();
+    for (claim, position) in claims_by_score(&frame.claims, options) {
+        let detection = &claim.detection;
+        let Some(class) = EvaluatedClass::of(&detection.class) else { continue };
+        let free = frame.labels.iter().zip(&mut targets).filter_map(|(label, target)| {
+            let target = target.as_mut().filter(|t| t.class == class && t.found.is_none())?;
+            Some((iou_2d(&detection.box2d, &label.box2d), target))
+        });
+        let best =
+            free.filter(|(iou, _)| *iou >= MATCH_IOU).reduce(|best, next| if next.0 > best.0 { next } else { best });
+        if let Some((_, target)) = best {
+            target.found = Some(measurement(detection, position));
+        }
+    }
+    targets.into_iter().flatten().collect()
+}
+
+/// Claims that take part, highest score first, in file order where scores are equal.
+fn claims_by_score<'a>(claims: &'a [Claim], options: &RangingOptions) -> Vec<(&'a Claim, u32)> {
+    let takes_part = |claim: &Claim| {
+        let Detection { score, box2d, box3d, .. } = &claim.detection;
+        let [x, _, z] = box3d.location;
+        let numbers = [*score, x, z, box2d.x1, box2d.y1, box2d.x2, box2d.y2];
+        numbers.iter().all(|v| v.is_finite()) && options.min_score.is_none_or(|min| *score >= min)
+    };
+    let mut taking_part: Vec<_> = claims.iter().zip(0..).filter(|(claim, _)| takes_part(claim)).collect();
+    // Stable, so equals stay in file order.
+    taking_part.sort_by(|(a, _), (b, _)| b.detection.score.total_cmp(&a.detection.score));
+    taking_part
+}
+
+fn target(label: &Label, frame: u32) -> Option<Target> {
+    let depth_m = label.box3d.depth_m();
+    let ground_m = label.box3d.ground_distance_m();
+    let class = EvaluatedClass::of(&label.class).filter(|_| depth_m.is_finite() && ground_m.is_finite())?;
+    let Label { occlusion, truncation, .. } = *label;
+    Some(Target {
+        frame,
+        class,
+        difficulty: Difficulty::of(label),
+        occlusion,
+        truncation,
+        depth_m,
+        ground_m,
+        found: None,
+    })
+}
+
+fn measurement(detection: &Detection, claim: u32) -> Measurement {
+    Measurement {
+        claim,
+        score: detection.score,
+        depth_m: detection.box3d.depth_m(),
+        ground_m: detection.box3d.ground_distance_m(),
+        sigma_m: detection.range_sigma_m,
+    }
+}

@@ -1,0 +1,46 @@
+//! Errors of distance, by a protocol that is fixed so that figures can be audited (spec msfe-dgh.md, section 4).
+//!
+//! Per frame and class, detections take turns by score, highest first; each takes the free ground truth of its class with the largest 2D
+//! overlap, if that is at least [`MATCH_IOU`]. Errors are detection minus truth, of z and of the distance over the ground. Beside every
+//! error stands the share of objects that were found: a detector that keeps silent about hard objects has small errors and a small share.
+//!
+//! ```
+//! use farsight_eval::{Frame, ranging::{RangingReport, RangingOptions, targets}};
+//! # let frames: Vec<Frame> = vec![];
+//! let options = RangingOptions::default();
+//! let found: Vec<_> = frames.iter().zip(0..).flat_map(|(frame, index)| targets(frame, index, &options)).collect();
+//! let report = RangingReport::new(&found, frames.len(), &options);
+//! ```
+
+mod bootstrap;
+mod calibration;
+mod compare;
+mod figures;
+mod matching;
+mod report;
+mod slices;
+mod tally;
+
+pub use bootstrap::{Bootstrap, Interval};
+pub use calibration::{Calibration, CoverageRow};
+pub use compare::{ComparisonRow, Difference, RangingComparison};
+pub use figures::{Figure, Figures};
+pub use matching::{MATCH_IOU, Measurement, Target, targets};
+pub use report::{ClassRanging, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
+pub use slices::{DISTANCE_BINS, Group, Part, Slice};
+
+/// What can be chosen about the ranging protocol.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RangingOptions {
+    /// Detections with a lower score take no part; `None` takes all.
+    pub min_score: Option<f64>,
+    /// How intervals are found; `None` leaves them out.
+    pub bootstrap: Option<Bootstrap>,
+}
+
+impl Default for RangingOptions {
+    /// All detections, 1,000 resamples.
+    fn default() -> Self {
+        Self { min_score: None, bootstrap: Some(Bootstrap::default()) }
+    }
+}

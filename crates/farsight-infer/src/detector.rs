@@ -1,0 +1,117 @@
+//! From an image and its camera to detections.
+
+use farsight_core::codec::CHANNELS;
+use farsight_core::detection::{View, detections};
+use farsight_core::{Camera, Detection, HeadMaps};
+use farsight_data::network_input;
+use image::RgbImage;
+use thiserror::Error;
+
+use crate::timing::timed;
+use crate::{DetectorSpec, Engine, EngineError, StageTimes};
+
+/// A model ready to look at images.
+pub struct Detector {
+    engine: Box<dyn Engine>,
+    spec: DetectorSpec,
+}
+
+/// An image for which there is no answer.
+#[derive(Debug, Error)]
+pub enum DetectError {
+    /// The image has no pixels.
+    #[error("the image is {width} x {height} pixels; expected at least one pixel")]
+    Empty {
+        /// Its width, pixels.
+        width: u32,
+        /// Its height, pixels.
+        height: u32,
+    },
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The engine's answer does not fit the model's description.
+    #[error("the engine {engine} gave {found} values of the {map}; expected {expected} for {width} x {height} cells")]
+    Maps {
+        /// Name of the engine.
+        engine: String,
+        /// `heat map` or `regression map`.
+        map: &'static str,
+        /// How many values it gave.
+        found: usize,
+        /// How many the model has.
+        expected: usize,
+        /// Width of the maps, cells.
+        width: usize,
+        /// Height of the maps, cells.
+        height: usize,
+    },
+}
+
+impl Detector {
+    /// A detector that runs the model of `spec` on `engine`.
+    pub fn new(engine: Box<dyn Engine>, spec: DetectorSpec) -> Self {
+        Self { engine, spec }
+    }
+
+    /// Name of the engine.
+    pub fn engine_name(&self) -> &str {
+        self.engine.name()
+    }
+
+    /// What it knows of the model.
+    pub fn spec(&self) -> &DetectorSpec {
+        &self.spec
+    }
+
+    /// What is in `image`, taken by `camera`; highest score first.
+    ///
+    /// Locations are in the camera's coordinates, 2D boxes in pixels of `image`. They are projected by the whole camera even for models that see it without its
+    /// fourth column, so that they lie where the image shows the object; official SMOKE's own 2D boxes stand off by up to 9 pixels at 5 m (spec 5.6).
+    ///
+    /// # Errors
+    /// When the image has no pixels, the engine fails, or its answer does not fit the model.
+    pub fn detect(&mut self, image: &RgbImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
+        self.detect_timed(image, camera).map(|(detections, _)| detections)
+    }
+
+    /// [`Detector::detect`], and the time of each stage.
+    ///
+    /// # Errors
+    /// As [`Detector::detect`].
+    pub fn detect_timed(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+    ) -> Result<(Vec<Detection>, StageTimes), DetectError> {
+        let (width, height) = image.dimensions();
+        if width == 0 || height == 0 {
+            return Err(DetectError::Empty { width, height });
+        }
+        let image_size = [width as usize, height as usize];
+        let rules = self.spec.input_for(image_size);
+        let affine = rules.whole_image(image_size);
+        let view = View { image_size, camera: *camera, input_camera: self.spec.camera(camera).transformed(&affine) };
+
+        let (input, warp) = timed(|| network_input(image, &affine, &rules, None));
+        let (maps, network) = timed(|| self.engine.head_maps(&input, rules.size));
+        let maps = self.checked(maps?, rules.size)?;
+        let (detections, decode) = timed(|| detections(&self.spec.codec, &maps, &view, &self.spec.options));
+        Ok((detections, StageTimes { warp, network, decode, ..StageTimes::default() }))
+    }
+
+    /// The decoder relies on the sizes of the maps, and an engine runs files that others made.
+    fn checked(&self, maps: HeadMaps, input_size: [usize; 2]) -> Result<HeadMaps, DetectError> {
+        let map_size @ [width, height] = DetectorSpec::map_size(input_size);
+        let found = [("heat map", maps.logits.len()), ("regression map", maps.regression.len())];
+        let channels = [self.spec.codec.classes.len(), CHANNELS];
+        for ((map, found), channels) in found.into_iter().zip(channels) {
+            let expected = channels * width * height;
+            if found != expected || maps.map_size != map_size {
+                let engine = self.engine.name().to_owned();
+                return Err(DetectError::Maps { engine, map, found, expected, width, height });
+            }
+        }
+        Ok(maps)
+    }
+}

@@ -1,0 +1,30 @@
+//! Where the time goes.
+
+use std::time::{Duration, Instant};
+
+/// Time that each stage took for one image.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct StageTimes {
+    /// Reading and decoding the image file; zero from a [`crate::Detector`], which gets pixels.
+    pub load: Duration,
+    /// Warping and normalising.
+    pub warp: Duration,
+    /// The engine.
+    pub network: Duration,
+    /// From head maps to detections.
+    pub decode: Duration,
+}
+
+impl StageTimes {
+    /// All stages.
+    pub fn total(&self) -> Duration {
+        self.load + self.warp + self.network + self.decode
+    }
+}
+
+/// The answer of `work` and the time it took.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+    let start = Instant::now();
+    let answer = work();
+    (answer, start.elapsed())
+}

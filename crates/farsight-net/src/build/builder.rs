@@ -1,0 +1,213 @@
+//! The verbs that the builders share.
+
+use serde::{Deserialize, Serialize};
+
+use crate::graph::{Graph, Init, Node, NodeId, Op, Parameter, ParameterId, Role, Window};
+
+/// The normalisation of a network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NormKind {
+    /// `GroupNorm`, 32 groups where they divide the channels, otherwise 16 (spec section 1).
+    #[default]
+    Group,
+    /// `BatchNorm` with running statistics; folds into the convolutions for deployment.
+    Batch,
+}
+
+/// A graph in the making.
+#[derive(Debug)]
+pub struct Builder {
+    graph: Graph,
+    norm: NormKind,
+    stage: &'static str,
+}
+
+impl Builder {
+    /// An empty graph whose norms are of this kind.
+    pub fn new(norm: NormKind) -> Self {
+        Self { graph: Graph::default(), norm, stage: "input" }
+    }
+
+    /// The finished graph.
+    pub fn finish(self) -> Graph {
+        self.graph
+    }
+
+    /// Names the part of the network that follows.
+    pub fn stage(&mut self, stage: &'static str) {
+        self.stage = stage;
+    }
+
+    /// Gives `node` a name under which it can be asked for.
+    pub fn tap(&mut self, name: &str, node: NodeId) {
+        self.graph.taps.push((name.to_owned(), node));
+    }
+
+    /// Channels of `node`.
+    pub fn channels(&self, node: NodeId) -> usize {
+        self.graph.nodes[node].channels
+    }
+
+    /// A place for an input of so many channels.
+    pub fn input(&mut self, channels: usize) -> NodeId {
+        self.push(Op::Input, &[], channels)
+    }
+
+    /// A parameter that the optimiser learns.
+    pub fn parameter(&mut self, name: String, shape: &[usize], init: Init) -> ParameterId {
+        self.add_parameter(name, shape, init, Role::Learnt)
+    }
+
+    /// A convolution without bias, `Kaiming` normal over the fan out.
+    pub fn conv(&mut self, x: NodeId, name: &str, channels: usize, window: Window) -> NodeId {
+        let std = (2.0 / (window.kernel * window.kernel * channels) as f32).sqrt();
+        let shape = [channels, self.channels(x), window.kernel, window.kernel];
+        let weight = self.parameter(format!("{name}.weight"), &shape, Init::Normal(std));
+        self.push(Op::Conv { weight, bias: None, window, groups: 1 }, &[x], channels)
+    }
+
+    /// A depthwise 3x3 convolution without bias.
+    pub fn depthwise_conv(&mut self, x: NodeId, name: &str) -> NodeId {
+        let channels = self.channels(x);
+        let window = Window::same(3, 1);
+        let weight =
+            self.parameter(format!("{name}.weight"), &[channels, 1, 3, 3], Init::Normal((2.0 / 9.0_f32).sqrt()));
+        self.push(Op::Conv { weight, bias: None, window, groups: channels }, &[x], channels)
+    }
+
+    /// A convolution with bias; the weight starts as `PyTorch` starts it, the bias as `bias` says or likewise.
+    pub fn conv_with_bias(
+        &mut self,
+        x: NodeId,
+        name: &str,
+        channels: usize,
+        kernel: usize,
+        bias: Option<Init>,
+    ) -> NodeId {
+        let inputs = self.channels(x);
+        let bound = 1.0 / ((kernel * kernel * inputs) as f32).sqrt();
+        let weight =
+            self.parameter(format!("{name}.weight"), &[channels, inputs, kernel, kernel], Init::Uniform(bound));
+        let bias = self.parameter(format!("{name}.bias"), &[channels], bias.unwrap_or(Init::Uniform(bound)));
+        self.push(Op::Conv { weight, bias: Some(bias), window: Window::same(kernel, 1), groups: 1 }, &[x], channels)
+    }
+
+    /// A 3x3 deformable convolution with its offset convolution, which starts at zero (spec 3.1).
+    pub fn deform_conv(&mut self, x: NodeId, name: &str, channels: usize) -> NodeId {
+        let inputs = self.channels(x);
+        let window = Window::same(3, 1);
+        let taps = window.kernel * window.kernel;
+        let zero = Init::Constant(0.0);
+        let offset_weight = self.parameter(format!("{name}.conv_offset_mask.weight"), &[3 * taps, inputs, 3, 3], zero);
+        let offset_bias = self.parameter(format!("{name}.conv_offset_mask.bias"), &[3 * taps], zero);
+        let offset_conv = Op::Conv { weight: offset_weight, bias: Some(offset_bias), window, groups: 1 };
+        let offsets = self.push(offset_conv, &[x], 3 * taps);
+        let bound = 1.0 / ((taps * inputs) as f32).sqrt();
+        let weight = self.parameter(format!("{name}.weight"), &[channels, inputs, 3, 3], Init::Uniform(bound));
+        let bias = self.parameter(format!("{name}.bias"), &[channels], zero);
+        self.push(Op::DeformConv { weight, bias, window }, &[x, offsets], channels)
+    }
+
+    /// A learnt depthwise enlargement that starts bilinear.
+    pub fn up_conv(&mut self, x: NodeId, name: &str, factor: usize) -> NodeId {
+        let channels = self.channels(x);
+        let shape = [channels, 1, 2 * factor, 2 * factor];
+        let weight = self.parameter(format!("{name}.weight"), &shape, Init::BilinearUp);
+        self.push(Op::UpConv { weight, factor }, &[x], channels)
+    }
+
+    /// The network's norm, scale 1.
+    pub fn norm(&mut self, x: NodeId, name: &str) -> NodeId {
+        self.norm_scaled(x, name, 1.0)
+    }
+
+    /// The network's norm with its scale at `scale`: 0 makes a residual branch start silent.
+    pub fn norm_scaled(&mut self, x: NodeId, name: &str, scale: f32) -> NodeId {
+        let channels = self.channels(x);
+        let op = self.norm_op(name, channels, scale, Role::Learnt);
+        self.push(op, &[x], channels)
+    }
+
+    /// Convolution, norm, `ReLU`.
+    pub fn conv_norm_relu(&mut self, x: NodeId, conv: &str, norm: &str, channels: usize, window: Window) -> NodeId {
+        let x = self.conv(x, conv, channels, window);
+        let x = self.norm(x, norm);
+        self.relu(x)
+    }
+
+    /// A 1x1 projection with its norm that is in every checkpoint but in no forward pass (spec 2.3, item 4).
+    pub fn unused_projection(&mut self, name: &str, inputs: usize, channels: usize) {
+        let std = (2.0 / channels as f32).sqrt();
+        self.add_parameter(format!("{name}.0.weight"), &[channels, inputs, 1, 1], Init::Normal(std), Role::Unused);
+        self.norm_op(&format!("{name}.1"), channels, 1.0, Role::Unused);
+    }
+
+    /// `max(x, 0)`.
+    pub fn relu(&mut self, x: NodeId) -> NodeId {
+        self.map(Op::Relu, x)
+    }
+
+    /// An operation that keeps the channels of its one input.
+    pub fn map(&mut self, op: Op, x: NodeId) -> NodeId {
+        let channels = self.channels(x);
+        self.push(op, &[x], channels)
+    }
+
+    /// Sum of two maps.
+    pub fn add(&mut self, a: NodeId, b: NodeId) -> NodeId {
+        let channels = self.channels(a);
+        self.push(Op::Add, &[a, b], channels)
+    }
+
+    /// Maps one after the other along the channels.
+    pub fn concat(&mut self, inputs: &[NodeId]) -> NodeId {
+        let channels = inputs.iter().map(|&x| self.channels(x)).sum();
+        self.push(Op::Concat, inputs, channels)
+    }
+
+    /// Squeeze and excitation: a gate a channel from the mean of the map, `reduction` times narrower in between; the gates start near 0.88.
+    pub fn channel_attention(&mut self, x: NodeId, name: &str, reduction: usize) -> NodeId {
+        let channels = self.channels(x);
+        let mean = self.map(Op::GlobalAveragePool, x);
+        let narrow = self.conv_with_bias(mean, &format!("{name}.down"), (channels / reduction).max(1), 1, None);
+        let narrow = self.relu(narrow);
+        let wide = self.conv_with_bias(narrow, &format!("{name}.up"), channels, 1, Some(Init::Constant(2.0)));
+        let gate = self.map(Op::Sigmoid, wide);
+        self.push(Op::Multiply, &[x, gate], channels)
+    }
+
+    /// Fast normalised fusion of maps of one shape; all weights start at 1.
+    pub fn weighted_sum(&mut self, inputs: &[NodeId], name: &str) -> NodeId {
+        let weight = self.parameter(name.to_owned(), &[inputs.len()], Init::Constant(1.0));
+        let channels = self.channels(inputs[0]);
+        self.push(Op::WeightedSum { weight }, inputs, channels)
+    }
+
+    fn norm_op(&mut self, name: &str, channels: usize, scale: f32, role: Role) -> Op {
+        let shape = [channels];
+        let weight = self.add_parameter(format!("{name}.weight"), &shape, Init::Constant(scale), role);
+        let bias = self.add_parameter(format!("{name}.bias"), &shape, Init::Constant(0.0), role);
+        match self.norm {
+            NormKind::Group => {
+                Op::GroupNorm { groups: if channels.is_multiple_of(32) { 32 } else { 16 }, weight, bias }
+            }
+            NormKind::Batch => {
+                let role = if role == Role::Unused { role } else { Role::Statistic };
+                let mean = self.add_parameter(format!("{name}.running_mean"), &shape, Init::Constant(0.0), role);
+                let variance = self.add_parameter(format!("{name}.running_var"), &shape, Init::Constant(1.0), role);
+                Op::BatchNorm { weight, bias, mean, variance }
+            }
+        }
+    }
+
+    fn add_parameter(&mut self, name: String, shape: &[usize], init: Init, role: Role) -> ParameterId {
+        self.graph.parameters.push(Parameter { name, shape: shape.to_vec(), init, role, stage: self.stage });
+        self.graph.parameters.len() - 1
+    }
+
+    fn push(&mut self, op: Op, inputs: &[NodeId], channels: usize) -> NodeId {
+        self.graph.nodes.push(Node { op, inputs: inputs.to_vec(), channels, stage: self.stage });
+        self.graph.nodes.len() - 1
+    }
+}

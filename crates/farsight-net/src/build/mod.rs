@@ -1,0 +1,41 @@
+//! Builders: small functions that append a part of a network to a graph.
+
+mod builder;
+mod dla34;
+mod heads;
+pub mod msfe;
+mod neck;
+
+pub use builder::{Builder, NormKind};
+pub use neck::NeckKind;
+
+use crate::config::{ModelConfig, Msfe};
+use crate::graph::{Graph, LOGITS, REGRESSION};
+
+/// The network that `config` describes.
+pub fn network(config: &ModelConfig) -> Graph {
+    let mut b = Builder::new(config.norm);
+    let channels = config.channels();
+    let input = b.input(3);
+    let mut levels = dla34::dla34(&mut b, input, channels);
+    let msfe_width = config.msfe_width();
+    let pyramid = [levels[3], levels[4], levels[5]];
+    let fused = match config.msfe {
+        Msfe::A => Some(msfe::residual_pyramid(&mut b, msfe::PREFIX, pyramid, msfe_width)),
+        Msfe::C => Some(msfe::bifpn(&mut b, msfe::PREFIX, pyramid, msfe_width)),
+        Msfe::None | Msfe::B => None,
+    };
+    if let Some(fused) = fused {
+        levels[3..].copy_from_slice(&fused);
+    }
+    let mut features = neck::neck(&mut b, &levels, channels, config.neck);
+    if config.msfe == Msfe::B {
+        features = msfe::concat_fusion(&mut b, msfe::PREFIX, pyramid, features, msfe_width);
+    }
+    b.tap("neck", features);
+    let logits = heads::class_head(&mut b, features, config.head_width(), config.classes.len());
+    let regression = heads::regression_head(&mut b, features, config.head_width());
+    b.tap(LOGITS, logits);
+    b.tap(REGRESSION, regression);
+    b.finish()
+}

@@ -1,0 +1,208 @@
+//! What a model is made of and what it was trained to see: the switches of the project, independent of each other.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use farsight_core::Camera;
+use farsight_core::codec::{ClassReference, Codec, DepthReference};
+use farsight_core::heatmap::HeatMapRule;
+use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::targets::{HeatMapBox, TargetRules};
+
+pub use crate::build::NeckKind;
+pub use crate::build::NormKind;
+
+/// Side by which the input must be divisible: the stride of the coarsest level.
+pub const SIZE_STEP: usize = 32;
+
+/// Channels of SMOKE's levels 0 to 5.
+const SMOKE_CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
+
+/// Channels between the two convolutions of SMOKE's heads.
+const SMOKE_HEAD_WIDTH: usize = 256;
+
+/// Channels inside each MSFE design of the full-width network (MSFE/DGH spec section 3).
+const MSFE_WIDTHS: [(Msfe, usize); 3] = [(Msfe::A, 128), (Msfe::B, 128), (Msfe::C, 192)];
+
+/// Widths are multiples of this, so that group normalisation always has its groups.
+const WIDTH_STEP: usize = 16;
+
+/// Which multi-scale feature enhancement the network has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Msfe {
+    /// None: the SMOKE baseline.
+    #[default]
+    None,
+    /// Residual pyramid with channel attention before the neck.
+    A,
+    /// Cross-layer concatenation, added to the neck's output.
+    B,
+    /// Bidirectional pyramid before the neck.
+    C,
+}
+
+/// Habits of the official code that its checkpoints rely on; all off by default.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Quirks {
+    /// Drop the fourth column of the projection (spec 5.6).
+    pub camera_3x3: bool,
+    /// Order of the input's colour channels.
+    pub channels: ChannelOrder,
+    /// Convention of the input warp.
+    pub sampling: Sampling,
+}
+
+/// A model's description, as it stands in a config file and in the header of its weights.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ModelConfig {
+    /// Width and height of the network's input, pixels; multiples of 32.
+    pub input: [usize; 2],
+    /// Factor on all channels.
+    pub width: f64,
+    /// Channels of the six levels, instead of SMOKE's times `width`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level_channels: Option<[usize; 6]>,
+    /// Channels between the two convolutions of a head, instead of SMOKE's times `width`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub head_channels: Option<usize>,
+    /// Normalisation.
+    pub norm: NormKind,
+    /// Convolutions of the neck.
+    pub neck: NeckKind,
+    /// Multi-scale feature enhancement.
+    pub msfe: Msfe,
+    /// Width of the target Gaussians.
+    pub heat_map: HeatMapRule,
+    /// The box that the heat map rule looks at.
+    pub heat_map_box: HeatMapBox,
+    /// Classes in the order of the heat map's channels; official SMOKE's is car, cyclist, pedestrian.
+    pub classes: Vec<ClassReference>,
+    /// Centres the depth.
+    pub depth: DepthReference,
+    /// Habits of the official code.
+    pub quirks: Quirks,
+}
+
+impl Default for ModelConfig {
+    /// SMOKE.
+    fn default() -> Self {
+        Self {
+            input: [1280, 384],
+            width: 1.0,
+            level_channels: None,
+            head_channels: None,
+            norm: NormKind::Group,
+            neck: NeckKind::Deformable,
+            msfe: Msfe::None,
+            heat_map: HeatMapRule::SMOKE,
+            heat_map_box: HeatMapBox::Projected,
+            classes: ClassReference::smoke(),
+            depth: DepthReference::KITTI,
+            quirks: Quirks::default(),
+        }
+    }
+}
+
+/// A model description that describes no model.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("model.{field} {problem}")]
+pub struct ConfigError {
+    /// The field of the config.
+    pub field: &'static str,
+    /// What was found and what was expected.
+    pub problem: String,
+}
+
+impl ModelConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field that cannot be used, with what was found and what was expected.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let error = |field, problem| Err(ConfigError { field, problem });
+        if self.input.iter().any(|&side| side == 0 || !side.is_multiple_of(SIZE_STEP)) {
+            let [width, height] = self.input;
+            return error("input", format!("is {width}x{height}; expected multiples of {SIZE_STEP} pixels"));
+        }
+        if !(self.width.is_finite() && self.width > 0.0 && self.width <= 8.0) {
+            return error("width", format!("is {}; expected a factor above 0 and at most 8", self.width));
+        }
+        if let Some(channels) = self.level_channels
+            && channels.iter().any(|c| *c == 0 || !c.is_multiple_of(WIDTH_STEP))
+        {
+            return error("level_channels", format!("is {channels:?}; expected six multiples of {WIDTH_STEP}"));
+        }
+        if let Some(channels) = self.head_channels
+            && (channels == 0 || !channels.is_multiple_of(WIDTH_STEP))
+        {
+            return error("head_channels", format!("is {channels}; expected a multiple of {WIDTH_STEP}"));
+        }
+        if let Some(problem) = self.heat_map.problem() {
+            return error("heat_map", problem);
+        }
+        if !(self.depth.std_m > 0.0 && self.depth.std_m.is_finite() && self.depth.mean_m.is_finite()) {
+            return error("depth", format!("is {:?}; expected a finite mean and a positive deviation", self.depth));
+        }
+        self.validate_classes()
+    }
+
+    fn validate_classes(&self) -> Result<(), ConfigError> {
+        let error = |problem| Err(ConfigError { field: "classes", problem });
+        if self.classes.is_empty() {
+            return error("is empty; expected at least one class".to_owned());
+        }
+        for (i, class) in self.classes.iter().enumerate() {
+            if self.classes[..i].iter().any(|other| other.class == class.class) {
+                return error(format!("names {} twice", class.class));
+            }
+            let sizes = class.dimensions_lhw.iter().chain([&class.heat_map_factor]);
+            if sizes.into_iter().any(|v| !(v.is_finite() && *v > 0.0)) {
+                return error(format!("has {} with a size or factor that is not a positive number", class.class));
+            }
+        }
+        Ok(())
+    }
+
+    /// Channels of the six levels.
+    pub fn channels(&self) -> [usize; 6] {
+        self.level_channels.unwrap_or_else(|| SMOKE_CHANNELS.map(|c| self.scaled(c)))
+    }
+
+    /// Channels between the two convolutions of a head.
+    pub fn head_width(&self) -> usize {
+        self.head_channels.unwrap_or_else(|| self.scaled(SMOKE_HEAD_WIDTH))
+    }
+
+    /// Channels inside the MSFE block; 0 without one.
+    pub fn msfe_width(&self) -> usize {
+        MSFE_WIDTHS.iter().find(|(msfe, _)| *msfe == self.msfe).map_or(0, |&(_, width)| self.scaled(width))
+    }
+
+    /// What the network expects of its input.
+    pub fn input_rules(&self) -> InputRules {
+        InputRules { size: self.input, channels: self.quirks.channels, sampling: self.quirks.sampling }
+    }
+
+    /// Encode and decode.
+    pub fn codec(&self) -> Codec {
+        Codec { classes: self.classes.clone(), depth: self.depth }
+    }
+
+    /// How targets are made.
+    pub fn target_rules(&self) -> TargetRules {
+        TargetRules { codec: self.codec(), heat_map: self.heat_map, heat_map_box: self.heat_map_box }
+    }
+
+    /// The camera as this model sees it: complete, or without its fourth column for official checkpoints.
+    pub fn camera(&self, camera: &Camera) -> Camera {
+        if self.quirks.camera_3x3 { camera.without_fourth_column() } else { *camera }
+    }
+
+    fn scaled(&self, channels: usize) -> usize {
+        let steps = (channels as f64 * self.width / WIDTH_STEP as f64).round().max(1.0);
+        steps as usize * WIDTH_STEP
+    }
+}

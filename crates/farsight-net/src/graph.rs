@@ -1,0 +1,243 @@
+//! A network: a list of typed nodes and the parameters they name.
+
+/// Index of a node in [`Graph::nodes`].
+pub type NodeId = usize;
+
+/// Index of a parameter in [`Graph::parameters`].
+pub type ParameterId = usize;
+
+/// What a node computes. Tensors are `[batch, channel, height, width]`.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Op {
+    /// The network's input.
+    Input,
+    /// Convolution with a square kernel and padding on all sides.
+    Conv {
+        /// Weight, `[out, in / groups, kernel, kernel]`.
+        weight: ParameterId,
+        /// Bias, `[out]`.
+        bias: Option<ParameterId>,
+        /// Shape of the window.
+        window: Window,
+        /// Channel groups.
+        groups: usize,
+    },
+    /// Modulated deformable convolution (`DCNv2`). Inputs: the map, and `3 k k` channels of offsets and mask logits per offset group:
+    /// first the offsets, `(dy, dx)` for each tap in row order, then the mask.
+    DeformConv {
+        /// Weight, `[out, in, kernel, kernel]`.
+        weight: ParameterId,
+        /// Bias, `[out]`.
+        bias: ParameterId,
+        /// Shape of the window.
+        window: Window,
+    },
+    /// Depthwise transposed convolution, kernel `2 factor`, stride `factor`, padding `factor / 2`: a learnt upsampling.
+    UpConv {
+        /// Weight, `[channels, 1, 2 factor, 2 factor]`.
+        weight: ParameterId,
+        /// Enlargement.
+        factor: usize,
+    },
+    /// Group normalisation with affine terms.
+    GroupNorm {
+        /// Number of groups.
+        groups: usize,
+        /// Scale.
+        weight: ParameterId,
+        /// Shift.
+        bias: ParameterId,
+    },
+    /// Batch normalisation with affine terms and running statistics.
+    BatchNorm {
+        /// Scale.
+        weight: ParameterId,
+        /// Shift.
+        bias: ParameterId,
+        /// Running mean.
+        mean: ParameterId,
+        /// Running variance.
+        variance: ParameterId,
+    },
+    /// `max(x, 0)`.
+    Relu,
+    /// Logistic function.
+    Sigmoid,
+    /// Maximum over `size` x `size` cells, stride `size`.
+    MaxPool {
+        /// Cells a side.
+        size: usize,
+    },
+    /// Mean over the whole map, `[batch, channel, 1, 1]`.
+    GlobalAveragePool,
+    /// Bilinear enlargement with half-pixel centres (corners not aligned).
+    Upsample {
+        /// Enlargement.
+        factor: usize,
+    },
+    /// Sum of two maps.
+    Add,
+    /// Product of a map and a gate of one value a channel.
+    Multiply,
+    /// Inputs one after the other along the channels.
+    Concat,
+    /// Sum of the inputs with learnt weights: `sum(max(w_i, 0) x_i) / (sum(max(w_i, 0)) + 1e-4)` (fast normalised fusion of `EfficientDet`).
+    WeightedSum {
+        /// One weight an input.
+        weight: ParameterId,
+    },
+}
+
+/// Kernel, stride, padding and dilation of a convolution, the same for both axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// Taps a side.
+    pub kernel: usize,
+    /// Step.
+    pub stride: usize,
+    /// Zeros on every side.
+    pub padding: usize,
+    /// Distance between taps.
+    pub dilation: usize,
+}
+
+impl Window {
+    /// A window whose output has the input's size divided by `stride`.
+    pub const fn same(kernel: usize, stride: usize) -> Self {
+        Self { kernel, stride, padding: kernel / 2, dilation: 1 }
+    }
+
+    /// Size of the output along an axis of `size` cells; `None` when the window does not fit.
+    pub fn output_size(&self, size: usize) -> Option<usize> {
+        (size + 2 * self.padding).checked_sub(self.dilation * (self.kernel - 1) + 1).map(|room| room / self.stride + 1)
+    }
+}
+
+/// One step of the network.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Node {
+    /// What it computes.
+    pub op: Op,
+    /// From which nodes, all earlier in the list.
+    pub inputs: Vec<NodeId>,
+    /// Channels of its output.
+    pub channels: usize,
+    /// The part of the network it belongs to, for counts.
+    pub stage: &'static str,
+}
+
+/// How a parameter starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Init {
+    /// All the same value.
+    Constant(f32),
+    /// Uniform between minus and plus this bound.
+    Uniform(f32),
+    /// Normal with this standard deviation.
+    Normal(f32),
+    /// Bilinear enlargement, the same for all channels (spec 3.2).
+    BilinearUp,
+}
+
+/// A tensor that the network owns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Its name; official SMOKE's where SMOKE has it.
+    pub name: String,
+    /// Its shape.
+    pub shape: Vec<usize>,
+    /// How it starts.
+    pub init: Init,
+    /// What it is to the optimiser and to the forward pass.
+    pub role: Role,
+    /// The part of the network it belongs to, for counts.
+    pub stage: &'static str,
+}
+
+/// What a parameter is to the optimiser and to the forward pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Learnt.
+    Learnt,
+    /// Running statistics: updated by the forward pass, not by the optimiser.
+    Statistic,
+    /// In every public checkpoint but never used: the outer projections of levels 3 and 4 (spec 2.3).
+    Unused,
+}
+
+impl Parameter {
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Whether it holds nothing.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// A network.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Graph {
+    /// Nodes in an order in which they can be computed.
+    pub nodes: Vec<Node>,
+    /// Parameters in the order in which the builders made them.
+    pub parameters: Vec<Parameter>,
+    /// Nodes with a name: the outputs, and the maps in between that the golden tensors hold.
+    pub taps: Vec<(String, NodeId)>,
+}
+
+/// Name of the heat map logits among the taps.
+pub const LOGITS: &str = "cls_logits";
+
+/// Name of the raw regression channels among the taps.
+pub const REGRESSION: &str = "reg_raw";
+
+impl Graph {
+    /// The node called `name`.
+    pub fn tap(&self, name: &str) -> Option<NodeId> {
+        self.taps.iter().find(|(tap, _)| tap == name).map(|&(_, id)| id)
+    }
+
+    /// Shape `[channels, height, width]` of every node for an input of `width` x `height` pixels; `None` where a map would be empty or two maps
+    /// that are added differ.
+    pub fn shapes(&self, width: usize, height: usize) -> Option<Vec<[usize; 3]>> {
+        let mut shapes: Vec<[usize; 3]> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let [h, w] = match node.inputs.first() {
+                None => [height, width],
+                Some(&first) => {
+                    let [_, h, w] = shapes[first];
+                    let same_size = |&id: &NodeId| shapes[id][1..] == [h, w];
+                    match node.op {
+                        Op::Conv { window, .. } | Op::DeformConv { window, .. } => {
+                            [window.output_size(h)?, window.output_size(w)?]
+                        }
+                        Op::UpConv { factor, .. } | Op::Upsample { factor } => [h * factor, w * factor],
+                        Op::MaxPool { size } => [h / size, w / size],
+                        Op::GlobalAveragePool => [1, 1],
+                        Op::Add | Op::Concat | Op::WeightedSum { .. } if !node.inputs.iter().all(same_size) => {
+                            return None;
+                        }
+                        _ => [h, w],
+                    }
+                }
+            };
+            if h == 0 || w == 0 {
+                return None;
+            }
+            shapes.push([node.channels, h, w]);
+        }
+        Some(shapes)
+    }
+
+    /// How many nodes read each node.
+    pub fn consumers(&self) -> Vec<usize> {
+        let mut consumers = vec![0; self.nodes.len()];
+        for &input in self.nodes.iter().flat_map(|node| &node.inputs) {
+            consumers[input] += 1;
+        }
+        consumers
+    }
+}

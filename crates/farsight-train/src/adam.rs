@@ -1,0 +1,100 @@
+//! Adam with L2 weight decay; its state is plain tensors, so a checkpoint can hold all of it.
+
+use farsight_net::weights::{WeightTensor, Weights};
+use tch::{Device, Tensor, no_grad};
+
+use crate::executor::weight_from_tensor;
+
+/// Settings of the optimiser that do not change during a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AdamSettings {
+    /// Decay of the mean of gradients.
+    pub beta1: f64,
+    /// Decay of the mean of squared gradients.
+    pub beta2: f64,
+    /// Added to the root.
+    pub epsilon: f64,
+    /// Weight decay, added to the gradient (as `PyTorch`'s Adam).
+    pub weight_decay: f64,
+    /// Factor on the learning rate of biases (official SMOKE: 2).
+    pub bias_rate_factor: f64,
+}
+
+/// Running means of one parameter.
+#[derive(Debug)]
+struct Moments {
+    name: String,
+    mean: Tensor,
+    square: Tensor,
+}
+
+/// The optimiser with its state.
+#[derive(Debug)]
+pub struct Adam {
+    settings: AdamSettings,
+    moments: Vec<Moments>,
+    steps: u64,
+}
+
+/// Prefixes of the running means in a checkpoint.
+const MEAN_PREFIX: &str = "adam.mean.";
+const SQUARE_PREFIX: &str = "adam.square.";
+
+impl Adam {
+    /// A fresh optimiser for these parameters.
+    pub fn new<'a>(settings: AdamSettings, parameters: impl Iterator<Item = (&'a str, &'a Tensor)>) -> Self {
+        let moments = parameters.map(|(name, tensor)| Moments {
+            name: name.to_owned(),
+            mean: tensor.zeros_like().set_requires_grad(false),
+            square: tensor.zeros_like().set_requires_grad(false),
+        });
+        Self { settings, moments: moments.collect(), steps: 0 }
+    }
+
+    /// Moves `parameters` against `gradients`, both in the order given to [`Adam::new`].
+    pub fn step(&mut self, parameters: &[Tensor], gradients: &[Tensor], rate: f64) {
+        let AdamSettings { beta1, beta2, epsilon, weight_decay, bias_rate_factor } = self.settings;
+        self.steps += 1;
+        let steps = self.steps as f64;
+        let mean_correction = 1.0 - beta1.powf(steps);
+        let square_correction = (1.0 - beta2.powf(steps)).sqrt();
+        no_grad(|| {
+            for ((parameter, gradient), moments) in parameters.iter().zip(gradients).zip(&mut self.moments) {
+                let gradient =
+                    if weight_decay == 0.0 { gradient.shallow_clone() } else { gradient + parameter * weight_decay };
+                let _ = moments.mean.lerp_(&gradient, 1.0 - beta1);
+                let _ = moments.square.lerp_(&gradient.square(), 1.0 - beta2);
+                let rate = if moments.name.contains("bias") { rate * bias_rate_factor } else { rate };
+                let root = moments.square.sqrt().g_mul_scalar_(1.0 / square_correction).g_add_scalar_(epsilon);
+                let update = (&moments.mean / root).g_mul_scalar_(rate / mean_correction);
+                let _ = parameter.shallow_clone().g_sub_(&update);
+            }
+        });
+    }
+
+    /// Adds the state to `weights`, beside the parameters.
+    pub fn store(&self, weights: &mut Weights) {
+        for moments in &self.moments {
+            weights.tensors.insert(format!("{MEAN_PREFIX}{}", moments.name), weight_from_tensor(&moments.mean));
+            weights.tensors.insert(format!("{SQUARE_PREFIX}{}", moments.name), weight_from_tensor(&moments.square));
+        }
+    }
+
+    /// Takes the state out of `weights`, as [`Adam::store`] put it there after `steps` steps. Returns the name of a tensor that is missing
+    /// or has another shape, if there is one.
+    pub fn restore(&mut self, weights: &Weights, steps: u64, device: Device) -> Result<(), String> {
+        self.steps = steps;
+        for moments in &mut self.moments {
+            for (prefix, place) in [(MEAN_PREFIX, &mut moments.mean), (SQUARE_PREFIX, &mut moments.square)] {
+                let name = format!("{prefix}{}", moments.name);
+                let tensor = weights.tensors.get(&name).filter(|t| same_shape(t, place)).ok_or(name)?;
+                *place = Tensor::from_slice(&tensor.values).view(place.size().as_slice()).to_device(device);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn same_shape(weight: &WeightTensor, tensor: &Tensor) -> bool {
+    weight.shape.iter().map(|&s| s as i64).eq(tensor.size())
+}

@@ -1,0 +1,193 @@
+//! A training run in one TOML file.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use farsight_data::AugmentationConfig;
+use farsight_net::config::ModelConfig;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::adam::AdamSettings;
+use crate::executor::Precision;
+use crate::schedule::Schedule;
+
+/// A run: what to train, on what, how. Every field has a default; the defaults are the paper's recipe.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RunConfig {
+    /// The network.
+    pub model: ModelConfig,
+    /// Where the frames come from.
+    pub data: DataConfig,
+    /// How they vary.
+    pub augmentation: AugmentationConfig,
+    /// How the network learns.
+    pub train: TrainConfig,
+}
+
+/// Where the frames come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DataConfig {
+    /// Folder in KITTI's layout; `--data` overrides it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub root: Option<PathBuf>,
+    /// Split: a name under `ImageSets` or a file of frame names.
+    pub split: PathBuf,
+    /// Train on the first so many frames of the split only; 0 for all.
+    pub limit: usize,
+    /// Threads that prepare samples.
+    pub workers: usize,
+    /// Batches prepared ahead.
+    pub prefetch: usize,
+    /// Keep decoded images in main memory (1.4 MB a KITTI frame): for small sets.
+    pub cache: bool,
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self { root: None, split: "train".into(), limit: 0, workers: 2, prefetch: 4, cache: false }
+    }
+}
+
+/// How the network learns. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140 epochs, batch 8.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainConfig {
+    /// Passes over the data.
+    pub epochs: u64,
+    /// Images a step.
+    pub batch_size: usize,
+    /// Initial learning rate. The paper gives none; 2.5e-4 is official SMOKE's.
+    pub learning_rate: f64,
+    /// Weight decay.
+    pub weight_decay: f64,
+    /// Course of the learning rate.
+    pub schedule: Schedule,
+    /// Steps of linear rise before it.
+    pub warm_up_steps: u64,
+    /// Factor on the learning rate of biases; official SMOKE has 2, the paper is silent.
+    pub bias_rate_factor: f64,
+    /// Largest norm of the gradient; 0 for no limit.
+    pub clip_norm: f64,
+    /// Numbers of the convolutions.
+    pub precision: Precision,
+    /// Seed of the weights, the order and the augmentation.
+    pub seed: u64,
+    /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_from: Option<PathBuf>,
+    /// Steps between checkpoints; one is also written at the end.
+    pub checkpoint_steps: u64,
+    /// Steps between lines of the metrics.
+    pub log_steps: u64,
+    /// Threads of libtorch; 0 for its own choice.
+    pub threads: usize,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            epochs: 140,
+            batch_size: 8,
+            learning_rate: 2.5e-4,
+            weight_decay: 5e-4,
+            schedule: Schedule::Cosine,
+            warm_up_steps: 0,
+            bias_rate_factor: 1.0,
+            clip_norm: 0.0,
+            precision: Precision::F32,
+            seed: 0,
+            start_from: None,
+            checkpoint_steps: 200,
+            log_steps: 10,
+            threads: 0,
+        }
+    }
+}
+
+/// A run that cannot be started as described.
+#[derive(Debug, Error)]
+pub enum RunConfigError {
+    /// The file could not be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// The file is no valid config; the text says line and column.
+    #[error("{}: {source}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: toml::de::Error,
+    },
+    /// A value cannot be used.
+    #[error("{}: {problem}", path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// The field, what was found and what was expected.
+        problem: String,
+    },
+}
+
+impl RunConfig {
+    /// Reads and checks a config file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
+    pub fn read(path: &Path) -> Result<Self, RunConfigError> {
+        let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
+        let config: Self =
+            toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
+        match config.problem() {
+            Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
+            None => Ok(config),
+        }
+    }
+
+    /// Why this run cannot be started, if it cannot.
+    pub fn problem(&self) -> Option<String> {
+        if let Err(error) = self.model.validate() {
+            return Some(error.to_string());
+        }
+        if let Some(problem) = self.augmentation.problem() {
+            return Some(format!("augmentation.{problem}"));
+        }
+        let train = &self.train;
+        let positive = [
+            ("train.epochs", train.epochs as f64),
+            ("train.batch_size", train.batch_size as f64),
+            ("train.learning_rate", train.learning_rate),
+            ("train.bias_rate_factor", train.bias_rate_factor),
+            ("train.checkpoint_steps", train.checkpoint_steps as f64),
+            ("train.log_steps", train.log_steps as f64),
+            ("data.workers", self.data.workers as f64),
+            ("data.prefetch", self.data.prefetch as f64),
+        ];
+        let not_negative = [("train.weight_decay", train.weight_decay), ("train.clip_norm", train.clip_norm)];
+        let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
+        let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
+        bad_positive
+            .map(|(name, v)| format!("{name} is {v}; expected a positive number"))
+            .or_else(|| bad_other.map(|(name, v)| format!("{name} is {v}; expected 0 or a positive number")))
+    }
+}
+
+impl TrainConfig {
+    /// Settings of the optimiser.
+    pub fn adam(&self) -> AdamSettings {
+        AdamSettings {
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-8,
+            weight_decay: self.weight_decay,
+            bias_rate_factor: self.bias_rate_factor,
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! libtorch as an engine of `farsight-infer`.
+
+use std::path::Path;
+
+use farsight_core::HeadMaps;
+use farsight_infer::{Engine, EngineError};
+use farsight_net::graph::{LOGITS, REGRESSION};
+use farsight_net::model::{Model, ModelError};
+use tch::{Device, Tensor, no_grad};
+
+use crate::executor::{Mode, Network, Precision, values_from_tensor};
+
+/// Runs a model on libtorch, on the GPU when there is one.
+#[derive(Debug)]
+pub struct TorchEngine {
+    network: Network,
+    outputs: [usize; 2],
+    device: Device,
+}
+
+impl TorchEngine {
+    /// Reads the model file at `path`; returns the engine and the model's description.
+    ///
+    /// # Errors
+    /// When the file is not a model.
+    pub fn open(path: &Path) -> Result<(Self, farsight_net::config::ModelConfig), ModelError> {
+        let model = Model::read(path)?;
+        let config = model.config.clone();
+        Ok((Self::new(model, Device::cuda_if_available())?, config))
+    }
+
+    /// The engine for a model that is in memory.
+    ///
+    /// # Errors
+    /// When the weights do not fit the network.
+    pub fn new(model: Model, device: Device) -> Result<Self, ModelError> {
+        let missing = |name: &str| ModelError::Tensor {
+            name: name.to_owned(),
+            found: "is not an output of the network".to_owned(),
+            expected: Vec::new(),
+        };
+        let output = |name: &str| model.graph.tap(name).ok_or_else(|| missing(name));
+        let outputs = [output(LOGITS)?, output(REGRESSION)?];
+        let network =
+            Network::new(model.graph, &model.weights, device, Precision::F32).map_err(|e| missing(&e.to_string()))?;
+        Ok(Self { network, outputs, device })
+    }
+}
+
+impl Engine for TorchEngine {
+    fn name(&self) -> &'static str {
+        "libtorch"
+    }
+
+    fn head_maps(&mut self, input: &[f32], [width, height]: [usize; 2]) -> Result<HeadMaps, EngineError> {
+        let input = Tensor::from_slice(input).view([1, 3, height as i64, width as i64]).to_device(self.device);
+        let maps = no_grad(|| self.network.forward(&input, Mode::Evaluate, &self.outputs));
+        let size = maps[0].size();
+        Ok(HeadMaps {
+            logits: values_from_tensor(&maps[0]),
+            regression: values_from_tensor(&maps[1]),
+            map_size: [size[3] as usize, size[2] as usize],
+        })
+    }
+}

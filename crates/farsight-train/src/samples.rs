@@ -1,0 +1,107 @@
+//! From labelled frames to the tensors of a batch.
+
+use std::sync::{Arc, OnceLock};
+
+use farsight_core::input::InputRules;
+use farsight_core::targets::{TargetRules, Targets};
+use farsight_data::kitti::dataset::DatasetError;
+use farsight_data::{AugmentationConfig, Frame, ItemKey, KittiDataset};
+use farsight_net::config::ModelConfig;
+use tch::{Device, Tensor};
+
+use crate::loss::BatchTargets;
+
+/// One image as the network sees it, and what it should answer.
+#[derive(Debug)]
+pub struct TrainSample {
+    /// Name of the frame.
+    pub id: String,
+    /// Network input, `[3, height, width]`.
+    pub input: Vec<f32>,
+    /// What to learn.
+    pub targets: Targets,
+    /// Whether the regression learns from this image.
+    pub regress: bool,
+}
+
+/// Makes samples: frame, transform, targets. Shared by the loader's threads.
+#[derive(Debug)]
+pub struct Sampler {
+    dataset: KittiDataset,
+    cache: Option<Vec<OnceLock<Arc<Frame>>>>,
+    model: ModelConfig,
+    input_rules: InputRules,
+    target_rules: TargetRules,
+    augmentation: AugmentationConfig,
+}
+
+impl Sampler {
+    /// Samples of `dataset` for `model`; with `cache`, decoded frames stay in main memory.
+    pub fn new(dataset: KittiDataset, model: &ModelConfig, augmentation: AugmentationConfig, cache: bool) -> Self {
+        let cache = cache.then(|| (0..dataset.len()).map(|_| OnceLock::new()).collect());
+        let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
+        Self { dataset, cache, model: model.clone(), input_rules, target_rules, augmentation }
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.dataset.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.dataset.is_empty()
+    }
+
+    /// The sample that `key` stands for; the same whenever and wherever it is asked for.
+    ///
+    /// # Errors
+    /// When the frame cannot be read.
+    pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
+        let frame = self.frame(key.index)?;
+        let (width, height) = frame.image.dimensions();
+        let image_size = [width as usize, height as usize];
+        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);
+        let sample = transform.apply(&frame, &self.input_rules);
+        let targets = self.target_rules.targets(&sample.labels, &sample.camera, sample.size);
+        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
+    }
+
+    fn frame(&self, index: usize) -> Result<Arc<Frame>, DatasetError> {
+        let load = || {
+            let frame = self.dataset.load(index)?;
+            let camera = self.model.camera(&frame.camera);
+            Ok(Arc::new(Frame { camera, ..frame }))
+        };
+        match &self.cache {
+            None => load(),
+            Some(cache) => match cache[index].get() {
+                Some(frame) => Ok(Arc::clone(frame)),
+                None => load().map(|frame| Arc::clone(cache[index].get_or_init(|| frame))),
+            },
+        }
+    }
+}
+
+/// Tensors of a batch.
+#[derive(Debug)]
+pub struct TrainBatch {
+    /// Names of the frames.
+    pub ids: Vec<String>,
+    /// Network input, `[batch, 3, height, width]`.
+    pub input: Tensor,
+    /// What to learn.
+    pub targets: BatchTargets,
+}
+
+impl TrainBatch {
+    /// Joins samples of one input size (width, height).
+    pub fn new(samples: Vec<TrainSample>, [width, height]: [usize; 2], device: Device) -> Self {
+        let shape = [3, height as i64, width as i64];
+        let inputs: Vec<Tensor> = samples.iter().map(|s| Tensor::from_slice(&s.input).view(shape)).collect();
+        let regress: Vec<bool> = samples.iter().map(|s| s.regress).collect();
+        let (ids, targets): (Vec<String>, Vec<Targets>) = samples.into_iter().map(|s| (s.id, s.targets)).unzip();
+        let targets = BatchTargets::new(&targets, &regress, device);
+        Self { ids, input: Tensor::stack(&inputs, 0).to_device(device), targets }
+    }
+}

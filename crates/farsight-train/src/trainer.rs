@@ -1,0 +1,371 @@
+//! The training loop.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use farsight_core::Codec;
+use farsight_data::kitti::dataset::DatasetError;
+use farsight_data::loader::{ItemError, LoaderError};
+use farsight_data::{Batch, KittiDataset, Loader, LoaderConfig, Position};
+use farsight_net::build::network;
+use farsight_net::durable::{DurableError, write_atomically};
+use farsight_net::graph::{LOGITS, NodeId, REGRESSION};
+use farsight_net::init::initial_weights;
+use farsight_net::model::{Model, ModelError};
+use farsight_net::weights::{Weights, WeightsError};
+use tch::{Device, Tensor};
+use thiserror::Error;
+
+use crate::adam::Adam;
+use crate::checkpoint::{self, CheckpointError, Progress};
+use crate::config::RunConfig;
+use crate::executor::{ExecutorError, Mode, Network};
+use crate::loss::{CORNER_DIVISOR_PER_IMAGE, LossTerms, loss};
+use crate::metrics::{MetricsWriter, Record};
+use crate::samples::{Sampler, TrainBatch, TrainSample};
+
+/// Name of the checkpoint in a run's folder.
+pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
+
+/// Name of the trained model in a run's folder.
+pub const MODEL_FILE: &str = "model.safetensors";
+
+/// Name of the resolved config in a run's folder.
+pub const CONFIG_FILE: &str = "config.toml";
+
+/// Key of the model's header under which the facts of its training stand as JSON.
+pub const TRAINING_KEY: &str = "farsight.training";
+
+/// Why a training ended before its time.
+#[derive(Debug, Error)]
+pub enum TrainError {
+    /// No folder was named.
+    #[error("no data folder; expected --data DIR or data.root in the config")]
+    NoData,
+    /// The data could not be opened.
+    #[error(transparent)]
+    Data(#[from] DatasetError),
+    /// The loader could not start.
+    #[error(transparent)]
+    Loader(#[from] LoaderError),
+    /// A sample could not be prepared.
+    #[error("step {step}: {source}")]
+    Sample {
+        /// The step that needed it.
+        step: u64,
+        /// Why.
+        source: ItemError<DatasetError>,
+    },
+    /// The split has no frames.
+    #[error("split {} has no frames; expected at least one", .0.display())]
+    NoFrames(PathBuf),
+    /// The start weights could not be read.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The weights do not fit the network.
+    #[error(transparent)]
+    Network(#[from] ExecutorError),
+    /// The model could not be written.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The checkpoint could not be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// A file of the run could not be written.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's answer.
+        source: io::Error,
+    },
+    /// A file of the run could not be written whole.
+    #[error(transparent)]
+    Durable(#[from] DurableError),
+    /// The config cannot be written as TOML.
+    #[error("the resolved config: {0}")]
+    Config(#[from] toml::ser::Error),
+    /// There is a run in the folder already.
+    #[error("{}: there is a run here already; use --resume to go on with it, or another --out", .0.display())]
+    Occupied(PathBuf),
+    /// A number is not finite. The last checkpoint is older than this and intact.
+    #[error(
+        "step {step}: {what} is {value}; the batch was {frames:?}. The last checkpoint is from before this step and intact"
+    )]
+    NotFinite {
+        /// The step.
+        step: u64,
+        /// The loss term or the gradient.
+        what: String,
+        /// What it is.
+        value: f64,
+        /// Names of the frames in the batch.
+        frames: Vec<String>,
+    },
+}
+
+/// Told how a run goes.
+pub trait Observer {
+    /// The run starts, or goes on, after `done` of `total` steps.
+    fn begin(&mut self, done: u64, total: u64);
+    /// A step is done; the numbers are its own.
+    fn step(&mut self, record: &Record);
+}
+
+/// A run about to happen.
+#[derive(Debug)]
+pub struct Job {
+    /// What and how.
+    pub run: RunConfig,
+    /// Folder of checkpoints, metrics and the model.
+    pub out: PathBuf,
+    /// Whether to go on with the run that is there.
+    pub resume: bool,
+}
+
+/// Trains, and writes model, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the model.
+///
+/// # Errors
+/// See [`TrainError`].
+pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainError> {
+    let device = Device::cuda_if_available();
+    crate::set_threads((job.run.train.threads > 0).then_some(job.run.train.threads));
+    let sampler = sampler(&job.run)?;
+    let frames = match job.run.data.limit {
+        0 => sampler.len(),
+        limit => limit.min(sampler.len()),
+    };
+    let checkpoint_path = job.out.join(CHECKPOINT_FILE);
+    prepare_folder(job, &checkpoint_path)?;
+    let (mut trainer, progress) = Trainer::start(job, &checkpoint_path, device)?;
+    let loader = loader(&job.run, sampler, frames, progress.position)?;
+    let batches_per_epoch = loader.batches_per_epoch();
+    let total = batches_per_epoch * job.run.train.epochs;
+    let mut metrics = metrics(&job.out, progress.steps)?;
+    observer.begin(progress.steps, total);
+
+    let mut progress = progress;
+    let mut window = Window::new();
+    for batch in loader {
+        let Batch { position, items } = batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
+        let batch = TrainBatch::new(items, job.run.model.input, device);
+        let record = trainer.step(&batch, progress.steps, position.epoch, total)?;
+        progress = Progress { steps: progress.steps + 1, position: following(position, batches_per_epoch) };
+        let record = window.add(record, batch.ids.len());
+        observer.step(&record);
+        if progress.steps % job.run.train.log_steps == 0 || progress.steps == total {
+            let write_error = |source| TrainError::Write { path: job.out.clone(), source };
+            metrics.write(&window.finish(record)).map_err(write_error)?;
+        }
+        if progress.steps % job.run.train.checkpoint_steps == 0 || progress.steps == total {
+            checkpoint::write(&checkpoint_path, &trainer.network, &trainer.adam, progress, &job.run)?;
+        }
+    }
+    let path = job.out.join(MODEL_FILE);
+    trainer.model(progress, frames)?.write(&path)?;
+    Ok(path)
+}
+
+fn sampler(run: &RunConfig) -> Result<Sampler, TrainError> {
+    let root = run.data.root.as_ref().ok_or(TrainError::NoData)?;
+    let dataset = KittiDataset::open(root, Some(&run.data.split))?;
+    if dataset.is_empty() {
+        return Err(TrainError::NoFrames(run.data.split.clone()));
+    }
+    Ok(Sampler::new(dataset, &run.model, run.augmentation.clone(), run.data.cache))
+}
+
+fn prepare_folder(job: &Job, checkpoint_path: &Path) -> Result<(), TrainError> {
+    let write_error = |source| TrainError::Write { path: job.out.clone(), source };
+    fs::create_dir_all(&job.out).map_err(write_error)?;
+    if !job.resume && checkpoint_path.exists() {
+        return Err(TrainError::Occupied(job.out.clone()));
+    }
+    let config = toml::to_string(&job.run)?;
+    write_atomically(&job.out.join(CONFIG_FILE), |file| file.write_all(config.as_bytes()))?;
+    Ok(())
+}
+
+fn metrics(out: &Path, steps: u64) -> Result<MetricsWriter, TrainError> {
+    MetricsWriter::open(out, steps).map_err(|source| TrainError::Write { path: out.into(), source })
+}
+
+type TrainLoader = Loader<TrainSample, DatasetError>;
+
+fn loader(run: &RunConfig, sampler: Sampler, frames: usize, start: Position) -> Result<TrainLoader, LoaderError> {
+    let batch_size = run.train.batch_size.min(frames);
+    let config = LoaderConfig {
+        items: frames,
+        batch_size,
+        seed: run.train.seed,
+        shuffle: true,
+        drop_last: true,
+        workers: run.data.workers,
+        prefetch: run.data.prefetch,
+        start,
+        epochs: Some(run.train.epochs),
+    };
+    let sampler = Arc::new(sampler);
+    Loader::new(&config, move |key| sampler.sample(key))
+}
+
+/// The batch after the one at `position`.
+fn following(position: Position, batches_per_epoch: u64) -> Position {
+    if position.batch + 1 < batches_per_epoch {
+        Position { batch: position.batch + 1, ..position }
+    } else {
+        Position { epoch: position.epoch + 1, batch: 0 }
+    }
+}
+
+/// Network, optimiser and what they need to take a step.
+struct Trainer<'a> {
+    job: &'a Job,
+    network: Network,
+    outputs: [NodeId; 2],
+    adam: Adam,
+    codec: Codec,
+}
+
+impl<'a> Trainer<'a> {
+    /// Fresh, or from the checkpoint when the job resumes and there is one.
+    fn start(job: &'a Job, checkpoint_path: &Path, device: Device) -> Result<(Self, Progress), TrainError> {
+        let run = &job.run;
+        let stored =
+            if job.resume && checkpoint_path.exists() { Some(checkpoint::read(checkpoint_path, run)?) } else { None };
+        let graph = network(&run.model);
+        let fresh = initial_weights(&graph, run.train.seed);
+        let start = match (&stored, &run.train.start_from) {
+            (Some((weights, _)), _) => weights.clone(),
+            (None, Some(path)) => overlaid(fresh, Weights::read(path)?),
+            (None, None) => fresh,
+        };
+        let output = |name: &str| graph.tap(name).ok_or_else(|| ExecutorError::Missing(name.to_owned()));
+        let outputs = [output(LOGITS)?, output(REGRESSION)?];
+        let network = Network::new(graph, &start, device, run.train.precision)?;
+        let mut adam = Adam::new(run.train.adam(), network.learnt());
+        let progress = match &stored {
+            Some((weights, progress)) => {
+                checkpoint::restore_adam(checkpoint_path, &mut adam, weights, *progress, device)?;
+                *progress
+            }
+            None => Progress::default(),
+        };
+        Ok((Self { job, network, outputs, adam, codec: run.model.codec() }, progress))
+    }
+
+    /// One step of the optimiser on `batch`, the `step`-th of `total`.
+    fn step(&mut self, batch: &TrainBatch, step: u64, epoch: u64, total: u64) -> Result<Record, TrainError> {
+        let config = &self.job.run.train;
+        let maps = self.network.forward(&batch.input, Mode::Train, &self.outputs);
+        let divisor = CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64;
+        let (objective, terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, divisor);
+        check_terms(&terms, step, batch)?;
+
+        let parameters: Vec<Tensor> = self.network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
+        let mut gradients = Tensor::run_backward(&[objective], &parameters, false, false);
+        let gradient_norm = self.gradient_norm(&gradients, step, batch)?;
+        if config.clip_norm > 0.0 && gradient_norm > config.clip_norm {
+            for gradient in &mut gradients {
+                let _ = gradient.g_mul_scalar_(config.clip_norm / gradient_norm);
+            }
+        }
+        let learning_rate = config.learning_rate * config.schedule.factor(step, total, config.warm_up_steps);
+        self.adam.step(&parameters, &gradients, learning_rate);
+        let (loss, samples_per_second) = (terms.total(), 0.0);
+        Ok(Record { step: step + 1, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second })
+    }
+
+    /// The norm over all gradients; an error that names the first parameter whose gradient is not finite.
+    fn gradient_norm(&self, gradients: &[Tensor], step: u64, batch: &TrainBatch) -> Result<f64, TrainError> {
+        let norms: Vec<Tensor> = gradients.iter().map(Tensor::norm).collect();
+        let norm = Tensor::stack(&norms, 0).norm().double_value(&[]);
+        if norm.is_finite() {
+            return Ok(norm);
+        }
+        let named = self.network.learnt().zip(&norms).map(|((name, _), norm)| (name, norm.double_value(&[])));
+        let (name, value) = named.into_iter().find(|(_, norm)| !norm.is_finite()).unwrap_or(("all parameters", norm));
+        Err(not_finite(step, format!("the norm of the gradient of {name}"), value, batch))
+    }
+
+    fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {
+        let run = &self.job.run;
+        let mut weights = self.network.weights();
+        let facts = serde_json::json!({
+            "steps": progress.steps,
+            "epochs": run.train.epochs,
+            "batch_size": run.train.batch_size,
+            "seed": run.train.seed,
+            "frames": frames,
+            "split": run.data.split,
+        });
+        weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
+        Model::new(run.model.clone(), weights)
+    }
+}
+
+/// `fresh` with the tensors of `loaded` that have a place and the right shape in it.
+fn overlaid(mut fresh: Weights, loaded: Weights) -> Weights {
+    for (name, tensor) in loaded.tensors {
+        if let Some(place) = fresh.tensors.get_mut(&name)
+            && place.shape == tensor.shape
+        {
+            *place = tensor;
+        }
+    }
+    fresh
+}
+
+fn check_terms(terms: &LossTerms, step: u64, batch: &TrainBatch) -> Result<(), TrainError> {
+    match terms.named().into_iter().find(|(_, value)| !value.is_finite()) {
+        Some((name, value)) => Err(not_finite(step, format!("loss term \"{name}\""), value, batch)),
+        None => Ok(()),
+    }
+}
+
+fn not_finite(step: u64, what: String, value: f64, batch: &TrainBatch) -> TrainError {
+    TrainError::NotFinite { step, what, value, frames: batch.ids.clone() }
+}
+
+/// Means over the steps since the last record that was written.
+struct Window {
+    started: Instant,
+    samples: usize,
+    steps: usize,
+    sums: LossTerms,
+}
+
+impl Window {
+    const NOTHING: LossTerms = LossTerms { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0 };
+
+    fn new() -> Self {
+        Self { started: Instant::now(), samples: 0, steps: 0, sums: Self::NOTHING }
+    }
+
+    /// Counts `record`, of a batch of `samples`, and gives it the speed so far.
+    fn add(&mut self, record: Record, samples: usize) -> Record {
+        self.samples += samples;
+        self.steps += 1;
+        self.sums.heat_map += record.terms.heat_map;
+        self.sums.orientation += record.terms.orientation;
+        self.sums.dimensions += record.terms.dimensions;
+        self.sums.location += record.terms.location;
+        Record { samples_per_second: self.samples as f64 / self.started.elapsed().as_secs_f64(), ..record }
+    }
+
+    /// `last` with the means of the window, and a new window.
+    fn finish(&mut self, last: Record) -> Record {
+        let count = self.steps.max(1) as f64;
+        let terms = LossTerms {
+            heat_map: self.sums.heat_map / count,
+            orientation: self.sums.orientation / count,
+            dimensions: self.sums.dimensions / count,
+            location: self.sums.location / count,
+        };
+        *self = Self::new();
+        Record { loss: terms.total(), terms, ..last }
+    }
+}

@@ -1,0 +1,174 @@
+//! Pixels to draw on: a thin layer over `tiny_skia` that speaks in points and inks.
+
+use farsight_core::Box2d;
+use image::RgbImage;
+use tiny_skia::{
+    Color, FillRule, IntSize, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform,
+};
+
+use crate::palette::Ink;
+
+/// A point of the picture, pixels.
+pub(crate) type Point = [f64; 2];
+
+/// A pen: how wide, which ink, whether dashed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pen {
+    pub(crate) ink: Ink,
+    pub(crate) width_px: f64,
+    pub(crate) dashed: bool,
+}
+
+impl Pen {
+    pub(crate) const fn solid(ink: Ink, width_px: f64) -> Self {
+        Self { ink, width_px, dashed: false }
+    }
+
+    pub(crate) const fn dashed(ink: Ink, width_px: f64) -> Self {
+        Self { ink, width_px, dashed: true }
+    }
+}
+
+pub(crate) struct Canvas {
+    pixmap: Pixmap,
+}
+
+impl Canvas {
+    /// `None` when the image has no pixels, or more than can be drawn on.
+    pub(crate) fn from_image(image: &RgbImage) -> Option<Self> {
+        let rgba = image.pixels().flat_map(|p| [p.0[0], p.0[1], p.0[2], 255]).collect();
+        let pixmap = Pixmap::from_vec(rgba, IntSize::from_wh(image.width(), image.height())?)?;
+        Some(Self { pixmap })
+    }
+
+    /// `None` as for [`Canvas::from_image`].
+    pub(crate) fn filled([width, height]: [u32; 2], ink: Ink) -> Option<Self> {
+        let mut pixmap = Pixmap::new(width, height)?;
+        pixmap.fill(color(ink));
+        Some(Self { pixmap })
+    }
+
+    pub(crate) fn into_image(self) -> RgbImage {
+        // Everything was drawn on opaque ground, so the colours need no division by the opacity.
+        RgbImage::from_fn(self.pixmap.width(), self.pixmap.height(), |x, y| {
+            image::Rgb(self.pixmap.pixel(x, y).map_or([0; 3], |p| [p.red(), p.green(), p.blue()]))
+        })
+    }
+
+    /// The whole picture.
+    pub(crate) fn bounds(&self) -> Box2d {
+        Box2d::new(0.0, 0.0, f64::from(self.pixmap.width()), f64::from(self.pixmap.height()))
+    }
+
+    /// Mixes `ink` into one pixel; a pixel outside is left out.
+    pub(crate) fn blend(&mut self, [x, y]: [i64; 2], ink: Ink, coverage: f32) {
+        let (width, height) = (i64::from(self.pixmap.width()), i64::from(self.pixmap.height()));
+        if !(0..width).contains(&x) || !(0..height).contains(&y) {
+            return;
+        }
+        let weight = (ink.opacity * coverage).clamp(0.0, 1.0);
+        let first = 4 * (y * width + x) as usize;
+        let Some(pixel) = self.pixmap.data_mut().get_mut(first..first + 3) else { return };
+        for (old, new) in pixel.iter_mut().zip(ink.rgb) {
+            *old = (f32::from(*old) * (1.0 - weight) + f32::from(new) * weight).round() as u8;
+        }
+    }
+
+    /// Strokes the open line through `points`.
+    pub(crate) fn polyline(&mut self, points: &[Point], pen: Pen) {
+        if let Some(path) = path(points, false) {
+            self.stroke(&path, pen);
+        }
+    }
+
+    /// Strokes the closed outline through `points`.
+    pub(crate) fn outline(&mut self, points: &[Point], pen: Pen) {
+        if let Some(path) = path(points, true) {
+            self.stroke(&path, pen);
+        }
+    }
+
+    /// Fills the polygon with these corners.
+    pub(crate) fn polygon(&mut self, points: &[Point], ink: Ink) {
+        if let Some(path) = path(points, true) {
+            self.fill(&path, ink);
+        }
+    }
+
+    /// Fills a rectangle with rounded corners.
+    pub(crate) fn plate(&mut self, area: &Box2d, radius_px: f64, ink: Ink) {
+        if let Some(path) = rounded(area, radius_px) {
+            self.fill(&path, ink);
+        }
+    }
+
+    /// Puts `image` with its upper left corner at `at`.
+    pub(crate) fn paste(&mut self, image: &RgbImage, at: [u32; 2]) {
+        for (x, y, pixel) in image.enumerate_pixels() {
+            let target = [i64::from(at[0]) + i64::from(x), i64::from(at[1]) + i64::from(y)];
+            self.blend(target, Ink::new(pixel.0), 1.0);
+        }
+    }
+
+    fn fill(&mut self, path: &Path, ink: Ink) {
+        self.pixmap.fill_path(path, &paint(ink), FillRule::Winding, Transform::identity(), None);
+    }
+
+    fn stroke(&mut self, path: &Path, pen: Pen) {
+        let width = pen.width_px as f32;
+        let stroke = Stroke {
+            width,
+            line_cap: LineCap::Round,
+            line_join: LineJoin::Round,
+            dash: pen.dashed.then(|| StrokeDash::new(vec![3.0 * width, 3.5 * width], 0.0)).flatten(),
+            ..Stroke::default()
+        };
+        self.pixmap.stroke_path(path, &paint(pen.ink), &stroke, Transform::identity(), None);
+    }
+}
+
+fn color(ink: Ink) -> Color {
+    let [r, g, b] = ink.rgb;
+    let mut color = Color::from_rgba8(r, g, b, 255);
+    color.apply_opacity(ink.opacity);
+    color
+}
+
+fn paint(ink: Ink) -> Paint<'static> {
+    let mut paint = Paint { anti_alias: true, ..Paint::default() };
+    paint.set_color(color(ink));
+    paint
+}
+
+/// Pixel centres are whole numbers in a camera's pixels and half numbers in `tiny_skia`'s.
+const CENTER: f64 = 0.5;
+
+fn path(points: &[Point], closed: bool) -> Option<Path> {
+    let mut builder = PathBuilder::new();
+    for (i, point) in points.iter().enumerate() {
+        let [x, y] = point.map(|v| (v + CENTER) as f32);
+        if i == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
+    }
+    if closed {
+        builder.close();
+    }
+    builder.finish()
+}
+
+fn rounded(area: &Box2d, radius_px: f64) -> Option<Path> {
+    let [left, top, right, bottom] = [area.x1, area.y1, area.x2, area.y2].map(|v| v as f32);
+    let r = radius_px.min(area.width() / 2.0).min(area.height() / 2.0) as f32;
+    Rect::from_ltrb(left, top, right, bottom)?;
+    let mut builder = PathBuilder::new();
+    builder.move_to(left + r, top);
+    builder.line_to(right - r, top);
+    builder.quad_to(right, top, right, top + r);
+    builder.line_to(right, bottom - r);
+    builder.quad_to(right, bottom, right - r, bottom);
+    builder.line_to(left + r, bottom);
+    builder.quad_to(left, bottom, left, bottom - r);
+    builder.line_to(left, top + r);
+    builder.quad_to(left, top, left + r, top);
+    builder.close();
+    builder.finish()
+}

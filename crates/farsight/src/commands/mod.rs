@@ -1,0 +1,45 @@
+//! One file a command.
+
+mod import;
+mod info;
+mod range;
+mod train;
+
+use anyhow::Result;
+use clap::Subcommand;
+
+use crate::printer::Printer;
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Find vehicles in images and say how far away each is
+    Range(range::RangeArgs),
+    /// Train a model
+    Train(train::TrainArgs),
+    /// Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
+    Import(import::ImportArgs),
+    /// Show what a model is made of and what it costs
+    Info(info::InfoArgs),
+}
+
+/// How a command ended that could run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// All is well.
+    Done,
+    /// Done, with something that the caller asked to be told by the exit status.
+    Told,
+}
+
+impl Command {
+    /// Runs the command; an error means that it could not run.
+    pub(crate) fn run(self, printer: &mut Printer) -> Result<Outcome> {
+        match self {
+            Self::Range(args) => range::run(&args, printer),
+            Self::Train(args) => train::run(&args, printer),
+            Self::Import(args) => import::run(&args, printer),
+            Self::Info(args) => info::run(&args, printer),
+        }
+    }
+}
