@@ -1,1 +1,114 @@
-fn main() {}
+//! Chores of the workspace, with no dependency but cargo and, for libtorch, a Python that has pip.
+
+mod libtorch;
+mod proof;
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use libtorch::Libtorch;
+
+const USAGE: &str = "\
+cargo xtask COMMAND
+
+  quickstart [--data DIR]  fetch libtorch, train the compact network on eight KITTI frames, range them, draw them
+  test [ARGS]              all tests, libtorch included; ARGS go to `cargo test`
+  check                    formatting, clippy with warnings denied, docs
+  run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
+  proof [--data DIR]       the proof on real frames of docs/proof.md: overfit, train on 64 frames, range 20 others
+  libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
+
+DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let rest: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
+    let done = match arguments.first().map(String::as_str) {
+        Some("quickstart") => data_folder(&rest).and_then(|data| proof::quickstart(&data)),
+        Some("proof") => data_folder(&rest).and_then(|data| proof::proof(&data)),
+        Some("test") => test(&rest),
+        Some("check") => check(),
+        Some("run") => Libtorch::find_or_fetch().and_then(|libtorch| farsight(&libtorch, &rest)),
+        Some("libtorch") => Libtorch::find_or_fetch().map(|libtorch| eprintln!("{libtorch}")),
+        Some("help" | "--help" | "-h") => {
+            eprintln!("{USAGE}");
+            Ok(())
+        }
+        Some(other) => Err(format!("no command \"{other}\"\n\n{USAGE}")),
+        None => Err(USAGE.to_owned()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The top of the workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().map_or_else(PathBuf::new, Path::to_path_buf)
+}
+
+/// The cargo that runs this, in the top of the workspace, with libtorch where it will look for it.
+fn cargo(libtorch: Option<&Libtorch>) -> Command {
+    let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root());
+    if let Some(libtorch) = libtorch {
+        libtorch.apply(&mut command);
+    }
+    command
+}
+
+/// Runs `command`; an error that names it when it fails.
+fn run(command: &mut Command) -> Result<(), String> {
+    let status = command.status().map_err(|e| format!("{}: {e}", command.get_program().display()))?;
+    if status.success() {
+        return Ok(());
+    }
+    let words: Vec<_> = command.get_args().map(|a| a.to_string_lossy().into_owned()).collect();
+    Err(format!("`{} {}` failed ({status})", command.get_program().display(), words.join(" ")))
+}
+
+/// Runs farsight, built with training.
+fn farsight(libtorch: &Libtorch, arguments: &[&str]) -> Result<(), String> {
+    let cargo_arguments = ["run", "--quiet", "--package", "farsight", "--features", "train", "--"];
+    run(cargo(Some(libtorch)).args(cargo_arguments).args(arguments).current_dir(env::current_dir().unwrap_or_default()))
+}
+
+fn test(arguments: &[&str]) -> Result<(), String> {
+    let libtorch = Libtorch::find_or_fetch()?;
+    run(cargo(Some(&libtorch)).args(["test", "--workspace", "--features", "farsight/train"]).args(arguments))
+}
+
+fn check() -> Result<(), String> {
+    let libtorch = Libtorch::find_or_fetch()?;
+    let everything = ["--workspace", "--all-targets", "--features", "farsight/train"];
+    run(cargo(None).args(["fmt", "--all", "--check"]))?;
+    run(cargo(Some(&libtorch)).arg("clippy").args(everything).args(["--", "-D", "warnings"]))?;
+    // The everyday build, without libtorch.
+    run(cargo(None).args(["clippy", "--package", "farsight", "--", "-D", "warnings"]))?;
+    run(cargo(Some(&libtorch)).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
+}
+
+/// The folder of KITTI frames that the arguments or the environment name.
+fn data_folder(arguments: &[&str]) -> Result<PathBuf, String> {
+    let named = match arguments {
+        [] => None,
+        ["--data", folder] => Some(PathBuf::from(folder)),
+        other => return Err(format!("unexpected arguments {other:?}; expected --data DIR or none")),
+    };
+    let kitti = || env::var_os("FARSIGHT_KITTI").map_or_else(|| root().join("../shared/kitti"), PathBuf::from);
+    let folder = named.unwrap_or_else(|| kitti().join("frames"));
+    if folder.join("training/image_2").is_dir() {
+        return Ok(folder);
+    }
+    Err(format!(
+        "{0}: no KITTI frames here; expected {0}/training/image_2, calib and label_2, and {0}/ImageSets/train.txt and val.txt.\n\
+         Farsight ships neither weights nor KITTI images (their licence). Download the KITTI object benchmark and say\n\
+         --data DIR, or set FARSIGHT_KITTI to the folder that holds `frames`.",
+        folder.display()
+    ))
+}

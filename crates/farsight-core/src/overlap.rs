@@ -34,7 +34,7 @@ pub fn iou_3d(a: &Box3d, b: &Box3d) -> f64 {
     Block::new(a).overlap(&Block::new(b)).volume
 }
 
-/// How much two blocks overlap, as intersection over union.
+/// How much of two blocks, or of one, is shared.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Overlap {
     /// Seen from above.
@@ -92,21 +92,36 @@ impl Block {
 
     /// Both overlaps with `other`.
     pub fn overlap(&self, other: &Self) -> Overlap {
+        self.shared_over(
+            other,
+            |area, shared| area + other.area() - shared,
+            |volume, shared| volume + other.volume() - shared,
+        )
+    }
+
+    /// Share of this block that lies inside `other`.
+    pub fn covered(&self, other: &Self) -> Overlap {
+        self.shared_over(other, |area, _| area, |volume, _| volume)
+    }
+
+    /// What is shared over a whole made of this block's own area or volume and the shared one.
+    fn shared_over(
+        &self,
+        other: &Self,
+        whole_area: impl Fn(f64, f64) -> f64,
+        whole_volume: impl Fn(f64, f64) -> f64,
+    ) -> Overlap {
         let shared = self.intersection_area(other);
         if shared == 0.0 {
             return Overlap::default();
         }
-        let bev = share(shared, self.area() + other.area() - shared);
-        let [top, bottom] =
-            [larger(self.top_bottom[0], other.top_bottom[0]), smaller(self.top_bottom[1], other.top_bottom[1])];
+        let top = larger(self.top_bottom[0], other.top_bottom[0]);
+        let bottom = smaller(self.top_bottom[1], other.top_bottom[1]);
         let shared_volume = shared * (bottom - top).max(0.0);
-        let volume = share(shared_volume, self.volume() + other.volume() - shared_volume);
-        Overlap { bev, volume }
-    }
-
-    /// Share of this footprint that lies inside `other`'s.
-    pub fn covered_share(&self, other: &Self) -> f64 {
-        share(self.intersection_area(other), self.area())
+        Overlap {
+            bev: share(shared, whole_area(self.area(), shared)),
+            volume: share(shared_volume, whole_volume(self.volume(), shared_volume)),
+        }
     }
 
     /// Area that the two footprints share, square metres; 0 when a value is not a number.

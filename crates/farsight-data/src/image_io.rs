@@ -1,10 +1,10 @@
 //! Reading images.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 use thiserror::Error;
 
 /// Most pixels that an image may have; a larger one is more likely an attack or a mistake than a picture.
@@ -40,7 +40,13 @@ pub enum ImageError {
         /// Its height, pixels.
         height: u32,
     },
-    /// The image is damaged or cut off.
+    /// A JPEG file ends before its image does. Decoders fill the rest with grey and say nothing.
+    #[error("{}: cut off: no end-of-image marker", path.display())]
+    CutOff {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The image is damaged, or a PNG file cut off.
     #[error("{}: damaged image: {source}", path.display())]
     Damaged {
         /// The file.
@@ -63,9 +69,7 @@ pub fn read_image(path: &Path) -> Result<RgbImage, ImageError> {
     let read_failed = |source| ImageError::Read { path: path.to_owned(), source };
     let file = File::open(path).map_err(read_failed)?;
     let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(read_failed)?;
-    if reader.format().is_none() {
-        return Err(ImageError::Format { path: path.to_owned() });
-    }
+    let format = reader.format().ok_or_else(|| ImageError::Format { path: path.to_owned() })?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
@@ -78,8 +82,32 @@ pub fn read_image(path: &Path) -> Result<RgbImage, ImageError> {
     }
     let orientation = decoder.orientation().map_err(damaged)?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+    if format == ImageFormat::Jpeg && !jpeg_has_end(&fs::read(path).map_err(read_failed)?) {
+        return Err(ImageError::CutOff { path: path.to_owned() });
+    }
     image.apply_orientation(orientation);
     Ok(image.into_rgb8())
+}
+
+/// Whether a JPEG file has its end-of-image marker (`FF D9`) behind the start of its pixels.
+///
+/// The segments before are stepped over: an embedded thumbnail has an end of its own. Phones put more data behind the image.
+fn jpeg_has_end(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xDA;
+    const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    while let [0xFF, marker, tail @ ..] = rest {
+        if *marker == START_OF_SCAN {
+            return tail.windows(2).any(|pair| pair == END_OF_IMAGE);
+        }
+        // Any number of FF may stand before a marker.
+        let segment = if *marker == 0xFF { None } else { tail.first_chunk().map(|&length| u16::from_be_bytes(length)) };
+        rest = match segment {
+            Some(length) => tail.get(usize::from(length)..).unwrap_or_default(),
+            None => &rest[1..],
+        };
+    }
+    false
 }
 
 impl ImageError {

@@ -5,7 +5,6 @@
 //! samples on several threads, in the same order and with the same content for any number of threads.
 
 pub mod augment;
-mod durable;
 pub mod frame;
 pub mod image_io;
 pub mod jitter;

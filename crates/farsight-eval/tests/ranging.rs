@@ -1,16 +1,18 @@
 //! The ranging protocol: small scenes by hand, and two real result sets against an independent implementation.
 
+#![allow(clippy::unwrap_used, clippy::float_cmp)] // The helpers of tests too.
+
 mod common;
 
 use common::RealSets;
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
-use farsight_eval::ranging::{Bootstrap, Figure, Group, RangingComparison, RangingOptions, RangingReport, targets};
+use farsight_eval::ranging::{Bootstrap, Figure, Group, MATCH_IOU, RangingComparison, RangingOptions, RangingReport, targets};
 use farsight_eval::{Claim, Difficulty, EvaluatedClass, Frame};
 
 /// How far a figure may be from the independent one, metres or shares: the order of summation.
 const TOLERANCE: f64 = 1e-9;
 
-const NO_INTERVALS: RangingOptions = RangingOptions { min_score: None, bootstrap: None };
+const NO_INTERVALS: RangingOptions = RangingOptions { min_score: None, min_iou: MATCH_IOU, bootstrap: None };
 
 fn label(class: ObjectClass, left: f64, depth_m: f64) -> Label {
     Label {

@@ -7,7 +7,6 @@ pub mod build;
 pub mod checkpoint;
 pub mod config;
 pub mod count;
-pub mod durable;
 pub mod graph;
 pub mod init;
 pub mod model;

@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use crate::build::network;
 use crate::config::{ConfigError, ModelConfig};
-use crate::graph::Graph;
-use crate::weights::{Weights, WeightsError};
+use crate::graph::{Graph, Role};
+use crate::weights::{WeightTensor, Weights, WeightsError};
 
 /// Key of the header under which the model's config stands as JSON.
 const CONFIG_KEY: &str = "farsight.model";
@@ -66,6 +66,12 @@ impl Model {
             let found = match weights.tensors.get(&parameter.name) {
                 Some(tensor) if tensor.shape == parameter.shape => continue,
                 Some(tensor) => format!("has shape {:?}", tensor.shape),
+                None if parameter.role == Role::Unused => {
+                    // A file may leave out what no forward pass reads.
+                    let zeros = WeightTensor { shape: parameter.shape.clone(), values: vec![0.0; parameter.len()] };
+                    weights.tensors.insert(parameter.name.clone(), zeros);
+                    continue;
+                }
                 None => "is missing".to_owned(),
             };
             return Err(ModelError::Tensor { name: parameter.name.clone(), found, expected: parameter.shape.clone() });

@@ -13,7 +13,7 @@ use safetensors::Dtype;
 use safetensors::tensor::{Metadata, TensorInfo};
 use thiserror::Error;
 
-use crate::durable::{DurableError, write_atomically};
+use farsight_files::{DurableError, write_atomically};
 pub(crate) use element::Element;
 
 /// Name of the free-text block in a safetensors header (safetensors format).

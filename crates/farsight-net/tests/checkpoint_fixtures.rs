@@ -5,10 +5,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use farsight_core::input::{ChannelOrder, Sampling};
 use farsight_net::checkpoint::{
-    CAMERA_3X3_KEY, CHANNELS_KEY, CLASSES_KEY, CheckpointProblem, ImagenetNorms, ImportOptions, Imported, Layout,
-    NORM_KEY, SAMPLING_KEY, canonical_names, import, is_dead, read_pth, tensors_from_pth,
+    CheckpointProblem, ImagenetNorms, ImportOptions, Imported, Layout, canonical_names, import, is_dead, read_pth,
+    tensors_from_pth,
 };
+use farsight_net::config::{ModelConfig, Quirks};
 use farsight_net::weights::{WeightTensor, Weights};
 use proptest::prelude::*;
 
@@ -75,15 +77,17 @@ fn shapes_are_those_of_the_narrow_network() {
 }
 
 #[test]
-fn the_metadata_says_how_each_network_was_trained() {
-    let facts = |file| {
-        let metadata = imported(file).weights.metadata;
-        [CLASSES_KEY, NORM_KEY, CHANNELS_KEY, CAMERA_3X3_KEY, SAMPLING_KEY].map(|key| metadata.get(key).cloned())
-    };
-    let some = |facts: [&str; 5]| facts.map(|fact| Some(fact.to_owned()));
-    assert_eq!(facts("official_legacy.pth"), some(["Car,Cyclist,Pedestrian", "group", "bgr", "true", "half_pixel"]));
-    assert_eq!(facts("mmdet3d_zip.pth"), some(["Car,Cyclist,Pedestrian", "group", "rgb", "false", "pixel_exact"]));
-    assert_eq!(facts("imagenet_zip.pth"), [None, None, Some("rgb".to_owned()), None, None]);
+fn the_config_says_how_each_network_was_trained() {
+    let narrow = ModelConfig { level_channels: Some([16; 6]), head_channels: Some(16), ..ModelConfig::default() };
+    let official = Quirks { camera_3x3: true, channels: ChannelOrder::Bgr, sampling: Sampling::HalfPixel };
+    let table = [
+        ("official_legacy.pth", Some(ModelConfig { quirks: official, ..narrow.clone() })),
+        ("mmdet3d_zip.pth", Some(narrow)),
+        ("imagenet_zip.pth", None),
+    ];
+    for (file, config) in table {
+        assert_eq!(imported(file).config, config, "{file}");
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
 use farsight_data::{Batch, KittiDataset, Loader, LoaderConfig, Position};
 use farsight_net::build::network;
-use farsight_net::durable::{DurableError, write_atomically};
+use farsight_files::{DurableError, write_atomically};
 use farsight_net::graph::{LOGITS, NodeId, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};

@@ -19,7 +19,7 @@ const MIN_PANEL_PX: f64 = 320.0;
 
 /// The annotated image with the bird's-eye view: below a wide image such as KITTI's, to the right of others.
 ///
-/// An image that cannot be drawn on (no pixels, or more than 2^29) comes back as it is.
+/// An image that cannot be drawn on (no pixels, or too many for memory) comes back as it is.
 pub fn picture(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
     composed(image, scene, options).unwrap_or_else(|| image.clone())
 }

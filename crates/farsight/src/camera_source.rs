@@ -11,6 +11,7 @@ use crate::names::stem;
 
 /// The camera options, of which one is needed for images that do not lie in KITTI's layout.
 #[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Camera (images in KITTI's layout bring their own)")]
 pub(crate) struct CameraArgs {
     /// Calibration in KITTI's format (its row P2), or a folder with one for each image (IMAGE.txt)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["fx", "hfov"])]
@@ -40,7 +41,8 @@ fn number(text: &str) -> Result<f64, String> {
 }
 
 fn finite(text: &str) -> Result<f64, String> {
-    number(text).and_then(|value| if value.is_finite() { Ok(value) } else { Err("expected a finite number".to_owned()) })
+    number(text)
+        .and_then(|value| if value.is_finite() { Ok(value) } else { Err("expected a finite number".to_owned()) })
 }
 
 fn focal(text: &str) -> Result<f64, String> {
@@ -128,9 +130,9 @@ mod tests {
 
     const CALIBRATION: &str = "P2: 700 0 600 45 0 700 170 0.2 0 0 1 0.003\n";
 
-    fn source(args: CameraArgs, images: &[&Path]) -> anyhow::Result<CameraSource> {
+    fn source(args: &CameraArgs, images: &[&Path]) -> anyhow::Result<CameraSource> {
         let images: Vec<_> = images.iter().map(|path| path.to_path_buf()).collect();
-        CameraSource::new(&args, &images)
+        CameraSource::new(args, &images)
     }
 
     #[test]
@@ -142,7 +144,7 @@ mod tests {
         let image = folder.path().join("image_2/000007.png");
         fs::write(&image, "").unwrap();
         fs::write(folder.path().join("calib/000007.txt"), CALIBRATION).unwrap();
-        let found = source(CameraArgs::default(), &[&image]).unwrap();
+        let found = source(&CameraArgs::default(), &[&image]).unwrap();
         assert!((found.camera(&image, [1242, 375]).unwrap().focal_x() - 700.0).abs() < 1.0);
 
         let other = folder.path().join("image_2/000008.png");
@@ -151,7 +153,7 @@ mod tests {
         assert!(error.ends_with(
             "000008.png: no camera, and no calibration beside it; give one of --calib FILE, --fx PIXELS or --hfov DEGREES"
         ));
-        assert!(source(CameraArgs::default(), &[&other]).is_err());
+        assert!(source(&CameraArgs::default(), &[&other]).is_err());
     }
 
     #[test]
@@ -159,7 +161,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("front.txt"), CALIBRATION).unwrap();
         let args = CameraArgs { calib: Some(folder.path().to_owned()), ..CameraArgs::default() };
-        let found = source(args, &[]).unwrap();
+        let found = source(&args, &[]).unwrap();
         assert!(found.camera(Path::new("elsewhere/front.jpg"), [10, 10]).is_ok());
         let error = found.camera(Path::new("rear.jpg"), [10, 10]).unwrap_err().to_string();
         assert!(error.contains("rear.txt: cannot be read"), "{error}");
@@ -168,7 +170,7 @@ mod tests {
     #[test]
     fn missing_intrinsics_come_from_the_image() {
         let args = CameraArgs { fx: Some(1000.0), cy: Some(500.0), ..CameraArgs::default() };
-        let camera = source(args, &[]).unwrap().camera(Path::new("a.png"), [1921, 1081]).unwrap();
+        let camera = source(&args, &[]).unwrap().camera(Path::new("a.png"), [1921, 1081]).unwrap();
         assert_eq!(camera, farsight_core::Camera::from_intrinsics(1000.0, 1000.0, 960.0, 500.0).unwrap());
     }
 }

@@ -33,12 +33,18 @@ fn images_of(argument: &Path) -> Result<Vec<PathBuf>, String> {
     let shown = argument.display();
     if argument.is_dir() {
         let images = folder_images(argument).map_err(|error| format!("{shown}: cannot be listed: {error}"))?;
-        return if images.is_empty() { Err(format!("{shown}: no images in this folder; {EXPECTED}")) } else { Ok(images) };
+        return if images.is_empty() {
+            Err(format!("{shown}: no images in this folder; {EXPECTED}"))
+        } else {
+            Ok(images)
+        };
     }
     let pattern = argument.to_string_lossy();
-    if argument.exists() || !pattern.contains(['*', '?', '[']) {
-        // Reading it gives the better message when it is missing.
+    if argument.exists() {
         return Ok(vec![argument.to_owned()]);
+    }
+    if !pattern.contains(['*', '?', '[']) {
+        return Err(format!("{shown}: no such file or folder; expected an image, a folder of images or a pattern"));
     }
     let matches = glob::glob(&pattern).map_err(|error| format!("{shown}: no pattern: {error}"))?;
     let images: Vec<PathBuf> = matches.filter_map(Result::ok).filter(|path| is_image(path)).collect();

@@ -33,7 +33,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Told) => ExitCode::from(1),
         Err(error) => {
-            printer.error(&format!("{error:#}"));
+            printer.failure(&error);
             ExitCode::from(2)
         }
     }

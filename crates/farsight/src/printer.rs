@@ -66,6 +66,11 @@ impl Printer {
         self.labelled("error", Style::Red, text);
     }
 
+    /// An error with its causes.
+    pub(crate) fn failure(&mut self, error: &anyhow::Error) {
+        self.error(&with_causes(error));
+    }
+
     /// What was done.
     pub(crate) fn status(&mut self, text: &str) {
         self.err.line(text);
@@ -91,5 +96,32 @@ impl Stream {
             Style::Cyan => "1;36",
         };
         if self.styled { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() }
+    }
+}
+
+/// The error and its causes in one line; a cause that the text before it tells already is not told again.
+fn with_causes(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
+        "" => cause,
+        told if told.contains(&cause) => text,
+        told => format!("{told}: {cause}"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+
+    use anyhow::{Context, Error};
+
+    use super::with_causes;
+
+    #[test]
+    fn causes_are_told_once() {
+        let cause = || Error::from(io::Error::other("disk on fire"));
+        assert_eq!(with_causes(&cause()), "disk on fire");
+        assert_eq!(with_causes(&cause().context("a.txt")), "a.txt: disk on fire");
+        let embedded: anyhow::Result<()> = Err(cause()).context("a.txt: disk on fire").context("while cleaning");
+        assert_eq!(with_causes(&embedded.unwrap_err()), "while cleaning: a.txt: disk on fire");
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use farsight_core::{Box3d, Detection};
-use farsight_net::durable::write_atomically;
+use farsight_files::write_atomically;
 use serde::Serialize;
 
 /// One image.

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use proptest::prelude::*;
 
-use super::{Block, covered_share_2d, iou_2d, iou_3d, iou_bev};
+use super::{Block, Overlap, covered_share_2d, iou_2d, iou_3d, iou_bev};
 use crate::{Box2d, Box3d, Dimensions};
 
 /// How far two ways of computing one overlap may differ.
@@ -115,7 +115,7 @@ proptest! {
         let Dimensions { height, width, length } = a.dimensions;
         let inner = Box3d { dimensions: Dimensions { height, width: width * share, length: length * share }, ..a };
         prop_assert!((iou_bev(&a, &inner) - share * share).abs() < TOLERANCE);
-        prop_assert!((Block::new(&inner).covered_share(&Block::new(&a)) - 1.0).abs() < TOLERANCE);
+        prop_assert!((Block::new(&inner).covered(&Block::new(&a)).bev - 1.0).abs() < TOLERANCE);
     }
 
     #[test]
@@ -212,7 +212,7 @@ fn boxes_that_only_say_not_there_coincide_from_above_alone() {
         location: [-1000.0; 3],
         yaw: -10.0,
     };
-    assert_eq!(Block::new(&nowhere).covered_share(&Block::new(&nowhere)), 1.0);
+    assert_eq!(Block::new(&nowhere).covered(&Block::new(&nowhere)), Overlap { bev: 1.0, volume: 0.0 });
     assert_eq!(iou_3d(&nowhere, &nowhere), 0.0);
 }
 

@@ -6,9 +6,8 @@ use std::{fs, io};
 
 use farsight_core::Camera;
 use farsight_core::camera::CameraError;
+use farsight_files::write_quickly;
 use thiserror::Error;
-
-use crate::durable;
 
 /// A 3x4 matrix, row by row.
 pub type Matrix3x4 = [[f64; 4]; 3];
@@ -196,8 +195,8 @@ impl Calibration {
     /// # Errors
     /// When the folder cannot be written to.
     pub fn write(&self, path: &Path) -> Result<(), CalibrationError> {
-        durable::write(path, self.to_text().as_bytes())
-            .map_err(|source| CalibrationError::Write { path: path.to_owned(), source })
+        write_quickly(path, |file| file.write_all(self.to_text().as_bytes()))
+            .map_err(|error| CalibrationError::Write { path: path.to_owned(), source: error.source })
     }
 }
 

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use farsight_core::{Detection, Label, ObjectClass};
+use farsight_files::write_quickly;
 use thiserror::Error;
 
 use super::fields::{Checks, Row, RowError, RowKind, row_from_fields};
-use crate::durable;
 
 /// What a result row says where a label has truncation and occlusion: KITTI's mark for "not given".
 ///
@@ -65,20 +65,23 @@ pub struct Skipped {
 /// # Errors
 /// At the first malformed line.
 pub fn rows_from_text(text: &str, path: &Path, kind: RowKind) -> Result<Vec<Row>, LineError> {
-    lines(text, path, kind).collect()
+    lines(text, path, kind).map(|line| line.map(|(row, _)| row)).collect()
 }
 
 /// The well-formed rows of `text` and a report of the others.
 pub fn rows_from_text_lenient(text: &str, path: &Path, kind: RowKind) -> (Vec<Row>, Skipped) {
     let mut skipped = Skipped::default();
-    let rows = lines(text, path, kind).filter_map(|row| {
-        row.map_err(|error| {
-            skipped.count += 1;
-            skipped.first.get_or_insert(error);
-        })
-        .ok()
-    });
-    (rows.collect(), skipped)
+    let mut rows = Vec::new();
+    for line in lines(text, path, kind) {
+        match line {
+            Ok((row, _)) => rows.push(row),
+            Err(error) => {
+                skipped.count += 1;
+                skipped.first.get_or_insert(error);
+            }
+        }
+    }
+    (rows, skipped)
 }
 
 /// The rows of a label or result file.
@@ -105,12 +108,19 @@ pub fn read_labels(path: &Path) -> Result<Vec<Label>, RowsError> {
     Ok(read_rows(path, RowKind::Label)?.into_iter().map(|row| row.label).collect())
 }
 
-/// The detections of a result file. Their alpha is computed from the box; [`read_rows`] keeps the written one.
+/// The detections of a result file, with their error bars when there is a 17th column.
+///
+/// Their alpha is computed from the box; [`read_rows`] keeps the written one.
 ///
 /// # Errors
 /// As [`read_rows`].
 pub fn read_results(path: &Path) -> Result<Vec<Detection>, RowsError> {
-    Ok(read_rows(path, RowKind::Result)?.into_iter().map(Row::into_detection).collect())
+    let text = read_text(path)?;
+    let detections = lines(&text, path, RowKind::Result).map(|line| {
+        let (row, range_sigma_m) = line?;
+        Ok(Detection { range_sigma_m, ..row.into_detection() })
+    });
+    detections.collect()
 }
 
 /// A label file, as KITTI writes it: two decimals, and none for the numbers that `DontCare` rows have only for form.
@@ -136,17 +146,19 @@ pub fn text_from_labels(labels: &[Label]) -> String {
 
 /// A result file, four decimals, truncation and occlusion `-1 -1` (not given).
 ///
+/// A detection with an error bar has it in a 17th column, which the devkit and its copies read past.
 /// Without detections the text is empty; the file must be written all the same, evaluators ask for one a frame.
 pub fn text_from_results(detections: &[Detection]) -> String {
     let mut text = String::new();
     for detection in detections {
-        let Detection { class, score, box2d, box3d, .. } = detection;
+        let Detection { class, score, box2d, box3d, range_sigma_m } = detection;
         push_words(&mut text, [class.name().to_owned(), NOT_GIVEN.to_string(), NOT_GIVEN.to_string()]);
         let [x, y, z] = box3d.location;
         let d = box3d.dimensions;
         let image = [detection.alpha(), box2d.x1, box2d.y1, box2d.x2, box2d.y2];
         let scene = [d.height, d.width, d.length, x, y, z, box3d.yaw, *score];
-        push_words(&mut text, image.iter().chain(&scene).map(|v| format!("{v:.4}")));
+        let numbers = image.iter().chain(&scene).chain(range_sigma_m);
+        push_words(&mut text, numbers.map(|v| format!("{v:.4}")));
         end_line(&mut text);
     }
     text
@@ -168,14 +180,33 @@ pub fn write_results(path: &Path, detections: &[Detection]) -> Result<(), RowsEr
     write_text(path, &text_from_results(detections))
 }
 
-fn lines<'a>(text: &'a str, path: &'a Path, kind: RowKind) -> impl Iterator<Item = Result<Row, LineError>> + 'a {
+/// The rows of `text`, each with the error bar of a result's 17th column.
+fn lines<'a>(
+    text: &'a str,
+    path: &'a Path,
+    kind: RowKind,
+) -> impl Iterator<Item = Result<(Row, Option<f64>), LineError>> + 'a {
     let words = text.lines().map(|line| line.split_ascii_whitespace().collect::<Vec<_>>());
     words.zip(1..).filter(|(words, _)| !words.is_empty()).map(move |(words, line)| {
-        row_from_fields(&words, kind, Checks::Ranges).map_err(|problem| LineError {
-            path: path.to_owned(),
-            line,
-            problem,
-        })
+        row_and_sigma(&words, kind).map_err(|problem| LineError { path: path.to_owned(), line, problem })
+    })
+}
+
+fn row_and_sigma(words: &[&str], kind: RowKind) -> Result<(Row, Option<f64>), RowError> {
+    let (words, sigma) = match (kind, words.split_at_checked(kind.columns())) {
+        (RowKind::Result, Some((row, [sigma]))) => (row, Some(sigma_from_field(sigma)?)),
+        _ => (words, None),
+    };
+    Ok((row_from_fields(words, kind, Checks::Ranges)?, sigma))
+}
+
+fn sigma_from_field(field: &str) -> Result<f64, RowError> {
+    let sigma = field.parse().ok().filter(|sigma: &f64| sigma.is_finite() && *sigma >= 0.0);
+    sigma.ok_or_else(|| RowError::Field {
+        number: RowKind::Result.columns() + 1,
+        name: "range_sigma_m",
+        found: field.to_owned(),
+        expected: "the error bar of the distance, metres, or nothing",
     })
 }
 
@@ -184,7 +215,7 @@ fn read_text(path: &Path) -> Result<String, RowsError> {
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), RowsError> {
-    durable::write(path, text.as_bytes()).map_err(|source| RowsError::Write { path: path.to_owned(), source })
+    write_quickly(path, |file| file.write_all(text.as_bytes())).map_err(|e| RowsError::Write { path: path.to_owned(), source: e.source })
 }
 
 fn push_words(text: &mut String, words: impl IntoIterator<Item = String>) {

@@ -28,7 +28,7 @@ fn projection_commutes_with_crop_scale_pad_and_mirror() {
     let window = Affine2::window([0.55 * width, 0.4 * height], 1.3 * width, [1280, 384]);
     let mirror = Affine2::mirror(IMAGE_SIZE[0]);
     let mut points = 0;
-    for view in &views {
+    for view in views {
         for label in view.labels.iter().filter(|label| labelled(label)) {
             for corner in label.box3d.corners().into_iter().filter(|corner| corner[2] > NEAR_M) {
                 let pixel = view.camera.pixel_from_point(corner).unwrap();
@@ -56,7 +56,7 @@ fn decode_inverts_encode_on_every_visible_object() {
     let codec = Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI };
     let input = Affine2::window([621.0, 187.5], 1242.0, [1280, 384]);
     let mut visible = 0;
-    for view in &views {
+    for view in views {
         let camera = feature_camera(&view.camera.transformed(&input));
         for label in view.labels.iter().filter(|label| in_image(label, &view.camera)) {
             let Some(class) = codec.classes.iter().position(|c| c.class == label.class) else { continue };

@@ -95,7 +95,8 @@ fn files_that_are_no_images_are_refused_by_name() {
         ("cut.png", &png[..png.len() / 2], ": damaged image: "),
         ("head.png", &png[..20], ": damaged image: "),
         ("head.jpg", &jpeg[..20], ": damaged image: "),
-        ("cut.jpg", &jpeg[..jpeg.len() / 2], ": damaged image: "),
+        ("cut.jpg", &jpeg[..jpeg.len() / 2], ": cut off: no end-of-image marker"),
+        ("almost.jpg", &jpeg[..jpeg.len() - 2], ": cut off: no end-of-image marker"),
     ];
     for (name, bytes, expected) in cases {
         let text = message(&written(&folder, name, bytes));

@@ -30,6 +30,7 @@ fn config() -> LoaderConfig {
 }
 
 /// Some work that takes unequal time, so that workers overtake each other.
+#[expect(clippy::unnecessary_wraps, reason = "the loader asks for a result")]
 fn draw(key: ItemKey) -> Result<Drawn, BadItem> {
     let mut rng = key.rng();
     std::thread::sleep(Duration::from_micros(rng.random_range(0..300)));
@@ -100,7 +101,8 @@ fn a_bad_item_is_the_error_of_its_batch_and_the_next_batch_comes() {
         9 => panic!("item nine"),
         index => Ok(index),
     });
-    let outcomes: Vec<_> = loader.unwrap().map(|batch| batch.map(|batch| batch.items).map_err(|e| e.to_string())).collect();
+    let outcomes: Vec<_> =
+        loader.unwrap().map(|batch| batch.map(|batch| batch.items).map_err(|e| e.to_string())).collect();
     assert_eq!(outcomes.len(), 6);
     assert_eq!(outcomes[0], Ok(vec![0, 1, 2, 3]));
     assert_eq!(outcomes[1], Err("item 5 of epoch 0: bad item".to_owned()));

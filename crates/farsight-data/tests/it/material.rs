@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
 use farsight_core::{Camera, Label};
 use farsight_data::kitti::{Calibration, read_labels};
@@ -79,8 +80,13 @@ pub(crate) struct LabelledView {
 /// KITTI's frames come in four sizes; where only labels are at hand, this one is taken.
 pub(crate) const IMAGE_SIZE: [usize; 2] = [1242, 375];
 
-/// Cameras and labels of all 7,481 frames, sorted by id.
-pub(crate) fn all_views() -> Option<Vec<LabelledView>> {
+/// Cameras and labels of all 7,481 frames, sorted by id; unpacked once for all tests.
+pub(crate) fn all_views() -> Option<&'static [LabelledView]> {
+    static VIEWS: OnceLock<Option<Vec<LabelledView>>> = OnceLock::new();
+    VIEWS.get_or_init(read_views).as_deref()
+}
+
+fn read_views() -> Option<Vec<LabelledView>> {
     let unpacked = unpacked("labels-and-calib.tar.xz")?;
     let training = unpacked.path().join("training");
     let mut files: Vec<_> =

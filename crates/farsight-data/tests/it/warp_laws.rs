@@ -121,7 +121,8 @@ fn black() -> [f32; 3] {
 
 #[test]
 fn a_half_pixel_mirror_and_window_in_one_are_the_mirror_then_the_window() {
-    let image = RgbImage::from_fn(40, 12, |x, y| image::Rgb([(x * 37 % 251) as u8, (y * 91 % 241) as u8, (x * y) as u8]));
+    let image =
+        RgbImage::from_fn(40, 12, |x, y| image::Rgb([(x * 37 % 251) as u8, (y * 91 % 241) as u8, (x * y) as u8]));
     let rules = rules([32, 32], Sampling::HalfPixel);
     for width in [24.3, 40.0, 55.7] {
         let window = Affine2::window([18.0, 6.3], width, rules.size);

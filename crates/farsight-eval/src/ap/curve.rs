@@ -106,18 +106,19 @@ fn first_reached(limits: &[f64], score: f64) -> usize {
 
 fn count_at_limits(scenes: &ClassScenes, matching: &Matching, scores: &Scores, limits: &[f64]) -> Vec<Limit> {
     let mut totals = vec![Counts::default(); limits.len()];
-    let mut taken = Vec::new();
-    let mut starts = Vec::new();
+    let (mut taken, mut reached, mut starts) = (Vec::new(), Vec::new(), Vec::new());
     for scene in scenes {
-        // A frame looks the same at all limits between two scores of its claims: it is matched once for each such stretch.
+        reached.clear();
+        reached.extend(scene.claims.iter().map(|claim| first_reached(limits, claim.score)));
+        // A frame looks the same at all limits between two scores of its candidates: it is matched once for each such stretch.
         starts.clear();
-        starts.extend(scene.claims.iter().map(|claim| first_reached(limits, claim.score)));
+        starts.extend(candidates(scene, matching).map(|position| reached[position]));
         starts.push(0);
         starts.sort_unstable();
         starts.dedup();
         for (i, &start) in starts.iter().enumerate().take_while(|(_, start)| **start < limits.len()) {
             let end = starts.get(i + 1).map_or(limits.len(), |&end| end.min(limits.len()));
-            let here = counts(scene, matching, &mut taken, |claim| first_reached(limits, claim.score) <= start);
+            let here = counts(scene, matching, &mut taken, |position| reached[position] <= start);
             for total in &mut totals[start..end] {
                 total.found += here.found;
                 total.missed += here.missed;
@@ -134,6 +135,13 @@ fn count_at_limits(scenes: &ClassScenes, matching: &Matching, scores: &Scores, l
         similarity: total.similarity,
     };
     limits.iter().zip(&totals).map(limit).collect()
+}
+
+/// Positions of the claims that can match some object.
+fn candidates<'a>(scene: &'a super::Scene, matching: &'a Matching) -> impl Iterator<Item = usize> + 'a {
+    let overlapping = scene.objects.iter().flat_map(|object| &object.overlapping);
+    let enough = overlapping.filter(|(_, overlaps)| overlaps.get(matching.metric) > matching.min_overlap);
+    enough.map(|(position, _)| *position)
 }
 
 /// `part / (true + false positives)` at each limit, then the largest value from there on.

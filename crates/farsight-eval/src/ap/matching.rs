@@ -79,12 +79,12 @@ pub(super) fn first_pass_scores(scene: &Scene, matching: &Matching, taken: &mut 
     }
 }
 
-/// The second pass: what becomes of each object when only the claims that `takes_part` names are there.
+/// The second pass: what becomes of each object when only the claims at the positions that `takes_part` names are there.
 pub(crate) fn fates<'a>(
     scene: &'a Scene,
     matching: &'a Matching,
     taken: &'a mut Vec<bool>,
-    takes_part: impl Fn(&SceneClaim) -> bool + 'a,
+    takes_part: impl Fn(usize) -> bool + 'a,
 ) -> impl Iterator<Item = Fate> + 'a {
     taken.clear();
     taken.resize(scene.claims.len(), false);
@@ -92,14 +92,13 @@ pub(crate) fn fates<'a>(
         let mut best: Option<(usize, f64)> = None;
         let mut small = None;
         for &(position, overlaps) in &object.overlapping {
-            let claim = &scene.claims[position];
             let overlap = overlaps.get(matching.metric);
-            if overlap <= matching.min_overlap || taken[position] || !takes_part(claim) {
+            if overlap <= matching.min_overlap || taken[position] || !takes_part(position) {
                 continue;
             }
-            match claim.role_at(matching.difficulty) {
+            match scene.claims[position].role_at(matching.difficulty) {
                 ClaimRole::Counts if best.is_none_or(|(_, largest)| overlap > largest) => {
-                    best = Some((position, overlap))
+                    best = Some((position, overlap));
                 }
                 ClaimRole::TooSmall => small = small.or(Some(position)),
                 ClaimRole::Counts | ClaimRole::Other => {}
@@ -120,14 +119,15 @@ pub(super) fn counts(
     scene: &Scene,
     matching: &Matching,
     taken: &mut Vec<bool>,
-    takes_part: impl Fn(&SceneClaim) -> bool,
+    takes_part: impl Fn(usize) -> bool,
 ) -> Counts {
     let mut counts = Counts::default();
     for (fate, object) in fates(scene, matching, taken, takes_part).zip(&scene.objects) {
         match fate {
             Fate::Found(position) => {
                 counts.found += 1;
-                counts.similarity += (1.0 + (object.label.alpha_rad - scene.claims[position].alpha_rad).cos()) / 2.0;
+                let turn = object.label.alpha_rad - scene.claims[position].alpha_rad;
+                counts.similarity += 0.5 * (1.0 + turn.cos());
             }
             Fate::Missed => counts.missed += 1,
             Fate::Taken(_) | Fate::Left => {}

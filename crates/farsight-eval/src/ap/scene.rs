@@ -1,7 +1,7 @@
 //! What one frame comes down to for one class.
 
 use farsight_core::Label;
-use farsight_core::overlap::{Block, Overlap, covered_share_2d, iou_2d};
+use farsight_core::overlap::{Block, covered_share_2d, iou_2d};
 
 use super::{Metric, Overlaps};
 use crate::class::{Role, is_dont_care};
@@ -141,6 +141,12 @@ impl<'a> Prepared<'a> {
                 scene.claims.push(SceneClaim { index, is_own, size, score, alpha_rad, excuse });
             }
         }
+        // Scenes are kept for the whole set.
+        scene.claims.shrink_to_fit();
+        for object in &mut objects {
+            object.overlapping.shrink_to_fit();
+        }
+        objects.shrink_to_fit();
         scene.objects = objects;
         scene
     }
@@ -155,7 +161,7 @@ impl<'a> Prepared<'a> {
     fn excuse(&self, claim: usize) -> Overlaps {
         let covered = self.dont_care.iter().map(|&region| Overlaps {
             image: covered_share_2d(&self.frame.claims[claim].detection.box2d, &self.frame.labels[region].box2d),
-            scene: Overlap { bev: self.claim_blocks[claim].covered_share(&self.label_blocks[region]), volume: 0.0 },
+            scene: self.claim_blocks[claim].covered(&self.label_blocks[region]),
         });
         covered.fold(Overlaps::default(), Overlaps::largest)
     }

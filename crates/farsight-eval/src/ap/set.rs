@@ -28,8 +28,8 @@ pub struct SceneSet {
 struct SizedScores([Vec<f64>; 3]);
 
 /// Scores of the detections that count and that no `DontCare` region excuses, highest first.
-pub(super) struct Scores {
-    counting: Vec<f64>,
+pub(super) struct Scores<'a> {
+    counting: &'a [f64],
     excused: Vec<f64>,
 }
 
@@ -39,10 +39,15 @@ impl SceneSet {
         Self::default()
     }
 
+    /// What `frame` comes down to for `class`.
+    pub fn scene(frame: &Frame, class: EvaluatedClass) -> Scene {
+        Prepared::new(frame).scene(class, &classes_of(frame))
+    }
+
     /// Boils `frame` down, alone; the frames of a large set can be observed on many threads.
     pub fn observe(frame: &Frame) -> Self {
         let prepared = Prepared::new(frame);
-        let classes: Vec<_> = frame.claims.iter().map(|claim| EvaluatedClass::of(&claim.detection.class)).collect();
+        let classes = classes_of(frame);
         let mut set = Self::new();
         for class in EvaluatedClass::ALL {
             let mut scene = prepared.scene(class, &classes);
@@ -98,13 +103,17 @@ impl SceneSet {
                 let matching = Matching::new(set, metric, class, difficulty);
                 let scenes = &self.scenes[class as usize];
                 let excused = excused_scores(scenes, &matching);
-                let counting = counting[class as usize][difficulty as usize].clone();
+                let counting = &counting[class as usize][difficulty as usize];
                 let with_orientation = metric == Metric::Image && !self.lacks_alpha;
                 Curve::new(scenes, &matching, &Scores { counting, excused }, with_orientation)
             })
         });
         ApReport::new(curves.collect(), !self.lacks_alpha)
     }
+}
+
+fn classes_of(frame: &Frame) -> Vec<Option<EvaluatedClass>> {
+    frame.claims.iter().map(|claim| EvaluatedClass::of(&claim.detection.class)).collect()
 }
 
 impl SizedScores {
@@ -119,11 +128,11 @@ impl SizedScores {
     }
 }
 
-impl Scores {
+impl Scores<'_> {
     /// How many detections reach the limit.
     pub(super) fn reaching(&self, limit: f64) -> usize {
-        let count = |scores: &[f64]| scores.partition_point(|&score| !(score < limit));
-        count(&self.counting) - count(&self.excused)
+        let count = |scores: &[f64]| scores.partition_point(|&score| score >= limit || score.is_nan());
+        count(self.counting) - count(&self.excused)
     }
 }
 
@@ -137,6 +146,7 @@ fn excused_scores(scenes: &ClassScenes, matching: &Matching) -> Vec<f64> {
 }
 
 /// Falling, with those that are no numbers in front: they reach every limit.
+#[allow(clippy::trivially_copy_pass_by_ref)] // The signature that `sort_by` wants.
 fn highest_first(a: &f64, b: &f64) -> std::cmp::Ordering {
     b.is_nan().cmp(&a.is_nan()).then(b.total_cmp(a))
 }

@@ -6,7 +6,7 @@ use farsight_core::{Detection, Label};
 use super::RangingOptions;
 use crate::{Claim, Difficulty, EvaluatedClass, Frame};
 
-/// A detection finds an object when their 2D boxes overlap by at least this much.
+/// A detection finds an object when their 2D boxes overlap by at least this much, unless the options say otherwise.
 pub const MATCH_IOU: f64 = 0.5;
 
 /// A labelled object of an evaluated class, and how it was ranged if it was found.
@@ -14,6 +14,8 @@ pub const MATCH_IOU: f64 = 0.5;
 pub struct Target {
     /// Position of its frame in the set; frames are what the bootstrap draws.
     pub frame: u32,
+    /// Position of its label in the frame.
+    pub label: u32,
     /// Its class.
     pub class: EvaluatedClass,
     /// The easiest level at which it counts; `None` when it counts at none.
@@ -49,7 +51,8 @@ pub struct Measurement {
 ///
 /// Detections whose score, location or 2D box is not a finite number take no part.
 pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Target> {
-    let mut targets: Vec<_> = frame.labels.iter().map(|label| target(label, index)).collect();
+    let mut targets: Vec<_> =
+        frame.labels.iter().zip(0..).map(|(label, position)| target(label, [index, position])).collect();
     for (claim, position) in claims_by_score(&frame.claims, options) {
         let detection = &claim.detection;
         let Some(class) = EvaluatedClass::of(&detection.class) else { continue };
@@ -58,7 +61,7 @@ pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Targe
             Some((iou_2d(&detection.box2d, &label.box2d), target))
         });
         let best =
-            free.filter(|(iou, _)| *iou >= MATCH_IOU).reduce(|best, next| if next.0 > best.0 { next } else { best });
+            free.filter(|(iou, _)| *iou >= options.min_iou).reduce(|best, next| if next.0 > best.0 { next } else { best });
         if let Some((_, target)) = best {
             target.found = Some(measurement(detection, position));
         }
@@ -80,13 +83,14 @@ fn claims_by_score<'a>(claims: &'a [Claim], options: &RangingOptions) -> Vec<(&'
     taking_part
 }
 
-fn target(label: &Label, frame: u32) -> Option<Target> {
+fn target(label: &Label, [frame, position]: [u32; 2]) -> Option<Target> {
     let depth_m = label.box3d.depth_m();
     let ground_m = label.box3d.ground_distance_m();
     let class = EvaluatedClass::of(&label.class).filter(|_| depth_m.is_finite() && ground_m.is_finite())?;
     let Label { occlusion, truncation, .. } = *label;
     Some(Target {
         frame,
+        label: position,
         class,
         difficulty: Difficulty::of(label),
         occlusion,

@@ -34,6 +34,8 @@ pub use slices::{DISTANCE_BINS, Group, Part, Slice};
 pub struct RangingOptions {
     /// Detections with a lower score take no part; `None` takes all.
     pub min_score: Option<f64>,
+    /// Smallest 2D overlap (`IoU`) at which a detection finds an object; [`MATCH_IOU`] in the protocol.
+    pub min_iou: f64,
     /// How intervals are found; `None` leaves them out.
     pub bootstrap: Option<Bootstrap>,
 }
@@ -41,6 +43,6 @@ pub struct RangingOptions {
 impl Default for RangingOptions {
     /// All detections, 1,000 resamples.
     fn default() -> Self {
-        Self { min_score: None, bootstrap: Some(Bootstrap::default()) }
+        Self { min_score: None, min_iou: MATCH_IOU, bootstrap: Some(Bootstrap::default()) }
     }
 }

@@ -1,5 +1,6 @@
 //! Where the shared test data lies, and how it becomes frames.
 #![allow(dead_code, unreachable_pub)] // Each test file is a crate of its own and uses a part.
+#![allow(clippy::unwrap_used)] // Helpers of tests.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -4,26 +4,17 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
 
+use farsight_core::input::{ChannelOrder, Sampling};
+
 use super::error::{CheckpointError, CheckpointProblem};
 use super::names::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 use super::read_pth;
+use crate::config::{ModelConfig, NormKind, Quirks};
 use crate::weights::{WeightTensor, Weights, is_step_counter};
 
 /// Metadata key: whose checkpoint it was, see [`Layout::name`].
 pub const SOURCE_KEY: &str = "farsight.source.layout";
-/// Metadata key: the classes of the heat map in the order of its channels.
-pub const CLASSES_KEY: &str = "farsight.classes";
-/// Metadata key: `group` or `batch`.
-pub const NORM_KEY: &str = "farsight.norm";
-/// Metadata key: `rgb` or `bgr`, the order of the input channels (spec section 8).
-pub const CHANNELS_KEY: &str = "farsight.quirks.channels";
-/// Metadata key: `true` where the network was trained without the fourth column of the projection (spec section 5.6).
-pub const CAMERA_3X3_KEY: &str = "farsight.quirks.camera_3x3";
-/// Metadata key: `half_pixel` or `pixel_exact`, where the input's warp looks in the image (spec section 8).
-pub const SAMPLING_KEY: &str = "farsight.quirks.sampling";
-
-/// The order of the classes in Farsight, which is official SMOKE's. mmdetection3d has it the other way round.
-const CLASS_ORDER: &str = "Car,Cyclist,Pedestrian";
+/// SMOKE's classes. Farsight has them in the official order; mmdetection3d has them the other way round.
 const CLASS_COUNT: usize = 3;
 
 /// The last convolution before the heat map.
@@ -39,8 +30,10 @@ pub struct ImportOptions {
 /// A checkpoint in Farsight's terms, and what did not fit.
 #[derive(Debug, Clone)]
 pub struct Imported {
-    /// The tensors by their canonical names; the metadata says how the network was trained to be run.
+    /// The tensors by their canonical names.
     pub weights: Weights,
+    /// The network they are weights of, and how it was trained to be run; `None` for a backbone alone (ImageNet).
+    pub config: Option<ModelConfig>,
     /// Whose checkpoint it was.
     pub layout: Layout,
     /// Tensors of the file that Farsight has no place for, by the file's names, sorted. Step counters of batch norm are not counted.
@@ -52,7 +45,7 @@ pub struct Imported {
 /// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or an ImageNet DLA-34.
 ///
 /// Beside the names, only mmdetection3d's class order changes: its heat map's channels are put in the official order. Everything else
-/// that the two do differently is recorded in the metadata.
+/// that the two do differently is recorded as quirks in the config.
 ///
 /// # Errors
 /// [`CheckpointError`] names the file, and the tensor where there is one.
@@ -78,8 +71,9 @@ fn translate(found: BTreeMap<String, WeightTensor>, options: ImportOptions) -> R
     if layout == Layout::Mmdet3d {
         reverse_classes(&mut tensors)?;
     }
-    let (missing, metadata) = (missing(&tensors), metadata(layout, is_batch_normed(&tensors)));
-    Ok(Imported { weights: Weights { tensors, metadata }, layout, left_over, missing })
+    let (missing, config) = (missing(&tensors), config(layout, &tensors));
+    let metadata = BTreeMap::from([(SOURCE_KEY.to_owned(), layout.name().to_owned())]);
+    Ok(Imported { weights: Weights { tensors, metadata }, config, layout, left_over, missing })
 }
 
 /// Turns Pedestrian, Cyclist, Car into Car, Cyclist, Pedestrian, or back.
@@ -110,27 +104,28 @@ fn missing(tensors: &BTreeMap<String, WeightTensor>) -> Vec<String> {
     expected
 }
 
-/// What a program must know to run the network as it was trained (spec section 13).
-fn metadata(layout: Layout, batch_normed: bool) -> BTreeMap<String, String> {
-    let norm = if batch_normed { "batch" } else { "group" };
-    let facts: &[(&str, &str)] = match layout {
-        Layout::OfficialSmoke => &[
-            (CLASSES_KEY, CLASS_ORDER),
-            (NORM_KEY, norm),
-            (CHANNELS_KEY, "bgr"),
-            (CAMERA_3X3_KEY, "true"),
-            (SAMPLING_KEY, "half_pixel"),
-        ],
-        Layout::Mmdet3d => &[
-            (CLASSES_KEY, CLASS_ORDER),
-            (NORM_KEY, norm),
-            (CHANNELS_KEY, "rgb"),
-            (CAMERA_3X3_KEY, "false"),
-            (SAMPLING_KEY, "pixel_exact"),
-        ],
+/// SMOKE as wide as the tensors are, with the habits of the program that trained it (spec section 13).
+fn config(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Option<ModelConfig> {
+    let quirks = match layout {
+        Layout::OfficialSmoke => {
+            Quirks { camera_3x3: true, channels: ChannelOrder::Bgr, sampling: Sampling::HalfPixel }
+        }
+        Layout::Mmdet3d => Quirks::default(),
         // A classifier has no camera, and its norms are only a start.
-        Layout::ImagenetDla34 => &[(CHANNELS_KEY, "rgb")],
+        Layout::ImagenetDla34 => return None,
     };
-    let source = [(SOURCE_KEY, layout.name())];
-    source.iter().chain(facts).map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect()
+    let norm = if is_batch_normed(tensors) { NormKind::Batch } else { NormKind::Group };
+    let smoke = ModelConfig { norm, quirks, ..ModelConfig::default() };
+    let width = |name: &str| tensors.get(name).and_then(|tensor| tensor.shape.first()).copied();
+    let level = |layer: &str| width(&format!("backbone.body.base.{layer}.weight"));
+    let last_layers =
+        ["level0.0", "level1.0", "level2.root.conv", "level3.tree2.root.conv", "level4.tree2.root.conv", "level5.root.conv"];
+    let standard = smoke.channels();
+    let channels = std::array::from_fn(|i| level(last_layers[i]).unwrap_or(standard[i]));
+    let head = width("heads.predictor.class_head.0.weight").unwrap_or(smoke.head_width());
+    Some(ModelConfig {
+        level_channels: (channels != standard).then_some(channels),
+        head_channels: (head != smoke.head_width()).then_some(head),
+        ..smoke
+    })
 }

@@ -19,9 +19,7 @@ use std::path::Path;
 use crate::weights::WeightTensor;
 
 pub use error::{CheckpointError, CheckpointProblem};
-pub use import::{
-    CAMERA_3X3_KEY, CHANNELS_KEY, CLASSES_KEY, ImportOptions, Imported, NORM_KEY, SAMPLING_KEY, SOURCE_KEY, import,
-};
+pub use import::{ImportOptions, Imported, SOURCE_KEY, import};
 pub use names::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 pub use pickle::PickleError;
 

@@ -1,5 +1,6 @@
 //! One file a command.
 
+mod eval;
 mod import;
 mod info;
 mod range;
@@ -15,6 +16,8 @@ use crate::printer::Printer;
 pub(crate) enum Command {
     /// Find vehicles in images and say how far away each is
     Range(range::RangeArgs),
+    /// Judge result files as KITTI does, and their errors of distance
+    Eval(Box<eval::EvalArgs>),
     /// Train a model
     Train(train::TrainArgs),
     /// Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
@@ -37,6 +40,7 @@ impl Command {
     pub(crate) fn run(self, printer: &mut Printer) -> Result<Outcome> {
         match self {
             Self::Range(args) => range::run(&args, printer),
+            Self::Eval(args) => eval::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),
             Self::Import(args) => import::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),

@@ -31,16 +31,34 @@ pub struct DurableError {
 /// # Errors
 /// [`DurableError`] names the target, the step and the system's answer; an error of `write` is passed on in it.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), DurableError> {
+    write_through(path, true, write)
+}
+
+/// As [`write_atomically`], without waiting for the disk: for label and result files, which come by the thousand and can be made again.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), DurableError> {
+    write_through(path, false, write)
+}
+
+fn write_through(
+    path: &Path,
+    sync: bool,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), DurableError> {
     let failed = |step| move |source| DurableError { path: path.to_path_buf(), step, source };
     let (scratch, file) = Scratch::beside(path).map_err(failed("create a scratch file beside it"))?;
     let mut buffered = BufWriter::new(file);
     write(&mut buffered).map_err(failed("write it"))?;
     let file = buffered.into_inner().map_err(io::IntoInnerError::into_error).map_err(failed("write it"))?;
-    file.sync_all().map_err(failed("sync it"))?;
+    if sync {
+        file.sync_all().map_err(failed("sync it"))?;
+    }
     // Some systems refuse to rename a file that is still open.
     drop(file);
     scratch.become_file(path).map_err(failed("rename its scratch file"))?;
-    sync_folder(folder_of(path)).map_err(failed("sync its folder"))
+    if sync { sync_folder(folder_of(path)).map_err(failed("sync its folder")) } else { Ok(()) }
 }
 
 /// A scratch file, removed when dropped unless it became the target.

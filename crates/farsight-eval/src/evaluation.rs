@@ -1,0 +1,93 @@
+//! Frames in, report out.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+use crate::Frame;
+use crate::ap::{ApReport, OverlapSet, SceneSet};
+use crate::ranging::{RangingOptions, RangingReport, Target, targets};
+
+/// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
+///
+/// A frame is boiled down at once and need not be kept. Two evaluations join into one, so frames can be evaluated on many threads:
+/// the report depends on the order of the frames only. It holds a few kilobytes a frame.
+///
+/// ```
+/// use farsight_eval::{Evaluation, Frame, ranging::RangingOptions};
+/// # let validation_frames: Vec<Frame> = vec![];
+/// let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
+/// for frame in &validation_frames {
+///     evaluation.add(frame);
+/// }
+/// let report = evaluation.report();
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Evaluation {
+    options: RangingOptions,
+    frames: usize,
+    scenes: SceneSet,
+    targets: Vec<Target>,
+}
+
+/// What an evaluation finds; in JSON as the command line promises it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Average precision, all curves.
+    pub ap: ApReport,
+    /// Errors of distance.
+    pub ranging: RangingReport,
+    /// How many frames were evaluated.
+    pub frames: usize,
+}
+
+impl Evaluation {
+    /// An evaluation without frames.
+    pub fn new(options: RangingOptions) -> Self {
+        Self { options, ..Self::default() }
+    }
+
+    /// Evaluates one more frame.
+    pub fn add(&mut self, frame: &Frame) {
+        self.scenes.append(SceneSet::observe(frame));
+        self.targets.extend(targets(frame, self.frames as u32, &self.options));
+        self.frames += 1;
+    }
+
+    /// Adds the frames of `later` after those that are here.
+    pub fn append(&mut self, later: Self) {
+        let first = self.frames as u32;
+        self.targets.extend(later.targets.into_iter().map(|target| Target { frame: first + target.frame, ..target }));
+        self.scenes.append(later.scenes);
+        self.frames += later.frames;
+    }
+
+    /// How many frames there are.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Every object of an evaluated class, with how it was ranged.
+    pub fn targets(&self) -> &[Target] {
+        &self.targets
+    }
+
+    /// The report on the frames so far.
+    pub fn report(&self) -> Report {
+        Report {
+            ap: self.scenes.report(),
+            ranging: RangingReport::new(&self.targets, self.frames, &self.options),
+            frames: self.frames,
+        }
+    }
+}
+
+impl Serialize for Report {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(4))?;
+        map.serialize_entry("ap", &self.ap.table(OverlapSet::Strict))?;
+        map.serialize_entry("ap_loose", &self.ap.table(OverlapSet::Loose))?;
+        map.serialize_entry("ranging", &self.ranging)?;
+        map.serialize_entry("frames", &self.frames)?;
+        map.end()
+    }
+}

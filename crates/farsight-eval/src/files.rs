@@ -1,0 +1,268 @@
+//! Folders of label and result files, read as the devkit reads them.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use farsight_data::kitti::{DevkitRow, Oddity, RowKind, rows_as_devkit};
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::ranging::RangingOptions;
+use crate::{Claim, EvaluatedClass, Evaluation, Findings, Frame};
+
+/// Frames read at a time: enough to keep all threads busy, few enough that memory does not grow with the set.
+const CHUNK: usize = 256;
+
+/// Files looked at to tell a label folder from a result folder.
+const PROBED_FILES: usize = 50;
+
+/// Where people's label files usually lie, and their result files.
+const USUAL_PLACES: [&str; 4] = ["training/label_2", "label_2", "data", "results/data"];
+
+/// Kinds of findings about whole files.
+const NOT_IN_SPLIT: &str = "result files of frames that are not in the split, left out";
+const WITHOUT_LABELS: &str = "result files without a label file, left out";
+const WITHOUT_RESULTS: &str =
+    "frames without a result file, left out (their objects do not count as missed; give --split to demand all)";
+
+/// A folder of labels and a folder of results with the frames to evaluate.
+#[derive(Debug, Clone)]
+pub struct FrameFiles {
+    labels: PathBuf,
+    results: PathBuf,
+    ids: Vec<String>,
+    /// Frames that have files but take no part.
+    left_out: Findings,
+}
+
+/// Folders or files that cannot be evaluated.
+#[derive(Debug, Error)]
+pub enum FilesError {
+    /// There is no such folder.
+    #[error("{}: no such folder; expected a folder of {what} files such as 000007.txt", path.display())]
+    NoFolder {
+        /// What was given.
+        path: PathBuf,
+        /// `label` or `result`.
+        what: &'static str,
+    },
+    /// The folder holds no text files.
+    #[error("{}: no .txt file in this folder; expected {what} files such as 000007.txt{}", path.display(), hint(inside.as_ref()))]
+    NoFiles {
+        /// What was given.
+        path: PathBuf,
+        /// `label` or `result`.
+        what: &'static str,
+        /// A folder inside that has some.
+        inside: Option<PathBuf>,
+    },
+    /// The folder cannot be listed, or a file cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The results have no scores.
+    #[error(
+        "{}: these are labels, not results: the rows have 15 fields; expected 16, the last one the score", path.display()
+    )]
+    LabelsAsResults {
+        /// The folder given as results.
+        path: PathBuf,
+    },
+    /// No frame has both files.
+    #[error("no frame has a label file in {} and a result file in {}; file names must be the same, such as 000007.txt", labels.display(), results.display())]
+    NothingInCommon {
+        /// The label folder.
+        labels: PathBuf,
+        /// The result folder.
+        results: PathBuf,
+    },
+    /// Frames of the split lack a file.
+    #[error("{count} of {total} frames of the split have no {what} file; the first is {}{}", expected.display(), remedy(what))]
+    Incomplete {
+        /// `label` or `result`.
+        what: &'static str,
+        /// How many.
+        count: usize,
+        /// Of how many.
+        total: usize,
+        /// The first that is missing.
+        expected: PathBuf,
+    },
+    /// A row that no figure should be made from.
+    #[error("{place}")]
+    Fatal {
+        /// File, line and what is wrong.
+        place: String,
+    },
+}
+
+fn hint(inside: Option<&PathBuf>) -> String {
+    inside.map_or_else(String::new, |inside| format!("; there are some in {}: give that folder", inside.display()))
+}
+
+fn remedy(what: &str) -> &'static str {
+    if what == "result" { " (a frame in which nothing was found needs an empty file)" } else { "" }
+}
+
+impl FrameFiles {
+    /// Looks at the folders; `split` names the frames to evaluate, otherwise all that have a result file.
+    ///
+    /// # Errors
+    /// When a folder is not there or holds something else, or a frame of the split lacks a file.
+    pub fn open(labels: &Path, results: &Path, split: Option<Vec<String>>) -> Result<Self, FilesError> {
+        let label_ids = ids_in(labels, "label")?;
+        let result_ids = ids_in(results, "result")?;
+        let (labels, results) = (labels.to_owned(), results.to_owned());
+        let mut left_out = Findings::default();
+        let ids: Vec<String> = if let Some(ids) = split {
+            require_all(&ids, &label_ids, &labels, "label")?;
+            require_all(&ids, &result_ids, &results, "result")?;
+            let wanted: BTreeSet<&String> = ids.iter().collect();
+            for id in result_ids.iter().filter(|id| !wanted.contains(id)) {
+                left_out.add(NOT_IN_SPLIT, || file(&results, id));
+            }
+            ids
+        } else {
+            for id in result_ids.difference(&label_ids) {
+                left_out.add(WITHOUT_LABELS, || file(&results, id));
+            }
+            for id in label_ids.difference(&result_ids) {
+                left_out.add(WITHOUT_RESULTS, || file(&labels, id));
+            }
+            label_ids.intersection(&result_ids).cloned().collect()
+        };
+        if ids.is_empty() {
+            return Err(FilesError::NothingInCommon { labels, results });
+        }
+        let files = Self { labels, results, ids, left_out };
+        if files.results_are_labels()? {
+            return Err(FilesError::LabelsAsResults { path: files.results });
+        }
+        Ok(files)
+    }
+
+    /// The frames, in the order of the evaluation.
+    pub fn ids(&self) -> &[String] {
+        &self.ids
+    }
+
+    /// Reads one frame and tells what is odd about its files.
+    ///
+    /// # Errors
+    /// When a file cannot be read or holds a row that the devkit would misread.
+    pub fn read(&self, id: &str) -> Result<(Frame, Findings), FilesError> {
+        let mut findings = Findings::default();
+        let labels = rows(&self.labels, id, RowKind::Label, &mut findings)?;
+        let claims = rows(&self.results, id, RowKind::Result, &mut findings)?;
+        for read in &claims {
+            if EvaluatedClass::of(&read.row.label.class).is_none() {
+                let place = || format!("{}:{}: \"{}\"", file(&self.results, id), read.line, read.row.label.class);
+                findings.add("detections of classes that KITTI does not evaluate", place);
+            }
+        }
+        let frame = Frame {
+            id: id.to_owned(),
+            labels: labels.into_iter().map(|read| read.row.label).collect(),
+            claims: claims.into_iter().map(Claim::from).collect(),
+        };
+        Ok((frame, findings))
+    }
+
+    /// Reads and evaluates all frames, on all threads; memory does not depend on the size of the files.
+    ///
+    /// # Errors
+    /// As [`FrameFiles::read`].
+    pub fn evaluate(&self, options: &RangingOptions) -> Result<(Evaluation, Findings), FilesError> {
+        let mut evaluation = Evaluation::new(options.clone());
+        let mut findings = self.left_out.clone();
+        for ids in self.ids.chunks(CHUNK) {
+            let evaluated: Vec<_> = ids.par_iter().map(|id| self.evaluate_frame(id, options)).collect();
+            for frame in evaluated {
+                let (frame, found) = frame?;
+                evaluation.append(frame);
+                findings.append(found);
+            }
+        }
+        Ok((evaluation, findings))
+    }
+
+    fn evaluate_frame(&self, id: &str, options: &RangingOptions) -> Result<(Evaluation, Findings), FilesError> {
+        let (frame, findings) = self.read(id)?;
+        let mut evaluation = Evaluation::new(options.clone());
+        evaluation.add(&frame);
+        Ok((evaluation, findings))
+    }
+
+    /// Whether rows of the first files all break off for want of a score.
+    fn results_are_labels(&self) -> Result<bool, FilesError> {
+        let mut dropped = 0;
+        for id in self.ids.iter().take(PROBED_FILES) {
+            let path = PathBuf::from(file(&self.results, id));
+            let bytes = fs::read(&path).map_err(|source| FilesError::Read { path, source })?;
+            let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), RowKind::Result);
+            if !read.rows.is_empty() {
+                return Ok(false);
+            }
+            let lacks_score = |oddity: &Oddity| matches!(oddity, Oddity::DroppedRow { fields: 15, .. });
+            dropped += read.oddities.iter().filter(|(_, oddity)| lacks_score(oddity)).count();
+        }
+        Ok(dropped > 0)
+    }
+}
+
+/// Reads one file; what is odd about it goes to `findings`.
+fn rows(folder: &Path, id: &str, kind: RowKind, findings: &mut Findings) -> Result<Vec<DevkitRow>, FilesError> {
+    let path = PathBuf::from(file(folder, id));
+    let bytes = fs::read(&path).map_err(|source| FilesError::Read { path: path.clone(), source })?;
+    let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), kind);
+    for (line, oddity) in &read.oddities {
+        let place = || format!("{}:{line}: {oddity}", path.display());
+        if oddity.is_fatal() {
+            return Err(FilesError::Fatal { place: place() });
+        }
+        findings.add(oddity.kind(), place);
+    }
+    Ok(read.rows)
+}
+
+fn file(folder: &Path, id: &str) -> String {
+    folder.join(format!("{id}.txt")).display().to_string()
+}
+
+fn ids_in(folder: &Path, what: &'static str) -> Result<BTreeSet<String>, FilesError> {
+    if !folder.is_dir() {
+        return Err(FilesError::NoFolder { path: folder.to_owned(), what });
+    }
+    let ids = text_files(folder)?;
+    if ids.is_empty() {
+        let usual = USUAL_PLACES.iter().map(|place| folder.join(place));
+        let inside = usual.into_iter().find(|place| text_files(place).is_ok_and(|ids| !ids.is_empty()));
+        return Err(FilesError::NoFiles { path: folder.to_owned(), what, inside });
+    }
+    Ok(ids)
+}
+
+fn text_files(folder: &Path) -> Result<BTreeSet<String>, FilesError> {
+    let error = |source| FilesError::Read { path: folder.to_owned(), source };
+    let mut ids = BTreeSet::new();
+    for entry in fs::read_dir(folder).map_err(error)? {
+        let path = entry.map_err(error)?.path();
+        if path.extension().is_some_and(|extension| extension == "txt") {
+            ids.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+        }
+    }
+    Ok(ids)
+}
+
+fn require_all(ids: &[String], there: &BTreeSet<String>, folder: &Path, what: &'static str) -> Result<(), FilesError> {
+    let mut missing = ids.iter().filter(|id| !there.contains(*id));
+    let Some(first) = missing.next() else { return Ok(()) };
+    let count = 1 + missing.count();
+    let expected = PathBuf::from(file(folder, first));
+    Err(FilesError::Incomplete { what, count, total: ids.len(), expected })
+}

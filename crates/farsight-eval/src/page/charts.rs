@@ -1,0 +1,94 @@
+//! Which charts the page has.
+
+use crate::ap::{Metric, OverlapSet};
+use crate::ranging::{ClassRanging, Figure, GroupRanging};
+use crate::{Difficulty, EvaluatedClass, Report};
+
+use super::{Chart, Series};
+
+/// Colours of the three difficulties, told apart by colour-blind eyes too (Okabe and Ito 2008).
+const LEVEL_COLORS: [[u8; 3]; 3] = [[0, 158, 115], [0, 114, 178], [213, 94, 0]];
+
+/// Middle of each distance bin, metres.
+const BIN_MIDDLE_M: [f64; 8] = [5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0];
+
+/// Bins with fewer found objects are not drawn: their error is an accident.
+const MIN_FOUND: usize = 5;
+
+/// All charts with the names of their files.
+pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
+    let mut charts = Vec::new();
+    for class in EvaluatedClass::ALL {
+        for metric in [Metric::Space, Metric::Bev, Metric::Image] {
+            charts.extend(curve_chart(report, class, metric).map(|c| (format!("{class}_{}_curve", metric.name()), c)));
+        }
+        let ranging = report.ranging.classes.iter().find(|ranging| ranging.class == class);
+        if let Some(ranging) = ranging.filter(|ranging| ranging.groups.iter().any(|group| group.whole.found > 0)) {
+            charts.push((format!("{class}_distance_error"), error_chart(ranging)));
+            charts.push((format!("{class}_share_found"), share_chart(ranging)));
+        }
+    }
+    charts
+}
+
+fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option<Chart> {
+    let mut series = Vec::new();
+    for (level, color) in Difficulty::ALL.into_iter().zip(LEVEL_COLORS) {
+        let curve = report.ap.curve(OverlapSet::Strict, metric, class, level)?;
+        let points = curve.precision.iter().enumerate().map(|(i, p)| [i as f64 / 40.0, *p]).collect();
+        series.push(Series { name: format!("{level}: {:.2}", curve.ap_r40()), color, points, band: Vec::new() });
+    }
+    let limit = OverlapSet::Strict.min_overlap(class, metric);
+    Some(Chart {
+        title: format!("{class}, {} overlap above {limit}", metric.name()),
+        x_label: "recall".to_owned(),
+        y_label: "precision".to_owned(),
+        x_end: 1.0,
+        y_end: 1.0,
+        series,
+    })
+}
+
+fn error_chart(ranging: &ClassRanging) -> Chart {
+    let series: Vec<_> = level_series(ranging, Figure::MaeZ, MIN_FOUND);
+    let tops = series.iter().flat_map(|s| s.points.iter().map(|p| p[1]).chain(s.band.iter().map(|band| band[1])));
+    let highest = tops.fold(0.0_f64, f64::max);
+    Chart {
+        title: format!("{}: error of distance, 95% intervals", ranging.class),
+        x_label: "true distance z, m".to_owned(),
+        y_label: "mean absolute error of z, m".to_owned(),
+        x_end: 80.0,
+        y_end: if highest > 0.0 { 1.1 * highest } else { 1.0 },
+        series,
+    }
+}
+
+fn share_chart(ranging: &ClassRanging) -> Chart {
+    Chart {
+        title: format!("{}: share of the objects found", ranging.class),
+        x_label: "true distance z, m".to_owned(),
+        y_label: "found / objects".to_owned(),
+        x_end: 80.0,
+        y_end: 1.05,
+        series: level_series(ranging, Figure::Share, 0),
+    }
+}
+
+fn level_series(ranging: &ClassRanging, figure: Figure, min_found: usize) -> Vec<Series> {
+    let of_group = |(group, color): (&GroupRanging, [u8; 3])| {
+        let bins = group.by_distance.0.iter().zip(BIN_MIDDLE_M);
+        let filled = bins.filter(|((_, errors), _)| errors.objects > 0 && errors.found >= min_found);
+        let (mut points, mut band) = (Vec::new(), Vec::new());
+        for ((_, errors), middle) in filled {
+            let Some(value) = errors.figures.get(figure) else { continue };
+            points.push([middle, value]);
+            band.extend(errors.intervals.and_then(|all| all.get(figure)).map(|i| [i.low, i.high]));
+        }
+        // A band needs an interval at every point.
+        if band.len() != points.len() {
+            band.clear();
+        }
+        Series { name: group.group.name().to_owned(), color, points, band }
+    };
+    ranging.groups.iter().zip(LEVEL_COLORS).map(of_group).collect()
+}

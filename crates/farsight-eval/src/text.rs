@@ -1,0 +1,165 @@
+//! The report as a table for a terminal.
+
+use crate::ap::{ApReport, ApValues, Metric, OverlapSet};
+use crate::ranging::{Figure, GroupRanging, RangingComparison, RangingReport, SliceErrors};
+use crate::{Difficulty, EvaluatedClass, Report};
+
+/// Objects that it takes for AP to be able to reach 100 (spec kitti-eval.md, rule 20).
+const OBJECTS_FOR_100: usize = 41;
+
+/// The tables of a report, line by line.
+pub fn lines(report: &Report) -> Vec<String> {
+    let mut lines = vec![format!("{} frames", report.frames)];
+    for class in EvaluatedClass::ALL {
+        let rows = ap_rows(&report.ap, class);
+        if !rows.is_empty() {
+            lines.push(String::new());
+            lines.push(
+                format!("{:<24}{:^30}    {:^30}", format!("AP {class}, percent"), "R40", "R11").trim_end().to_owned(),
+            );
+            let levels = Difficulty::ALL.map(|level| format!("{:>10}", level.name())).concat();
+            lines.push(format!("{:<24}{levels}    {levels}", "  overlap more than"));
+            lines.extend(rows);
+        }
+    }
+    lines.extend(ranging_lines(&report.ranging));
+    lines
+}
+
+/// What a reader of the figures must know, one line each.
+pub fn notes(report: &Report) -> Vec<String> {
+    let mut notes = Vec::new();
+    let evaluated = |class| Metric::ALL.map(|metric| report.ap.ap(OverlapSet::Strict, metric, class).is_some());
+    for class in EvaluatedClass::ALL {
+        let metrics = evaluated(class);
+        if metrics == [false; 3] {
+            notes.push(format!("{class}: not evaluated, as there is no usable detection of the class (the devkit writes nothing either)"));
+        } else if !metrics[1] || !metrics[2] {
+            notes.push(format!("{class}: no detection has a 3D box; bev and 3d are not evaluated where that is so"));
+        }
+        for level in Difficulty::ALL {
+            let curve = report.ap.curve(OverlapSet::Strict, Metric::Image, class, level);
+            match curve.map(|curve| curve.objects) {
+                Some(0) => notes.push(format!("{class} {level}: no object counts; its AP means nothing")),
+                Some(objects) if objects < OBJECTS_FOR_100 => notes.push(format!(
+                    "{class} {level}: {objects} objects; with fewer than {OBJECTS_FOR_100} AP (R40) cannot exceed {:.1}",
+                    2.5 * (objects - 1) as f64
+                )),
+                _ => {}
+            }
+        }
+    }
+    if !report.ap.has_orientation {
+        notes.push(
+            "a detection has alpha -10 (unknown): AOS is not computed for any class, as in the devkit".to_owned(),
+        );
+    }
+    notes
+}
+
+fn ap_rows(report: &ApReport, class: EvaluatedClass) -> Vec<String> {
+    let mut rows = Vec::new();
+    let mut push = |name: &str, limit: f64, values: Option<ApValues>| {
+        rows.extend(values.map(|values| {
+            let cells = |three: [f64; 3]| three.map(|ap| format!("{ap:>10.2}")).concat();
+            format!("{:<24}{}    {}", format!("  {name:<4} {limit:.2}"), cells(values.r40), cells(values.r11))
+        }));
+    };
+    for set in OverlapSet::ALL {
+        for metric in Metric::ALL {
+            let limit = set.min_overlap(class, metric);
+            if set == OverlapSet::Loose && metric == Metric::Image {
+                continue;
+            }
+            push(metric.name(), limit, report.ap(set, metric, class));
+            if metric == Metric::Image {
+                push("aos", limit, report.aos(class));
+            }
+        }
+    }
+    rows
+}
+
+fn ranging_lines(report: &RangingReport) -> Vec<String> {
+    let mut lines = Vec::new();
+    for class in report.classes.iter().filter(|class| class.groups.iter().any(|group| group.whole.found > 0)) {
+        lines.push(String::new());
+        lines.push(format!("distance of {}s, metres; 95% intervals", class.class));
+        lines.push(format!(
+            "{:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
+            "", "objects", "found", "share", "  MAE z", "  RMSE z", "bias z", "AbsRel", "MAE gr."
+        ));
+        for group in &class.groups {
+            lines.push(slice_line(group.group.name(), &group.whole));
+            if let Some(fixed) = &group.fixed_recall {
+                lines.push(slice_line(&format!("  at recall {:.1}", 0.7), &fixed.errors));
+            }
+        }
+        if let Some(moderate) = class.groups.iter().find(|group| group.group.name() == "moderate") {
+            lines.extend(distance_lines(moderate));
+        }
+    }
+    lines
+}
+
+fn distance_lines(group: &GroupRanging) -> Vec<String> {
+    let filled = group.by_distance.0.iter().filter(|(_, errors)| errors.objects > 0);
+    let mut lines: Vec<_> = filled.map(|(bin, errors)| slice_line(&format!("  moderate {bin} m"), errors)).collect();
+    for row in group.calibration.iter().flat_map(|calibration| &calibration.rows) {
+        lines.push(format!(
+            "  error bars {:<8} {:>6} objects, mean {:.2} m; truth within 1 sigma {:.1}% (normal: 68.3%), 2 sigma {:.1}% (95.4%)",
+            row.distance,
+            row.count,
+            row.mean_sigma_m,
+            100.0 * row.within_1_sigma,
+            100.0 * row.within_2_sigma
+        ));
+    }
+    lines
+}
+
+fn slice_line(name: &str, errors: &SliceErrors) -> String {
+    let value = |figure: Figure, digits: usize| {
+        errors.figures.get(figure).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    let with_interval = |figure: Figure| {
+        let interval = errors.intervals.and_then(|all| all.get(figure));
+        let interval = interval.map_or_else(String::new, |i| format!(" [{:.3}, {:.3}]", i.low, i.high));
+        format!("{:>5}{interval}", value(figure, 3))
+    };
+    let row = format!(
+        "{name:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
+        errors.objects,
+        errors.found,
+        value(Figure::Share, 3),
+        with_interval(Figure::MaeZ),
+        with_interval(Figure::RmseZ),
+        value(Figure::BiasZ, 3),
+        value(Figure::AbsRelZ, 4),
+        value(Figure::MaeGround, 3)
+    );
+    row.trim_end().to_owned()
+}
+
+/// The comparison with another result set, line by line: groups as a whole.
+pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
+    const SHOWN: [Figure; 5] = [Figure::Share, Figure::MaeZ, Figure::RmseZ, Figure::BiasZ, Figure::MaeGround];
+    let mut lines = vec!["these results less the others (errors on objects that both found)".to_owned()];
+    for row in comparison.rows.iter().filter(|row| row.distance == "all" && row.objects > 0) {
+        lines
+            .push(format!("{} {}: {} objects, {} found by both", row.class, row.group, row.objects, row.found_by_both));
+        for figure in SHOWN {
+            let Some(d) = row.figures.get(figure) else { continue };
+            let interval = d.interval.map_or_else(String::new, |i| format!(" [{:+.4}, {:+.4}]", i.low, i.high));
+            let verdict = if d.excludes_zero { "differs" } else { "could be chance" };
+            lines.push(format!(
+                "  {:<12}{:>9.4} {:>9.4}   {:+.4}{interval}  {verdict}",
+                figure.name(),
+                d.value,
+                d.against,
+                d.difference
+            ));
+        }
+    }
+    lines
+}

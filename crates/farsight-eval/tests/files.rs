@@ -1,0 +1,107 @@
+//! Folders and files as users have them: what is told, and what is refused.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use farsight_eval::{FilesError, Findings, FrameFiles, ranging::RangingOptions, text};
+
+const LABEL: &str = "Car 0.00 0 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 -1.62\n";
+const RESULT: &str = "Car -1 -1 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 -1.62 0.9\n";
+
+/// A scratch folder with `labels` and `results`, each a list of file names and contents.
+fn folders(labels: &[(&str, &str)], results: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let scratch = tempfile::tempdir().unwrap();
+    let folder = |name: &str, files: &[(&str, &str)]| {
+        let folder = scratch.path().join(name);
+        fs::create_dir_all(&folder).unwrap();
+        for (file, text) in files {
+            let path = folder.join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        folder
+    };
+    let (labels, results) = (folder("labels", labels), folder("results", results));
+    (scratch, labels, results)
+}
+
+fn evaluate(labels: &Path, results: &Path, split: Option<&[&str]>) -> Result<Findings, FilesError> {
+    let split = split.map(|ids| ids.iter().map(|id| (*id).to_owned()).collect());
+    let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
+    let (evaluation, findings) = FrameFiles::open(labels, results, split)?.evaluate(&options)?;
+    drop(text::lines(&evaluation.report()));
+    Ok(findings)
+}
+
+#[test]
+fn wrong_folders_are_told_apart() {
+    let good = [("000000.txt", LABEL)];
+    let (_kept, labels, results) = folders(&good, &[("000000.txt", RESULT)]);
+    let (_kept, inside, nothing) = folders(&[("training/label_2/000000.txt", LABEL)], &[]);
+    let (_kept, fractions, other) =
+        folders(&[("000000.txt", &LABEL.replace(" 0 ", " 0.00 "))], &[("000009.txt", RESULT)]);
+    let missing = labels.join("nowhere");
+    let cases = [
+        (&missing, &results, None, "nowhere: no such folder; expected a folder of label files such as 000007.txt"),
+        (&labels, &missing, None, "nowhere: no such folder; expected a folder of result files such as 000007.txt"),
+        (&labels, &nothing, None, "no .txt file in this folder; expected result files such as 000007.txt"),
+        (&inside, &results, None, "training/label_2: give that folder"),
+        (&labels, &labels, None, "these are labels, not results: the rows have 15 fields; expected 16"),
+        (&labels, &other, None, "no frame has a label file in"),
+        (&labels, &results, Some(["000000", "000001"].as_slice()), "1 of 2 frames of the split have no label file"),
+        (&fractions, &results, None, "000000.txt:1: field 3 \"occluded\" is \"0.00\"; expected a whole number"),
+    ];
+    for (labels, results, split, want) in cases {
+        let told = evaluate(labels, results, split).unwrap_err().to_string();
+        assert!(told.contains(want), "{told}\nexpected: {want}");
+    }
+}
+
+#[test]
+fn what_the_devkit_does_silently_is_told_by_kind() {
+    let labels = [("000000.txt", LABEL), ("000001.txt", LABEL), ("000002.txt", "")];
+    let results = [
+        ("000000.txt", format!("{LABEL}{RESULT}").replace('\n', "\r\n")),
+        ("000001.txt", RESULT.replace("13.60", "nan").replace("Car", "Tram") + &RESULT.replace("Car", "car")),
+        ("000005.txt", RESULT.to_owned()),
+    ];
+    let results: Vec<_> = results.iter().map(|(name, text)| (*name, text.as_str())).collect();
+    let (_kept, labels, results) = folders(&labels, &results);
+    let findings = evaluate(&labels, &results, None).unwrap();
+    let told: Vec<_> = findings.iter().map(|finding| (finding.kind, finding.count)).collect();
+    let want = [
+        ("result files without a label file, left out", 1),
+        (
+            "frames without a result file, left out (their objects do not count as missed; give --split to demand all)",
+            1,
+        ),
+        ("rows dropped", 1),
+        ("Windows line ends", 1),
+        ("numbers that are not finite", 1),
+        ("classes in unusual case", 1),
+        ("detections of classes that KITTI does not evaluate", 1),
+    ];
+    assert_eq!(told, want);
+    let dropped = findings.iter().find(|finding| finding.kind == "rows dropped").unwrap().to_string();
+    assert!(dropped.starts_with("rows dropped: 1; first "), "{dropped}");
+    assert!(
+        dropped.ends_with(
+            "000000.txt:1: row dropped: field 16 \"score\" is \"Car\"; expected a number (a row of 16 fields)"
+        ),
+        "{dropped}"
+    );
+}
+
+#[test]
+fn a_split_chooses_frames_and_demands_their_files() {
+    let both = [("000000.txt", ""), ("000001.txt", "")];
+    let (_kept, labels, results) = folders(&both, &both);
+    let findings = evaluate(&labels, &results, Some(["000001"].as_slice())).unwrap();
+    assert_eq!(findings.iter().map(|finding| finding.count).collect::<Vec<_>>(), [1]);
+    fs::remove_file(results.join("000001.txt")).unwrap();
+    let told = evaluate(&labels, &results, Some(["000001"].as_slice())).unwrap_err().to_string();
+    assert!(told.contains("1 of 1 frames of the split have no result file"), "{told}");
+    assert!(told.contains("needs an empty file"), "{told}");
+}

@@ -1,0 +1,222 @@
+//! The devkit's rules and quirks, each in the smallest scene that shows it (numbers of spec kitti-eval.md, section 2).
+
+#![allow(clippy::unwrap_used, clippy::float_cmp)] // The helpers of tests too; the scores are copied.
+
+use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
+use farsight_eval::ap::{ApReport, Curve, Metric, OverlapSet, SceneSet};
+use farsight_eval::explain::{ClaimFate, ObjectFate, View, explain};
+use farsight_eval::{Claim, Difficulty, EvaluatedClass, Frame};
+
+const CAR: EvaluatedClass = EvaluatedClass::Car;
+
+fn class(name: &str) -> ObjectClass {
+    ObjectClass::from_name(name)
+}
+
+/// An object 100 px high whose place in the image and in space is given by `slot`.
+fn label(name: &str, slot: f64) -> Label {
+    Label {
+        class: class(name),
+        truncation: 0.0,
+        occlusion: 0,
+        alpha: 0.3,
+        box2d: Box2d::new(200.0 * slot, 100.0, 200.0 * slot + 100.0, 200.0),
+        box3d: Box3d {
+            dimensions: Dimensions { height: 1.5, width: 2.0, length: 4.0 },
+            location: [10.0 * slot, 1.6, 20.0],
+            yaw: 0.0,
+        },
+    }
+}
+
+fn high(label: Label, height_px: f64) -> Label {
+    let box2d = Box2d { y2: label.box2d.y1 + height_px, ..label.box2d };
+    Label { box2d, ..label }
+}
+
+fn claim(like: &Label, score: f64) -> Claim {
+    let Label { class, box2d, box3d, alpha, .. } = like.clone();
+    Claim { detection: Detection { class, score, box2d, box3d, range_sigma_m: None }, alpha_rad: alpha }
+}
+
+fn report(labels: Vec<Label>, claims: Vec<Claim>) -> ApReport {
+    SceneSet::observe(&Frame { id: String::new(), labels, claims }).report()
+}
+
+fn curve(report: &ApReport, metric: Metric, difficulty: Difficulty) -> &Curve {
+    report.curve(OverlapSet::Strict, metric, CAR, difficulty).unwrap()
+}
+
+/// Objects, true positives, false positives and misses at the lowest limit of the moderate car curve; no limit: no counts.
+fn counts(labels: Vec<Label>, claims: Vec<Claim>, metric: Metric) -> (usize, usize, usize, usize) {
+    let report = report(labels, claims);
+    let curve = curve(&report, metric, Difficulty::Moderate);
+    curve.limits.last().map_or((curve.objects, 0, 0, curve.objects), |l| (curve.objects, l.found, l.wrong, l.missed))
+}
+
+#[test]
+fn rules_2_and_7_labels_of_exactly_the_least_height_do_not_count_and_detections_do() {
+    for (height, objects) in [(25.0, 0), (25.01, 1)] {
+        let car = high(label("Car", 0.0), height);
+        assert_eq!(counts(vec![car.clone()], vec![claim(&car, 0.9)], Metric::Image).0, objects, "{height}");
+    }
+    // Rule 9: the detection is right at 25.0 px and nothing at 24.9.
+    let car = high(label("Car", 0.0), 26.0);
+    for (height, found) in [(25.0, 1), (24.9, 0)] {
+        let detection = claim(&high(car.clone(), height), 0.9);
+        assert_eq!(counts(vec![car.clone()], vec![detection], Metric::Image).1, found, "{height}");
+    }
+}
+
+#[test]
+fn rule_5_one_angle_of_minus_ten_turns_aos_off_for_every_class() {
+    let (car, walker) = (label("Car", 0.0), label("Pedestrian", 1.0));
+    let mut ignored = claim(&label("DontCare", 2.0), 0.1);
+    ignored.alpha_rad = -10.0;
+    let claims = vec![claim(&car, 0.9), claim(&walker, 0.9), ignored];
+    let report = report(vec![car, walker], claims);
+    assert_eq!(report.aos(CAR), None);
+    assert_eq!(report.aos(EvaluatedClass::Pedestrian), None);
+    assert!(report.ap(OverlapSet::Strict, Metric::Image, CAR).is_some());
+}
+
+#[test]
+fn rule_6_a_class_is_evaluated_only_where_some_detection_has_what_it_takes() {
+    let car = label("Car", 0.0);
+    let evaluated = |change: &dyn Fn(&mut Detection)| {
+        let mut detection = claim(&car, 0.9);
+        change(&mut detection.detection);
+        let report = report(vec![car.clone()], vec![detection]);
+        Metric::ALL.map(|metric| report.ap(OverlapSet::Strict, metric, CAR).is_some())
+    };
+    assert_eq!(evaluated(&|_| ()), [true, true, true]);
+    assert_eq!(evaluated(&|d| d.box2d.x1 = -1.0), [false, true, true]);
+    assert_eq!(evaluated(&|d| d.box3d.location[0] = -1000.0), [true, false, false]);
+    assert_eq!(evaluated(&|d| d.box3d.location[1] = -1000.0), [true, true, false]);
+    assert_eq!(evaluated(&|d| d.box3d.dimensions.width = 0.0), [true, false, false]);
+    assert_eq!(evaluated(&|d| d.box3d.dimensions.height = -1.0), [true, true, false]);
+    assert_eq!(report(vec![car.clone()], vec![]).ap(OverlapSet::Strict, Metric::Image, CAR), None);
+}
+
+#[test]
+fn rule_8_neighbours_excuse_and_other_classes_do_not() {
+    let target = label("Car", 0.0);
+    for (other, wrong) in [("Van", 0), ("van", 0), ("Truck", 1), ("Pedestrian", 1)] {
+        let neighbour = label(other, 1.0);
+        let on_it =
+            Claim { detection: Detection { class: class("Car"), ..claim(&neighbour, 0.95).detection }, alpha_rad: 0.0 };
+        let got = counts(vec![target.clone(), neighbour], vec![claim(&target, 0.9), on_it], Metric::Image);
+        assert_eq!(got, (1, 1, wrong, 0), "{other}");
+    }
+}
+
+#[test]
+fn quirk_1_a_small_detection_of_any_class_swallows_an_object() {
+    // 24 px of a 30 px car: too small, and its class does not matter.
+    let car = high(label("Car", 0.0), 30.0);
+    let mut small = claim(&high(label("Pedestrian", 0.0), 24.0), 0.99);
+    small.detection.box3d = car.box3d;
+    let other = label("Car", 1.0);
+    let got = counts(vec![car, other.clone()], vec![small, claim(&other, 0.5)], Metric::Image);
+    // Neither true, nor false, nor missed.
+    assert_eq!(got, (2, 1, 0, 0));
+}
+
+#[test]
+fn rule_12_the_overlap_must_be_exceeded_not_reached() {
+    let car = label("Car", 0.0);
+    for (height, found) in [(70.0, 0), (70.01, 1)] {
+        let got = counts(vec![car.clone()], vec![claim(&high(car.clone(), height), 0.9)], Metric::Image);
+        assert_eq!(got.1, found, "{height}");
+    }
+}
+
+#[test]
+fn rules_12_and_13_the_best_score_sets_the_limit_and_the_best_overlap_matches() {
+    let car = label("Car", 0.0);
+    let loose_but_sure = claim(&high(car.clone(), 80.0), 0.9);
+    let tight = claim(&car, 0.4);
+    let sets = vec![loose_but_sure, tight];
+    let report = report(vec![car.clone()], sets.clone());
+    // One true positive of the first pass: the better score.
+    assert_eq!(curve(&report, Metric::Image, Difficulty::Moderate).limits[0].score, 0.9);
+    let view = View { metric: Metric::Image, overlaps: OverlapSet::Strict, min_score: None };
+    let told = explain(&Frame { id: String::new(), labels: vec![car], claims: sets }, &view);
+    assert_eq!(told.objects[0][0], ObjectFate::Found { claim: 1, overlap: 1.0 });
+    assert!(matches!(told.claims[0][0], ClaimFate::FalsePositive { nearest: Some((0, _)) }));
+}
+
+#[test]
+fn rule_15_dont_care_excuses_by_the_share_of_the_detection() {
+    let car = label("Car", 0.0);
+    let mut region = label("DontCare", 1.0);
+    // The region is far larger than the detection in it, so their IoU is small.
+    region.box2d = Box2d::new(150.0, 0.0, 1150.0, 300.0);
+    region.box3d.location = [-1000.0; 3];
+    let inside = claim(&label("Car", 1.0), 0.95);
+    let labels = vec![car.clone(), region];
+    let claims = vec![claim(&car, 0.9), inside];
+    assert_eq!(counts(labels.clone(), claims.clone(), Metric::Image), (1, 1, 0, 0));
+    assert_eq!(counts(labels, claims, Metric::Bev), (1, 1, 1, 0), "from above there is no excuse");
+}
+
+#[test]
+fn quirk_2_detections_without_3d_box_are_excused_from_above_by_any_dont_care() {
+    let car = label("Car", 0.0);
+    let nowhere = Box3d {
+        dimensions: Dimensions { height: -1.0, width: -1.0, length: -1.0 },
+        location: [-1000.0; 3],
+        yaw: -10.0,
+    };
+    let region = Label { box3d: nowhere, ..label("DontCare", 3.0) };
+    let mut flat = claim(&label("Car", 1.0), 0.95);
+    flat.detection.box3d = nowhere;
+    let claims = vec![claim(&car, 0.9), flat];
+    assert_eq!(counts(vec![car.clone(), region.clone()], claims.clone(), Metric::Bev), (1, 1, 0, 0));
+    assert_eq!(counts(vec![car.clone()], claims.clone(), Metric::Bev), (1, 1, 1, 0));
+    assert_eq!(counts(vec![car, region], claims, Metric::Space), (1, 1, 1, 0));
+}
+
+#[test]
+fn rule_17_the_recall_aimed_at_is_summed_up() {
+    // All found: with k / 40 another score would be chosen for most numbers of objects, among them 100.
+    let labels: Vec<_> = (0..100).map(|i| label("Car", f64::from(i))).collect();
+    let claims = labels.iter().zip(0..).map(|(l, i)| claim(l, 1.0 - f64::from(i) / 1000.0)).collect();
+    let report = report(labels, claims);
+    let limits = &curve(&report, Metric::Image, Difficulty::Easy).limits;
+    assert_eq!(limits.len(), 41);
+    assert_eq!(limits.last().map(|limit| limit.found), Some(100), "the last score is always a limit");
+}
+
+#[test]
+fn rule_20_few_objects_cannot_reach_100() {
+    for (objects, r40) in [(1, 0.0), (39, 95.0), (41, 100.0)] {
+        let labels: Vec<_> = (0..objects).map(|i| label("Car", f64::from(i))).collect();
+        let claims = labels.iter().map(|l| claim(l, 1.0)).collect();
+        let report = report(labels, claims);
+        let got = curve(&report, Metric::Space, Difficulty::Easy).ap_r40();
+        assert!((got - r40).abs() < 1e-9, "{objects}: {got}");
+    }
+}
+
+#[test]
+fn rule_22_a_score_that_is_no_number_is_wrong_at_every_limit() {
+    let (car, empty) = (label("Car", 0.0), label("Car", 1.0));
+    let claims = vec![claim(&car, 0.9), claim(&empty, f64::NAN)];
+    assert_eq!(counts(vec![car], claims, Metric::Image), (1, 1, 1, 0));
+}
+
+#[test]
+fn rule_27_boxes_with_swapped_edges_are_false_positives() {
+    let car = label("Car", 0.0);
+    let mut swapped = claim(&car, 0.95);
+    let Box2d { x1, y1, x2, y2 } = swapped.detection.box2d;
+    swapped.detection.box2d = Box2d::new(x2, y2, x1, y1);
+    assert_eq!(counts(vec![car.clone()], vec![claim(&car, 0.9), swapped], Metric::Image), (1, 1, 1, 0));
+}
+
+#[test]
+fn nobody_counts_in_an_empty_set() {
+    let report = report(vec![], vec![]);
+    assert_eq!(report.ap(OverlapSet::Strict, Metric::Image, CAR), None);
+}

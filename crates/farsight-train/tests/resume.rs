@@ -1,0 +1,79 @@
+//! A run killed with SIGKILL at any moment, resumed until it is done, ends in the same bytes as a run left alone.
+
+mod tiny;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use farsight_train::trainer::{Job, MODEL_FILE, train};
+use tiny::{Silent, data_set, run_config};
+
+/// Where the child finds its data; its presence makes [`child_process`] do something.
+const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";
+
+/// How often the run is killed.
+const KILLS: usize = 4;
+
+fn job(data: &Path, out: &str, resume: bool) -> Job {
+    let mut run = run_config(data);
+    run.train.epochs = 8;
+    run.train.checkpoint_steps = 3;
+    Job { run, out: data.join(out), resume }
+}
+
+/// Not a test: the process that the test below starts and kills.
+#[test]
+fn child_process() {
+    if let Some(data) = std::env::var_os(DATA_VARIABLE) {
+        train(&job(data.as_ref(), "killed", true), &mut Silent::default()).unwrap();
+    }
+}
+
+fn start_child(data: &Path) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["child_process", "--exact"]).env(DATA_VARIABLE, data).stdout(Stdio::null()).stderr(Stdio::null());
+    command.spawn().unwrap()
+}
+
+fn lines(path: &Path) -> usize {
+    fs::read_to_string(path).map_or(0, |text| text.lines().count())
+}
+
+#[test]
+fn a_killed_run_ends_in_the_same_bytes() {
+    let folder = data_set(6);
+    let data = folder.path();
+    train(&job(data, "whole", false), &mut Silent::default()).unwrap();
+
+    let killed = data.join("killed");
+    let mut kills = 0;
+    while kills < KILLS {
+        let before = lines(&killed.join("metrics.jsonl"));
+        let mut child = start_child(data);
+        // Let it get a few steps further, not always the same number, then pull the plug.
+        while lines(&killed.join("metrics.jsonl")) < before + 2 + kills && child.try_wait().unwrap().is_none() {
+            sleep(Duration::from_millis(5));
+        }
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+    }
+    assert!(kills >= 2, "the run was too short to be killed twice");
+    assert!(start_child(data).wait().unwrap().success());
+
+    let read = |run: &str, file: &str| fs::read(data.join(run).join(file)).unwrap();
+    assert!(read("whole", MODEL_FILE) == read("killed", MODEL_FILE), "the models differ");
+    // Nothing is missing from the metrics and nothing is there twice; only the speeds differ.
+    let losses = |run: &str| {
+        let text = String::from_utf8(read(run, "metrics.jsonl")).unwrap();
+        let value = |line: &str| serde_json::from_str::<serde_json::Value>(line).unwrap();
+        text.lines().map(|line| (value(line)["step"].clone(), value(line)["loss"].clone())).collect::<Vec<_>>()
+    };
+    assert_eq!(losses("whole"), losses("killed"));
+}

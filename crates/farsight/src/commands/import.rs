@@ -1,0 +1,43 @@
+//! `farsight import`: checkpoints of other programs become models.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use farsight_net::checkpoint::{ImportOptions, import};
+use farsight_net::model::Model;
+
+use super::Outcome;
+use crate::printer::Printer;
+
+/// Arguments of `farsight import`.
+#[derive(Debug, Args)]
+pub(crate) struct ImportArgs {
+    /// A .pth file of official SMOKE, of mmdetection3d's SMOKE or of ImageNet's DLA-34
+    checkpoint: PathBuf,
+    /// The file to write
+    #[arg(long, value_name = "FILE.safetensors")]
+    out: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
+    let imported = import(&args.checkpoint, ImportOptions::default())?;
+    let tensors = imported.weights.tensors.len();
+    printer.line(&format!("{}: {}, {tensors} tensors", args.checkpoint.display(), imported.layout.name()));
+    for name in &imported.left_over {
+        printer.note(&format!("left over: {name} has no place in the network"));
+    }
+    let Some(config) = imported.config else {
+        // A backbone alone is no model; training starts from its weights.
+        imported.weights.write(&args.out)?;
+        printer.line(&format!("{}: weights to start a training from (train.start_from)", args.out.display()));
+        return Ok(Outcome::Done);
+    };
+    if let Some(name) = imported.missing.first() {
+        bail!("{}: no whole model: {} tensors are missing, {name} for one", args.checkpoint.display(), imported.missing.len());
+    }
+    Model::new(config, imported.weights)?.write(&args.out)?;
+    printer.line(&format!("{}: a model for `farsight range --model`", args.out.display()));
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,102 @@
+//! `farsight info`: what a model is made of and what it costs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use clap::Args;
+use farsight_net::build::network;
+use farsight_net::config::ModelConfig;
+use farsight_net::count::{StageCount, count, total};
+use farsight_net::model::Model;
+use serde::Deserialize;
+
+use super::Outcome;
+use crate::printer::Printer;
+
+/// Arguments of `farsight info`.
+#[derive(Debug, Args)]
+pub(crate) struct InfoArgs {
+    /// A model (.safetensors), or the config of a training (.toml)
+    #[arg(value_name = "MODEL_OR_CONFIG")]
+    model: PathBuf,
+}
+
+/// The part of a training's config that describes the model.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RunFile {
+    model: ModelConfig,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
+    let config = read_config(&args.model)?;
+    let [width, height] = config.input;
+    let stages = count(&network(&config), width, height).with_context(|| {
+        format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
+    })?;
+    for (name, fact) in facts(&config) {
+        printer.line(&format!("{name:15} {fact}"));
+    }
+    printer.line("");
+    printer.heading(&format!("{:15} {:>12} {:>10}", "stage", "parameters", "GMAC"));
+    for stage in stages.iter().chain([&total(&stages)]) {
+        printer.line(&row(stage));
+    }
+    Ok(Outcome::Done)
+}
+
+fn read_config(path: &Path) -> Result<ModelConfig> {
+    if path.extension().is_none_or(|extension| extension != "toml") {
+        return Ok(Model::read(path)?.config);
+    }
+    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let run: RunFile = toml::from_str(&text).with_context(|| path.display().to_string())?;
+    run.model.validate().with_context(|| path.display().to_string())?;
+    Ok(run.model)
+}
+
+fn facts(config: &ModelConfig) -> Vec<(&'static str, String)> {
+    let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
+    let [width, height] = config.input;
+    vec![
+        ("input", format!("{width} x {height} pixels")),
+        ("classes", classes.join(", ")),
+        ("channels", format!("{:?}", config.channels())),
+        ("normalisation", format!("{:?}", config.norm).to_lowercase()),
+        ("neck", format!("{:?}", config.neck).to_lowercase()),
+        ("MSFE", format!("{:?}", config.msfe).to_lowercase()),
+    ]
+}
+
+fn row(stage: &StageCount) -> String {
+    let gmacs = stage.macs as f64 / 1e9;
+    format!("{:15} {:>12} {gmacs:>10.3}", stage.stage, grouped(stage.parameters))
+}
+
+/// `19510976` as `19,510,976`.
+fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::grouped;
+
+    #[test]
+    fn digits_are_grouped() {
+        let table = [(0, "0"), (999, "999"), (1000, "1,000"), (19_510_976, "19,510,976")];
+        for (number, expected) in table {
+            assert_eq!(grouped(number), expected);
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! `farsight range`: finds vehicles and says how far away they are.
+
+mod job;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use farsight_core::Box3d;
+use farsight_core::detection::DecodeOptions;
+
+use super::Outcome;
+use crate::camera_source::CameraArgs;
+use crate::engines::{self, EngineName};
+use crate::inputs;
+use crate::printer::Printer;
+use job::Job;
+
+/// Arguments of `farsight range`.
+#[derive(Debug, Args)]
+pub(crate) struct RangeArgs {
+    /// Images (PNG, JPEG), folders of images, patterns such as 'frames/*.png'
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// Model that `farsight train` or `farsight import` wrote
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// What runs the network
+    #[arg(long, value_enum, default_value_t = EngineName::Libtorch)]
+    engine: EngineName,
+    /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write everything to FILE: an array with one object for each image that was done
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write KITTI result files to DIR/IMAGE.txt, empty where nothing is found
+    #[arg(long, value_name = "DIR")]
+    kitti: Option<PathBuf>,
+    /// Which distance to give
+    #[arg(long, value_enum, default_value_t = RangeKind::Depth)]
+    range: RangeKind,
+    /// Leave out what has a lower score
+    #[arg(long, value_name = "SCORE", default_value_t = DecodeOptions::default().min_score, value_parser = score)]
+    min_score: f64,
+    /// End with status 1 when an image fails
+    #[arg(long)]
+    strict: bool,
+    // Last, because its help heading would go on to what follows.
+    #[command(flatten)]
+    camera: CameraArgs,
+}
+
+/// What "distance" means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum RangeKind {
+    /// Along the optical axis, KITTI's z
+    Depth,
+    /// From the camera to the centre of the box
+    Euclidean,
+    /// From the camera to the nearest point of the box
+    Nearest,
+}
+
+impl RangeKind {
+    fn measure(self) -> fn(&Box3d) -> f64 {
+        match self {
+            Self::Depth => Box3d::depth_m,
+            Self::Euclidean => Box3d::center_distance_m,
+            Self::Nearest => Box3d::nearest_distance_m,
+        }
+    }
+}
+
+fn score(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if (0.0..1.0).contains(&value) { Ok(value) } else { Err("expected at least 0 and less than 1".to_owned()) }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
+    let found = inputs::find(&args.inputs);
+    for problem in &found.problems {
+        printer.error(problem);
+    }
+    if found.images.is_empty() {
+        bail!("no image to look at");
+    }
+    let job = Job::new(args, found.images, printer)?;
+    let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
+    let mut detector = engines::open(args.engine, &args.model, options)?;
+    let failed = found.problems.len() + job.run(&mut detector, printer)?;
+    Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
+}

@@ -1,0 +1,180 @@
+//! The whole command but the engine, which answers with one car in the middle of the image.
+
+use std::cell::RefCell;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use clap::Parser;
+use farsight_core::codec::{CHANNELS, STRIDE};
+use farsight_core::detection::DecodeOptions;
+use farsight_core::{Box3d, HeadMaps};
+use farsight_infer::{Detector, DetectorSpec, Engine, EngineError};
+use farsight_net::config::ModelConfig;
+use image::RgbImage;
+
+use super::job::Job;
+use super::{RangeArgs, RangeKind};
+use crate::inputs;
+use crate::printer::Printer;
+
+#[derive(Parser)]
+struct TestCli {
+    #[command(flatten)]
+    args: RangeArgs,
+}
+
+/// One peak in the middle, all regression channels zero: a car of the reference size at the reference depth.
+struct OneCar;
+
+impl Engine for OneCar {
+    fn name(&self) -> &'static str {
+        "one car"
+    }
+
+    fn head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
+        let map_size @ [width, height] = input_size.map(|side| side / STRIDE);
+        let mut logits = vec![-9.0; 3 * width * height];
+        logits[height / 2 * width + width / 2] = 2.0;
+        Ok(HeadMaps { logits, regression: vec![0.0; CHANNELS * width * height], map_size })
+    }
+}
+
+#[derive(Clone, Default)]
+struct Page(Rc<RefCell<Vec<u8>>>);
+
+impl Write for Page {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.borrow_mut().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Page {
+    fn text(&self) -> String {
+        String::from_utf8(self.0.borrow().clone()).unwrap()
+    }
+}
+
+struct Answer {
+    result: anyhow::Result<usize>,
+    out: String,
+    err: String,
+}
+
+/// Runs `farsight range` with these arguments on the engine above.
+fn range(arguments: &[&Path]) -> Answer {
+    let words =
+        [Path::new("range")].into_iter().chain(arguments.iter().copied()).map(|word| word.as_os_str().to_owned());
+    let fixed = ["--hfov", "80", "--model", "none"].map(Into::into);
+    let args = TestCli::try_parse_from(words.chain(fixed)).unwrap().args;
+    let (out, err) = (Page::default(), Page::default());
+    let mut printer = Printer::to(Box::new(out.clone()), Box::new(err.clone()));
+    let spec = DetectorSpec::new(&ModelConfig::default(), DecodeOptions::default());
+    let mut detector = Detector::new(Box::new(OneCar), spec);
+    let result = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)
+        .and_then(|job| job.run(&mut detector, &mut printer));
+    Answer { result, out: out.text(), err: err.text() }
+}
+
+fn image_file(path: PathBuf) -> PathBuf {
+    RgbImage::new(1280, 384).save(&path).unwrap();
+    path
+}
+
+const TABLE: &str = "\
+image  class       score      distance         x  box (left top right bottom)
+";
+
+#[test]
+fn a_good_and_two_bad_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let good = image_file(at("good.png"));
+    fs::write(at("empty.png"), "").unwrap();
+    let bytes = fs::read(&good).unwrap();
+    fs::write(at("cut.png"), &bytes[..bytes.len() / 2]).unwrap();
+
+    let answer = range(&[
+        folder.path(),
+        Path::new("--out"),
+        &at("pictures"),
+        Path::new("--kitti"),
+        &at("rows"),
+        Path::new("--json"),
+        &at("all.json"),
+    ]);
+    assert_eq!(answer.result.unwrap(), 2);
+    let row = "good   Car          0.88        28.0 m     0.0 m  618 168 662 216\n";
+    assert_eq!(answer.out, format!("{TABLE}{row}"));
+    let errors: Vec<&str> = answer.err.lines().collect();
+    assert!(errors[0].contains("cut.png: damaged image"), "{errors:?}");
+    assert!(errors[1].contains("empty.png: no image that is known here; expected PNG or JPEG"), "{errors:?}");
+    assert_eq!(errors[2], "1 object found in 1 image; 2 images failed");
+
+    assert!(image::open(at("pictures/good.png")).unwrap().height() > 384);
+    assert!(fs::read_to_string(at("rows/good.txt")).unwrap().starts_with("Car -1 -1 "));
+    assert_eq!(fs::read_dir(at("pictures")).unwrap().count(), 1);
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(at("all.json")).unwrap()).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), 1);
+    assert_eq!(json[0]["image"], good.to_str().unwrap());
+    assert_eq!([&json[0]["width"], &json[0]["height"]], [1280, 384]);
+    let car = json[0]["detections"][0].as_object().unwrap();
+    let keys: Vec<&str> = car.keys().map(String::as_str).collect();
+    let contract =
+        ["alpha", "box2d", "class", "dimensions_hwl", "location", "range_m", "range_sigma_m", "rotation_y", "score"];
+    assert_eq!(keys, contract);
+    assert!(car["range_sigma_m"].is_null());
+    assert!((car["range_m"].as_f64().unwrap() - 28.01).abs() < 1e-9);
+}
+
+#[test]
+fn images_of_the_same_name_get_pictures_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for name in ["left", "right"] {
+        fs::create_dir(at(name)).unwrap();
+        image_file(at(name).join("1.png"));
+    }
+    let answer = range(&[&at("left"), &at("right"), Path::new("--out"), &at("out")]);
+    assert_eq!(answer.result.unwrap(), 0);
+    assert!(at("out/1.png").exists() && at("out/1-2.png").exists());
+    let note = format!("note: {}: called 1-2 here, another image has its name", at("right/1.png").display());
+    assert_eq!(answer.err.lines().next(), Some(note.as_str()));
+}
+
+#[test]
+fn an_image_is_not_replaced_by_its_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = image_file(folder.path().join("1.png"));
+    let before = fs::read(&image).unwrap();
+    let answer = range(&[&image, Path::new("--out"), folder.path()]);
+    let expected = format!("{}: would be replaced by its picture; give another --out", image.display());
+    assert_eq!(answer.result.unwrap_err().to_string(), expected);
+    assert_eq!(fs::read(&image).unwrap(), before);
+}
+
+#[test]
+fn nothing_done_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = folder.path().join("notes.txt");
+    fs::write(&image, "no image").unwrap();
+    let answer = range(&[&image]);
+    assert_eq!(answer.result.unwrap_err().to_string(), "nothing was done: 1 image failed");
+}
+
+#[test]
+fn kinds_of_range_order_as_they_must() {
+    let object = Box3d {
+        dimensions: farsight_core::Dimensions { height: 1.5, width: 1.6, length: 4.0 },
+        location: [5.0, 1.6, 20.0],
+        yaw: 0.4,
+    };
+    let [depth, euclidean, nearest] =
+        [RangeKind::Depth, RangeKind::Euclidean, RangeKind::Nearest].map(|kind| kind.measure()(&object));
+    assert!(nearest < depth && depth < euclidean, "{nearest} {depth} {euclidean}");
+}

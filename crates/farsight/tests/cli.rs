@@ -1,0 +1,140 @@
+//! The answers of the built binary, word by word.
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use std::path::Path;
+use std::process::Command;
+
+/// Exit status, standard output and standard error of `farsight` with these arguments, run in `folder`.
+fn farsight_in(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// What `farsight` says on standard error when it cannot run.
+fn refusal(arguments: &[&str]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    std::fs::write(folder.path().join("a.png"), "").unwrap();
+    std::fs::write(folder.path().join("model"), "no model").unwrap();
+    let (status, out, err) = farsight_in(folder.path(), arguments);
+    assert_eq!((status, out.as_str()), (2, ""), "{arguments:?}: {err}");
+    err
+}
+
+#[test]
+fn no_arguments() {
+    let expected = "\
+Finds vehicles in images of one camera and says how far away each is
+
+Usage: farsight <COMMAND>
+
+Commands:
+  range   Find vehicles in images and say how far away each is
+  eval    Judge result files as KITTI does, and their errors of distance
+  train   Train a model
+  import  Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
+  info    Show what a model is made of and what it costs
+  help    Print this message or the help of the given subcommand(s)
+
+Options:
+  -h, --help     Print help
+  -V, --version  Print version
+";
+    assert_eq!(refusal(&[]), expected);
+    let (status, out, err) = farsight_in(Path::new("."), &["--help"]);
+    assert_eq!((status, out.as_str(), err.as_str()), (0, expected, ""));
+}
+
+#[test]
+fn a_typo() {
+    let expected = "\
+error: unrecognized subcommand 'rnage'
+
+  tip: a similar subcommand exists: 'range'
+
+Usage: farsight <COMMAND>
+
+For more information, try '--help'.
+";
+    assert_eq!(refusal(&["rnage"]), expected);
+}
+
+#[test]
+fn images_that_are_not_there() {
+    let table = [
+        ("b.png", "error: b.png: no such file or folder; expected an image, a folder of images or a pattern\n"),
+        ("empty", "error: empty: no images in this folder; expected files ending in .png, .jpg or .jpeg\n"),
+        ("*.jpg", "error: *.jpg: matches no image; expected files ending in .png, .jpg or .jpeg\n"),
+    ];
+    for (input, problem) in table {
+        let expected = format!("{problem}error: no image to look at\n");
+        assert_eq!(refusal(&["range", input, "--hfov", "80", "--model", "model"]), expected);
+    }
+}
+
+#[test]
+fn no_camera() {
+    let expected = "\
+error: no camera: distances need its focal length; give one of --calib FILE, --fx PIXELS or --hfov DEGREES (images in KITTI's layout bring their own)
+";
+    assert_eq!(refusal(&["range", "a.png", "--model", "model"]), expected);
+}
+
+#[test]
+fn numbers_that_no_camera_has() {
+    let table = [
+        (
+            ["--hfov", "200"],
+            "invalid value '200' for '--hfov <DEG>': horizontal field of view is 200 degrees; expected more than 0 and less than 180",
+        ),
+        (["--hfov", "wide"], "invalid value 'wide' for '--hfov <DEG>': expected a number"),
+        (["--fx", "-700"], "invalid value '-700' for '--fx <F>': expected a positive number of pixels"),
+        (["--min-score", "1.5"], "invalid value '1.5' for '--min-score <SCORE>': expected at least 0 and less than 1"),
+    ];
+    for ([option, value], problem) in table {
+        let expected = format!("error: {problem}\n\nFor more information, try '--help'.\n");
+        assert_eq!(refusal(&["range", "a.png", "--model", "model", option, value]), expected);
+    }
+}
+
+#[test]
+fn a_calibration_that_is_none() {
+    let expected = "error: a.png: no row \"P2:\"; expected the 3x4 projection of the left colour camera\n";
+    assert_eq!(refusal(&["range", "a.png", "--model", "model", "--calib", "a.png"]), expected);
+}
+
+#[test]
+fn no_model() {
+    let expected =
+        "error: m.safetensors: no such file; expected a model that `farsight train` or `farsight import` wrote\n";
+    assert_eq!(refusal(&["range", "a.png", "--hfov", "80", "--model", "m.safetensors"]), expected);
+}
+
+#[cfg(not(feature = "train"))]
+#[test]
+fn what_needs_libtorch_says_so() {
+    let expected = "\
+error: this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it
+";
+    assert_eq!(refusal(&["range", "a.png", "--hfov", "80", "--model", "model"]), expected);
+    let expected = "\
+error: this farsight was built without training, which needs libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run train ...` builds and trains with it
+";
+    assert_eq!(refusal(&["train", "--config", "run.toml"]), expected);
+}
+
+#[test]
+fn info_reads_the_model_part_of_a_config() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("run.toml"), "[model]\ninput = [640, 192]\n[train]\nepochs = 1\n").unwrap();
+    let (status, out, err) = farsight_in(folder.path(), &["info", "run.toml"]);
+    assert_eq!((status, err.as_str()), (0, ""));
+    assert!(out.starts_with("input           640 x 192 pixels\nclasses         Car, Cyclist, Pedestrian\n"), "{out}");
+    assert!(out.lines().last().unwrap().starts_with("total "), "{out}");
+
+    std::fs::write(folder.path().join("run.toml"), "[model]\ninput = [640, 191]\n").unwrap();
+    let (status, _, err) = farsight_in(folder.path(), &["info", "run.toml"]);
+    let expected = "error: run.toml: model.input is 640x191; expected multiples of 32 pixels\n";
+    assert_eq!((status, err.as_str()), (2, expected));
+}

@@ -1,0 +1,107 @@
+//! The answers of `farsight eval`, word by word.
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+const LABELS: &str = "\
+Car 0.00 0 1.50 600.00 170.00 700.00 230.00 1.50 1.60 4.00 1.00 1.70 20.00 1.60
+Van 0.00 0 1.50 100.00 170.00 200.00 230.00 2.00 1.80 5.00 -9.00 1.70 18.00 1.60
+Car 0.00 2 1.50 300.00 170.00 400.00 230.00 1.50 1.60 4.00 -5.00 1.70 22.00 1.60
+Car 0.00 0 1.50 800.00 170.00 840.00 200.00 1.50 1.60 4.00 9.00 1.70 40.00 1.60
+DontCare -1 -1 -10 900.00 150.00 1000.00 250.00 -1 -1 -1 -1000 -1000 -1000 -10
+";
+
+const RESULTS: &str = "\
+Car -1 -1 1.50 600.00 170.00 700.00 230.00 1.50 1.60 4.00 1.00 1.70 20.10 1.60 0.9 0.5
+Car -1 -1 1.50 100.00 170.00 200.00 230.00 1.50 1.60 4.00 -9.00 1.70 18.00 1.60 0.8
+Car -1 -1 1.50 910.00 160.00 960.00 210.00 1.50 1.60 4.00 12.00 1.70 30.00 1.60 0.7
+Car -1 -1 1.50 10.00 160.00 60.00 210.00 1.50 1.60 4.00 -20.00 1.70 30.00 1.60 0.6
+Tram -1 -1 1.50 10.00 160.00 60.00 210.00 3.50 2.60 9.00 -20.00 1.70 30.00 1.60 0.5
+";
+
+/// Exit status, standard output and standard error of `farsight eval` on the scene above.
+fn eval(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    for (name, text) in [("labels", LABELS), ("results", RESULTS)] {
+        fs::create_dir_all(folder.join(name)).unwrap();
+        fs::write(folder.join(name).join("000001.txt"), text).unwrap();
+    }
+    let output = Command::new(env!("CARGO_BIN_EXE_farsight"))
+        .args(["eval", "--labels", "labels", "--results", "results"])
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn explain_names_every_fate() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, out, _) = eval(folder.path(), &["--explain", "000001", "--metric", "2d"]);
+    let expected = "     ground truth                        easy                            moderate                        hard
+g0   Car 60.0 px, z 20.0 m               found by d0 (1.000)             found by d0 (1.000)             found by d0 (1.000)
+g1   Van 60.0 px, z 18.0 m               ignored: looks like a car (d1)  ignored: looks like a car (d1)  ignored: looks like a car (d1)
+g2   Car 60.0 px, z 22.0 m               ignored: occluded               ignored: occluded               missed
+g3   Car 30.0 px, z 40.0 m               ignored: too small              missed                          missed
+g4   DontCare 100.0 px, z -1000.0 m      excuses                         excuses                         excuses
+     detections                          easy                            moderate                        hard
+d0   Car 0.900, 60.0 px, z 20.1 m        true: g0 (1.000)                true: g0 (1.000)                true: g0 (1.000)
+d1   Car 0.800, 60.0 px, z 18.0 m        ignored: on g1                  ignored: on g1                  ignored: on g1
+d2   Car 0.700, 50.0 px, z 30.0 m        ignored: DontCare               ignored: DontCare               ignored: DontCare
+d3   Car 0.600, 50.0 px, z 30.0 m        false: nothing there            false: nothing there            false: nothing there
+d4   Tram 0.500, 50.0 px, z 30.0 m       not evaluated                   not evaluated                   not evaluated
+";
+    assert_eq!((status, out.as_str()), (0, expected));
+}
+
+#[test]
+fn strict_makes_an_error_of_what_is_told_otherwise() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, _, err) = eval(folder.path(), &[]);
+    let kind = "detections of classes that KITTI does not evaluate";
+    assert_eq!(status, 0);
+    assert!(err.contains(&format!("warning: {kind}: 1; first results/000001.txt:5: \"Tram\"\n")), "{err}");
+    let (status, out, err) = eval(folder.path(), &["--strict"]);
+    let expected = format!("error: results/000001.txt:5: \"Tram\" ({kind})\n");
+    assert_eq!((status, out.as_str(), err.as_str()), (1, "", expected.as_str()));
+}
+
+#[test]
+fn a_frame_or_folder_that_is_not_there_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, _, err) = eval(folder.path(), &["--explain", "7"]);
+    let expected = "error: frame 7 is not evaluated; expected one of 000001 ... 000001\n";
+    assert_eq!((status, err.as_str()), (2, expected));
+    let (status, _, err) = eval(folder.path(), &["--against", "reslts"]);
+    let expected = "error: reslts: no such folder; expected a folder of result files such as 000007.txt\n";
+    assert_eq!((status, err.lines().last().unwrap_or_default()), (2, expected.trim_end()));
+}
+
+#[test]
+fn json_and_report_hold_what_is_promised() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["--json", "a.json", "--report", "page", "--against", "results", "--resamples", "50"];
+    let (status, _, err) = eval(folder.path(), &arguments);
+    assert_eq!(status, 0, "{err}");
+    let json: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("a.json")).unwrap()).unwrap();
+    assert_eq!(json["frames"], 1);
+    for table in ["ap", "ap_loose"] {
+        for metric in ["2d", "aos", "bev", "3d"] {
+            assert_eq!(json[table]["car"][metric]["r40"].as_array().map(Vec::len), Some(3), "{table} {metric}");
+            assert_eq!(json[table]["car"][metric]["r11"].as_array().map(Vec::len), Some(3), "{table} {metric}");
+        }
+        assert!(json[table]["cyclist"]["3d"].is_null());
+    }
+    let moderate = &json["ranging"]["car"]["moderate"];
+    assert_eq!((&moderate["objects"], &moderate["found"]), (&2.into(), &1.into()));
+    assert!((moderate["mae_z"].as_f64().unwrap() - 0.1).abs() < 1e-9);
+    assert_eq!(moderate["calibration"]["rows"][0]["within_1_sigma"], 1.0);
+    assert_eq!(json["against"]["rows"][0]["figures"]["mae_z"]["difference"], 0.0);
+    let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
+    assert!(page.contains("data:image/png;base64,") && !page.contains("src=\"http"));
+    assert!(folder.path().join("page/car_3d_curve.png").is_file());
+}
