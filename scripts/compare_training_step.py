@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Seconds of one training step: Farsight against eager PyTorch 2.11, interleaved, medians.
 
-    cargo xtask libtorch
-    LIBTORCH=... LD_LIBRARY_PATH=... cargo build --release -p farsight-train --example step_speed
-    python scripts/compare_training_step.py --farsight target/release/examples/step_speed
+    cargo xtask exec cargo build --workspace --features farsight/train --example step_speed
+    cargo xtask exec python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed
+
+python3 must have PyTorch 2.11. All but a few milliseconds of a step are libtorch's, so the build profile does not matter.
 
 The PyTorch half is the same network (DLA-34, neck, heads), the same batch, focal and corner loss and torch.optim.Adam. Its
 deformable convolution is the same nine bilinear taps; --torchvision uses torchvision.ops.deform_conv2d instead.

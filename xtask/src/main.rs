@@ -17,6 +17,7 @@ cargo xtask COMMAND
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   proof [--data DIR]       the proof on real frames of docs/proof.md: overfit, train on 64 frames, range 20 others
+  exec COMMAND [ARGS]      any command with libtorch where it will look for it
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
 DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Some("test") => test(&rest),
         Some("check") => check(),
         Some("run") => Libtorch::find_or_fetch().and_then(|libtorch| farsight(&libtorch, &rest)),
+        Some("exec") => exec(&rest),
         Some("libtorch") => Libtorch::find_or_fetch().map(|libtorch| eprintln!("{libtorch}")),
         Some("help" | "--help" | "-h") => {
             eprintln!("{USAGE}");
@@ -76,6 +78,13 @@ fn run(command: &mut Command) -> Result<(), String> {
 fn farsight(libtorch: &Libtorch, arguments: &[&str]) -> Result<(), String> {
     let cargo_arguments = ["run", "--quiet", "--package", "farsight", "--features", "train", "--"];
     run(cargo(Some(libtorch)).args(cargo_arguments).args(arguments).current_dir(env::current_dir().unwrap_or_default()))
+}
+
+fn exec(words: &[&str]) -> Result<(), String> {
+    let Some((program, arguments)) = words.split_first() else { return Err(format!("no command to run\n\n{USAGE}")) };
+    let mut command = Command::new(program);
+    Libtorch::find_or_fetch()?.apply(&mut command);
+    run(command.args(arguments))
 }
 
 fn test(arguments: &[&str]) -> Result<(), String> {

@@ -6,7 +6,9 @@ mod common;
 
 use common::RealSets;
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
-use farsight_eval::ranging::{Bootstrap, Figure, Group, MATCH_IOU, RangingComparison, RangingOptions, RangingReport, targets};
+use farsight_eval::ranging::{
+    Bootstrap, Figure, Group, MATCH_IOU, RangingComparison, RangingOptions, RangingReport, targets,
+};
 use farsight_eval::{Claim, Difficulty, EvaluatedClass, Frame};
 
 /// How far a figure may be from the independent one, metres or shares: the order of summation.

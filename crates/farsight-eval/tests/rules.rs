@@ -55,7 +55,7 @@ fn counts(labels: Vec<Label>, claims: Vec<Claim>, metric: Metric) -> (usize, usi
 }
 
 #[test]
-fn rules_2_and_7_labels_of_exactly_the_least_height_do_not_count_and_detections_do() {
+fn rules_7_and_9_labels_of_exactly_the_least_height_do_not_count_and_detections_do() {
     for (height, objects) in [(25.0, 0), (25.01, 1)] {
         let car = high(label("Car", 0.0), height);
         assert_eq!(counts(vec![car.clone()], vec![claim(&car, 0.9)], Metric::Image).0, objects, "{height}");

@@ -13,8 +13,8 @@ use safetensors::Dtype;
 use safetensors::tensor::{Metadata, TensorInfo};
 use thiserror::Error;
 
-use farsight_files::{DurableError, write_atomically};
 pub(crate) use element::Element;
+use farsight_files::{DurableError, write_atomically};
 
 /// Name of the free-text block in a safetensors header (safetensors format).
 const METADATA_KEY: &str = "__metadata__";

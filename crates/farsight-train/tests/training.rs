@@ -6,6 +6,7 @@ use std::fs;
 
 use farsight_core::corner_loss::corner_loss;
 use farsight_net::model::Model;
+use farsight_train::executor::Precision;
 use farsight_train::loss::{BatchTargets, loss};
 use farsight_train::trainer::{CHECKPOINT_FILE, Job, TrainError, train};
 use tch::{Device, Kind, Tensor};
@@ -114,4 +115,15 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     });
     let by_hand = corner_loss(&codec, raw, &image.objects[0], &image.camera);
     assert!((one.location - by_hand.location / 37.5).abs() < 1e-5 * one.location);
+}
+
+#[test]
+fn mixed_precision_and_clipping_train_too() {
+    let folder = data_set(4);
+    let mut run = run_config(folder.path());
+    run.train.precision = Precision::Bf16;
+    run.train.clip_norm = 1.0;
+    let mut observer = Silent::default();
+    train(&Job { run, out: folder.path().join("run"), resume: false }, &mut observer).unwrap();
+    assert!(observer.losses.iter().all(|loss| loss.is_finite()));
 }

@@ -215,7 +215,8 @@ fn read_text(path: &Path) -> Result<String, RowsError> {
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), RowsError> {
-    write_quickly(path, |file| file.write_all(text.as_bytes())).map_err(|e| RowsError::Write { path: path.to_owned(), source: e.source })
+    write_quickly(path, |file| file.write_all(text.as_bytes()))
+        .map_err(|e| RowsError::Write { path: path.to_owned(), source: e.source })
 }
 
 fn push_words(text: &mut String, words: impl IntoIterator<Item = String>) {

@@ -60,8 +60,9 @@ pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Targe
             let target = target.as_mut().filter(|t| t.class == class && t.found.is_none())?;
             Some((iou_2d(&detection.box2d, &label.box2d), target))
         });
-        let best =
-            free.filter(|(iou, _)| *iou >= options.min_iou).reduce(|best, next| if next.0 > best.0 { next } else { best });
+        let best = free
+            .filter(|(iou, _)| *iou >= options.min_iou)
+            .reduce(|best, next| if next.0 > best.0 { next } else { best });
         if let Some((_, target)) = best {
             target.found = Some(measurement(detection, position));
         }

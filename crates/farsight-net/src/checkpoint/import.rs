@@ -118,8 +118,14 @@ fn config(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Option<Mo
     let smoke = ModelConfig { norm, quirks, ..ModelConfig::default() };
     let width = |name: &str| tensors.get(name).and_then(|tensor| tensor.shape.first()).copied();
     let level = |layer: &str| width(&format!("backbone.body.base.{layer}.weight"));
-    let last_layers =
-        ["level0.0", "level1.0", "level2.root.conv", "level3.tree2.root.conv", "level4.tree2.root.conv", "level5.root.conv"];
+    let last_layers = [
+        "level0.0",
+        "level1.0",
+        "level2.root.conv",
+        "level3.tree2.root.conv",
+        "level4.tree2.root.conv",
+        "level5.root.conv",
+    ];
     let standard = smoke.channels();
     let channels = std::array::from_fn(|i| level(last_layers[i]).unwrap_or(standard[i]));
     let head = width("heads.predictor.class_head.0.weight").unwrap_or(smoke.head_width());

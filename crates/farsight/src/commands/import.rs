@@ -35,7 +35,11 @@ pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
         return Ok(Outcome::Done);
     };
     if let Some(name) = imported.missing.first() {
-        bail!("{}: no whole model: {} tensors are missing, {name} for one", args.checkpoint.display(), imported.missing.len());
+        bail!(
+            "{}: no whole model: {} tensors are missing, {name} for one",
+            args.checkpoint.display(),
+            imported.missing.len()
+        );
     }
     Model::new(config, imported.weights)?.write(&args.out)?;
     printer.line(&format!("{}: a model for `farsight range --model`", args.out.display()));

@@ -74,7 +74,7 @@ impl<'a> Stream<'a> {
             return Outcome::End;
         }
         let mut partial = Partial { class: class.to_owned(), numbers: [0.0; COLUMNS.len()] };
-        for column in 1..kind.columns() {
+        for (column, &name) in COLUMNS.iter().enumerate().take(kind.columns()).skip(1) {
             self.skip_blanks();
             let word = self.peek();
             let length = number_length(word);
@@ -84,17 +84,15 @@ impl<'a> Stream<'a> {
                 return Outcome::Broken(Oddity::FractionalOcclusion { found });
             }
             let Ok(number) = word[..length].parse() else {
-                let dropped = Oddity::DroppedRow {
-                    fields: column,
-                    name: COLUMNS[column],
-                    found: word.to_owned(),
-                    expected: kind.columns(),
-                };
+                let dropped =
+                    Oddity::DroppedRow { fields: column, name, found: word.to_owned(), expected: kind.columns() };
                 return Outcome::Broken(dropped);
             };
             if length < word.len() {
-                let (number, name) = (column + 1, COLUMNS[column]);
-                oddities.push((self.line, Oddity::PartialNumber { number, name, rest: word[length..].to_owned() }));
+                oddities.push((
+                    self.line,
+                    Oddity::PartialNumber { number: column + 1, name, rest: word[length..].to_owned() },
+                ));
             }
             partial.numbers[column] = number;
             self.rest = &self.rest[length..];

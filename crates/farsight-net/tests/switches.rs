@@ -1,0 +1,105 @@
+//! The switches of a model are independent of each other, and a wrong one says what is wrong.
+
+use farsight_core::ObjectClass;
+use farsight_core::codec::ClassReference;
+use farsight_core::heatmap::HeatMapRule;
+use farsight_net::build::network;
+use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
+use farsight_net::count::{count, total};
+use farsight_net::graph::{LOGITS, REGRESSION};
+use farsight_net::init::initial_weights;
+use farsight_net::model::Model;
+
+#[test]
+fn every_combination_is_a_network_with_heads_at_stride_four() {
+    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
+        for norm in [NormKind::Group, NormKind::Batch] {
+            for neck in [NeckKind::Deformable, NeckKind::Plain] {
+                for (width, input) in [(1.0, [1280, 384]), (0.5, [640, 192]), (0.25, [96, 32])] {
+                    let config = ModelConfig { msfe, norm, neck, width, input, ..ModelConfig::default() };
+                    config.validate().unwrap();
+                    let graph = network(&config);
+                    let shapes = graph.shapes(input[0], input[1]).unwrap();
+                    let shape = |name: &str| shapes[graph.tap(name).unwrap()];
+                    assert_eq!(shape(LOGITS), [3, input[1] / 4, input[0] / 4]);
+                    assert_eq!(shape(REGRESSION), [8, input[1] / 4, input[0] / 4]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn multiply_accumulates_are_those_of_the_specification() {
+    let gmacs = |config: &ModelConfig| {
+        let stages = count(&network(config), 1280, 384).unwrap();
+        let of = |name: &str| stages.iter().filter(|s| s.stage == name).map(|s| s.macs as f64 / 1e9).sum::<f64>();
+        [
+            of("base"),
+            of("dla_up"),
+            of("ida_up"),
+            of("class_head") + of("regression_head"),
+            of("msfe"),
+            total(&stages).macs as f64 / 1e9,
+        ]
+    };
+    let expect = |found: [f64; 6], expected: [f64; 6]| {
+        for (f, e) in found.iter().zip(expected) {
+            assert!((f - e).abs() < 0.006, "{found:?} instead of {expected:?}");
+        }
+    };
+    expect(gmacs(&ModelConfig::default()), [30.10, 13.27, 4.44, 9.15, 0.0, 56.96]);
+    for (msfe, added) in [(Msfe::A, 1.864), (Msfe::B, 2.926), (Msfe::C, 1.124)] {
+        let config = ModelConfig { msfe, ..ModelConfig::default() };
+        expect(gmacs(&config), [30.10, 13.27, 4.44, 9.15, added, 56.96 + added]);
+    }
+}
+
+#[test]
+fn classes_are_free() {
+    let tram = ClassReference { class: ObjectClass::Tram, dimensions_lhw: [16.0, 3.5, 2.5], heat_map_factor: 1.0 };
+    let config = ModelConfig { classes: vec![tram], width: 0.25, ..ModelConfig::default() };
+    let graph = network(&config);
+    assert_eq!(graph.nodes[graph.tap(LOGITS).unwrap()].channels, 1);
+}
+
+#[test]
+fn wrong_values_say_what_was_found_and_what_was_expected() {
+    let base = ModelConfig::default;
+    let class = base().classes[0].clone();
+    let table = [
+        (ModelConfig { input: [1280, 380], ..base() }, "model.input is 1280x380; expected multiples of 32 pixels"),
+        (ModelConfig { width: 0.0, ..base() }, "model.width is 0; expected a factor above 0 and at most 8"),
+        (ModelConfig { head_channels: Some(20), ..base() }, "model.head_channels is 20; expected a multiple of 16"),
+        (ModelConfig { classes: vec![], ..base() }, "model.classes is empty; expected at least one class"),
+        (ModelConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
+        (
+            ModelConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },
+            "model.heat_map heat map alpha is -1; expected a positive number",
+        ),
+    ];
+    for (config, expected) in table {
+        assert_eq!(config.validate().unwrap_err().to_string(), expected);
+    }
+}
+
+#[test]
+fn a_model_comes_back_from_its_file_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let config = ModelConfig { width: 0.25, msfe: Msfe::C, norm: NormKind::Batch, ..ModelConfig::default() };
+    let weights = initial_weights(&network(&config), 3);
+    let model = Model::new(config, weights).unwrap();
+    model.write(&path).unwrap();
+    let back = Model::read(&path).unwrap();
+    assert_eq!(back.config, model.config);
+    assert!(back.weights.tensors == model.weights.tensors);
+}
+
+#[test]
+fn a_block_more_changes_no_initial_weight_elsewhere() {
+    let weights =
+        |msfe| initial_weights(&network(&ModelConfig { msfe, width: 0.25, ..ModelConfig::default() }), 5).tensors;
+    let (plain, with_msfe) = (weights(Msfe::None), weights(Msfe::A));
+    assert!(plain.iter().all(|(name, tensor)| with_msfe[name] == *tensor));
+}
