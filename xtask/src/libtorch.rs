@@ -23,7 +23,7 @@ print(u.find_spec('torch').submodule_search_locations[0])";
 
 /// A libtorch on this machine.
 #[derive(Debug)]
-pub struct Libtorch {
+pub(crate) struct Libtorch {
     /// The folder with `include` and `lib`.
     torch: PathBuf,
     /// Folders of shared libraries.
@@ -32,7 +32,7 @@ pub struct Libtorch {
 
 impl Libtorch {
     /// The one that the user names in `LIBTORCH`, the one fetched before, the one of the Python on the path, or a fresh one.
-    pub fn find_or_fetch() -> Result<Self, String> {
+    pub(crate) fn find_or_fetch() -> Result<Self, String> {
         if let Some(torch) = env::var_os("LIBTORCH") {
             return Self::at(Path::new(&torch))
                 .ok_or_else(|| format!("LIBTORCH is {}; expected a folder with lib/libtorch_cpu.so", torch.display()));
@@ -71,7 +71,7 @@ impl Libtorch {
     }
 
     /// Makes `command`, and what it starts, use this libtorch.
-    pub fn apply(&self, command: &mut Command) {
+    pub(crate) fn apply(&self, command: &mut Command) {
         let variable = if cfg!(target_os = "macos") { "DYLD_LIBRARY_PATH" } else { "LD_LIBRARY_PATH" };
         let before: Vec<PathBuf> = env::var_os(variable).map(|v| env::split_paths(&v).collect()).unwrap_or_default();
         let path = env::join_paths(self.libraries.iter().chain(&before)).unwrap_or_else(|_| OsString::new());

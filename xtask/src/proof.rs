@@ -10,7 +10,7 @@ use crate::{farsight, root};
 const OVERFIT_FRAMES: usize = 8;
 
 /// Trains the compact network on eight frames, ranges them and draws them.
-pub fn quickstart(data: &Path) -> Result<(), String> {
+pub(crate) fn quickstart(data: &Path) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let out = root().join("runs/quickstart");
     let run = Run { libtorch: &libtorch, data, out: &out };
@@ -25,7 +25,7 @@ pub fn quickstart(data: &Path) -> Result<(), String> {
 }
 
 /// Overfits eight frames; trains SMOKE and the improved SMOKE on the training frames; evaluates both on the validation frames.
-pub fn proof(data: &Path) -> Result<(), String> {
+pub(crate) fn proof(data: &Path) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let out = root().join("runs/proof");
     let run = Run { libtorch: &libtorch, data, out: &out };

@@ -80,8 +80,10 @@ impl Adam {
         }
     }
 
-    /// Takes the state out of `weights`, as [`Adam::store`] put it there after `steps` steps. Returns the name of a tensor that is missing
-    /// or has another shape, if there is one.
+    /// Takes the state out of `weights`, as [`Adam::store`] put it there after `steps` steps.
+    ///
+    /// # Errors
+    /// The name of a tensor that is missing or has another shape.
     pub fn restore(&mut self, weights: &Weights, steps: u64, device: Device) -> Result<(), String> {
         self.steps = steps;
         for moments in &mut self.moments {

@@ -1,16 +1,14 @@
 //! Whole runs of a very small network on a very small data set.
 
-mod tiny;
-
 use std::fs;
 
+use crate::tiny::{Silent, data_set, run_config};
 use farsight_core::corner_loss::corner_loss;
 use farsight_net::model::Model;
 use farsight_train::executor::Precision;
 use farsight_train::loss::{BatchTargets, loss};
 use farsight_train::trainer::{CHECKPOINT_FILE, Job, TrainError, train};
 use tch::{Device, Kind, Tensor};
-use tiny::{Silent, data_set, run_config};
 
 #[test]
 fn the_same_seed_gives_the_same_weights_for_any_number_of_workers() {
@@ -92,7 +90,7 @@ fn metrics_are_one_json_line_a_record_and_tensorboard_events() {
 #[test]
 fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     let config = run_config("unused".as_ref()).model;
-    let image = tiny::targets(&config);
+    let image = crate::tiny::targets(&config);
     let codec = config.codec();
     let [width, height] = image.map_size.map(|s| s as i64);
     let maps = |batch: i64, channels: i64| {

@@ -1,14 +1,12 @@
 //! Checkpoints of official SMOKE and mmdetection3d, as PyTorch writes them, give the head maps that they should.
 
-mod golden_support;
-
 use std::path::{Path, PathBuf};
 
+use crate::golden_support::{assert_close, golden};
 use farsight_net::checkpoint::{ImportOptions, import};
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::model::Model;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
-use golden_support::{assert_close, golden};
 use tch::{Device, Kind, Tensor, no_grad};
 
 const FILES: [&str; 4] = ["official_zip", "official_legacy", "mmdet3d_zip", "mmdet3d_legacy"];
@@ -32,7 +30,7 @@ fn four_files_of_one_network_give_the_same_head_maps() {
         let path = format!("{}/../farsight-net/tests/fixtures/{file}.pth", env!("CARGO_MANIFEST_DIR"));
         head_maps(path.as_ref(), &input).iter().flat_map(values_from_tensor).collect::<Vec<f32>>()
     });
-    assert!(maps[0].iter().all(|v| v.is_finite()) && maps[0].iter().any(|v| *v != maps[0][0]));
+    assert!(maps[0].iter().all(|v| v.is_finite()) && maps[0].iter().any(|v| (v - maps[0][0]).abs() > 1e-3));
     for (file, map) in FILES.iter().zip(&maps) {
         assert!(*map == maps[0], "{file}");
     }

@@ -1,7 +1,6 @@
 //! Single layers and losses against reference tensors computed in double precision.
 
-mod golden_support;
-
+use crate::golden_support::{Golden, assert_close, assert_close_relative, golden};
 use farsight_net::build::{Builder, NormKind, msfe};
 use farsight_net::graph::{Graph, Op, Window};
 use farsight_net::init::initial_weights;
@@ -9,7 +8,6 @@ use farsight_net::weights::{WeightTensor, Weights};
 use farsight_train::deform::deformable_samples;
 use farsight_train::executor::{Mode, Network, Precision, weight_from_tensor};
 use farsight_train::loss::focal_loss;
-use golden_support::{Golden, assert_close, assert_close_relative, golden};
 use tch::{Device, Kind, Tensor};
 
 const DEFORM_TOLERANCE: f64 = 1e-4;
@@ -92,7 +90,7 @@ fn norms_enlargements_and_pooling() {
     let values =
         [("n.weight", "bn.gamma"), ("n.bias", "bn.beta"), ("n.running_mean", "bn.mean"), ("n.running_var", "bn.var")];
     let network = one_node(&g, &g["bn.x"], &values, |b, x| b.norm(x, "n"), NormKind::Batch);
-    check_node("bn", &network, &g["bn.x"], &g["bn.y"]);
+    let _ = check_node("bn", &network, &g["bn.x"], &g["bn.y"]);
 
     for (name, factor) in [("up2", 2), ("up4", 4)] {
         let key = |part: &str| format!("{name}.{part}");
@@ -100,7 +98,7 @@ fn norms_enlargements_and_pooling() {
         let initial = one_node(&g, &g[&key("x")], &[], up, NormKind::Group);
         let weight = &initial.weights().tensors["up.weight"];
         assert_eq!(*weight, weight_from_tensor(&g[&key("init_weight")]), "{name}: initial weight");
-        check_node(name, &initial, &g[&key("x")], &g[&key("y_init")]);
+        let _ = check_node(name, &initial, &g[&key("x")], &g[&key("y_init")]);
         let network = one_node(&g, &g[&key("x")], &[("up.weight", &key("weight"))], up, NormKind::Group);
         let (x, out) = check_node(name, &network, &g[&key("x")], &g[&key("y")]);
         let leaves: Vec<Tensor> = network.learnt().map(|(_, t)| t.shallow_clone()).chain([x]).collect();

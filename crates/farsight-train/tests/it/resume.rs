@@ -1,15 +1,13 @@
 //! A run killed with SIGKILL at any moment, resumed until it is done, ends in the same bytes as a run left alone.
 
-mod tiny;
-
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
+use crate::tiny::{Silent, data_set, run_config};
 use farsight_train::trainer::{Job, MODEL_FILE, train};
-use tiny::{Silent, data_set, run_config};
 
 /// Where the child finds its data; its presence makes [`child_process`] do something.
 const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";
@@ -34,7 +32,11 @@ fn child_process() {
 
 fn start_child(data: &Path) -> Child {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["child_process", "--exact"]).env(DATA_VARIABLE, data).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .args(["resume::child_process", "--exact"])
+        .env(DATA_VARIABLE, data)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     command.spawn().unwrap()
 }
 

@@ -1,7 +1,6 @@
 //! The whole network against reference tensors computed in double precision.
 
-mod golden_support;
-
+use crate::golden_support::{Golden, assert_close, assert_close_relative, golden};
 use farsight_core::codec::Codec;
 use farsight_core::targets::ObjectTarget;
 use farsight_core::{Box3d, Camera, Dimensions};
@@ -13,7 +12,6 @@ use farsight_net::init::initial_weights;
 use farsight_net::weights::Weights;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor, weight_from_tensor};
 use farsight_train::loss::{BatchTargets, focal_loss, loss};
-use golden_support::{Golden, assert_close, assert_close_relative, golden};
 use tch::{Device, Tensor, no_grad};
 
 /// Tolerances of the reference's own README.
