@@ -24,7 +24,13 @@ pub enum ImageError {
         /// What the system says.
         source: io::Error,
     },
-    /// The file holds something else, or nothing.
+    /// The file holds nothing.
+    #[error("{}: an empty file; expected a PNG or JPEG image", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file holds something else.
     #[error("{}: no image that is known here; expected PNG or JPEG", path.display())]
     Format {
         /// The file.
@@ -68,6 +74,9 @@ pub enum ImageError {
 pub fn read_image(path: &Path) -> Result<RgbImage, ImageError> {
     let read_failed = |source| ImageError::Read { path: path.to_owned(), source };
     let file = File::open(path).map_err(read_failed)?;
+    if file.metadata().map_err(read_failed)?.len() == 0 {
+        return Err(ImageError::Empty { path: path.to_owned() });
+    }
     let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(read_failed)?;
     let format = reader.format().ok_or_else(|| ImageError::Format { path: path.to_owned() })?;
     let mut limits = Limits::default();

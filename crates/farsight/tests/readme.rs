@@ -1,0 +1,96 @@
+//! What the README promises a newcomer is there.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn farsight(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(root()).output().unwrap()
+}
+
+fn readme() -> String {
+    fs::read_to_string(root().join("README.md")).unwrap()
+}
+
+#[test]
+fn every_command_is_one_that_the_program_understands() {
+    let readme = readme();
+    let commands = readme.lines().filter_map(|line| line.trim().strip_prefix("cargo xtask run "));
+    let mut seen = 0;
+    for command in commands {
+        let words: Vec<&str> = command.split('#').next().unwrap().split_whitespace().collect();
+        let output = farsight(&words);
+        let errors = String::from_utf8(output.stderr).unwrap();
+        // The files of the examples are not there; that is an answer. A usage message is not.
+        assert!(!errors.contains("Usage:"), "{command}\n{errors}");
+        seen += 1;
+    }
+    assert!(seen >= 6);
+}
+
+#[test]
+fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
+    let readme = readme();
+    let rows: Vec<&str> = readme.lines().filter(|line| line.starts_with("| `configs/")).collect();
+    assert_eq!(rows.len(), 5);
+    for row in rows {
+        let config = row.split('`').nth(1).unwrap();
+        let output = farsight(&["info", config]);
+        assert!(output.status.success(), "{config}: {}", String::from_utf8_lossy(&output.stderr));
+        let answer = String::from_utf8(output.stdout).unwrap();
+        let claim = row.split_whitespace().find(|word| word.matches(',').count() == 2);
+        if let Some(parameters) = claim {
+            assert!(answer.contains(parameters), "{config} has not {parameters} parameters:\n{answer}");
+        }
+    }
+}
+
+#[test]
+fn every_file_that_the_documents_point_to_is_there() {
+    for document in ["README.md", "ARCHITECTURE.md", "PARITY.md", "docs/proof.md", "docs/speed.md", "docs/training.md"] {
+        let path = root().join(document);
+        let text = fs::read_to_string(&path).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let target = path.parent().unwrap().join(link);
+            assert!(link.starts_with("https://") || target.exists(), "{document} points to {link}");
+        }
+    }
+}
+
+/// The first command of the README in small: train on real frames, range one, and look at what came out.
+#[cfg(feature = "train")]
+#[test]
+fn from_real_frames_to_metres() {
+    let kitti = std::env::var_os("FARSIGHT_KITTI").map_or_else(|| root().join("../shared/kitti"), PathBuf::from);
+    let frames = kitti.join("frames");
+    if !frames.is_dir() {
+        println!("skipped: no {} (set FARSIGHT_KITTI)", frames.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let [config, run, pictures, rows] = ["config.toml", "run", "pictures", "rows"].map(|name| text(&folder.path().join(name)));
+    let json = text(&folder.path().join("answer.json"));
+    let small = "[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
+                 [data]\nlimit = 2\n[train]\nepochs = 2\nbatch_size = 2\n";
+    fs::write(&config, small).unwrap();
+    let train = farsight(&["train", "--config", &config, "--data", &text(&frames), "--out", &run]);
+    assert!(train.status.success(), "{}", String::from_utf8_lossy(&train.stderr));
+
+    let image = text(&frames.join("training/image_2/000003.png"));
+    let model = format!("{run}/model.safetensors");
+    let outputs = ["--out", &pictures, "--json", &json, "--kitti", &rows, "--min-score", "0.01"];
+    let range = farsight(&[&["range", &image, "--model", &model], &outputs[..]].concat());
+    assert!(range.status.success(), "{}", String::from_utf8_lossy(&range.stderr));
+    let answer: serde_json::Value = serde_json::from_str(&fs::read_to_string(&json).unwrap()).unwrap();
+    assert_eq!((answer[0]["width"].as_u64(), answer[0]["height"].as_u64()), (Some(1242), Some(375)));
+    assert!(fs::metadata(format!("{pictures}/000003.png")).unwrap().len() > 100_000);
+    let lines = fs::read_to_string(format!("{rows}/000003.txt")).unwrap().lines().count();
+    assert_eq!(lines, answer[0]["detections"].as_array().unwrap().len());
+}
