@@ -91,7 +91,8 @@ impl Detector {
         let image_size = [width as usize, height as usize];
         let rules = self.spec.input_for(image_size);
         let affine = rules.whole_image(image_size);
-        let view = View { image_size, camera: *camera, input_camera: self.spec.camera(camera).transformed(&affine) };
+        let view =
+            View { image_size, camera: *camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) };
 
         let (input, warp) = timed(|| network_input(image, &affine, &rules, None));
         let (maps, network) = timed(|| self.engine.head_maps(&input, rules.size));

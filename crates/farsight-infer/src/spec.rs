@@ -1,10 +1,10 @@
 //! What a detector must know of its model.
 
+use farsight_core::Codec;
 use farsight_core::codec::STRIDE;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::input::InputRules;
-use farsight_core::{Camera, Codec};
-use farsight_net::config::{ModelConfig, SIZE_STEP};
+use farsight_net::config::{ModelConfig, Quirks, SIZE_STEP};
 
 /// Facts about a model, and what to keep of its answers.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,8 +13,8 @@ pub struct DetectorSpec {
     pub input: InputRules,
     /// Decodes its head maps.
     pub codec: Codec,
-    /// The model sees cameras without their fourth column (official SMOKE's checkpoints).
-    pub drop_fourth_column: bool,
+    /// Habits that the model was trained with.
+    pub quirks: Quirks,
     /// What to keep.
     pub options: DecodeOptions,
 }
@@ -22,17 +22,7 @@ pub struct DetectorSpec {
 impl DetectorSpec {
     /// The facts of `config`.
     pub fn new(config: &ModelConfig, options: DecodeOptions) -> Self {
-        Self {
-            input: config.input_rules(),
-            codec: config.codec(),
-            drop_fourth_column: config.quirks.camera_3x3,
-            options,
-        }
-    }
-
-    /// The camera as the model sees it.
-    pub fn camera(&self, camera: &Camera) -> Camera {
-        if self.drop_fourth_column { camera.without_fourth_column() } else { *camera }
+        Self { input: config.input_rules(), codec: config.codec(), quirks: config.quirks, options }
     }
 
     /// The input for an image of `image_size` (width and height, pixels).

@@ -32,7 +32,7 @@ impl Engine for Painter {
         let rules = self.spec.input_for(self.image_size);
         assert_eq!(input_size, rules.size);
         assert_eq!(input.len(), 3 * input_size[0] * input_size[1]);
-        let model_camera = self.spec.camera(&self.camera);
+        let model_camera = self.spec.quirks.camera(&self.camera);
         let camera = feature_camera(&model_camera.transformed(&rules.whole_image(self.image_size)));
         let map_size @ [width, height] = input_size.map(|side| side / STRIDE);
         let area = width * height;

@@ -54,6 +54,13 @@ pub struct Quirks {
     pub sampling: Sampling,
 }
 
+impl Quirks {
+    /// The camera as the model sees it: complete, or without its fourth column for official checkpoints.
+    pub fn camera(&self, camera: &Camera) -> Camera {
+        if self.camera_3x3 { camera.without_fourth_column() } else { *camera }
+    }
+}
+
 /// A model's description, as it stands in a config file and in the header of its weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -194,11 +201,6 @@ impl ModelConfig {
     /// How targets are made.
     pub fn target_rules(&self) -> TargetRules {
         TargetRules { codec: self.codec(), heat_map: self.heat_map, heat_map_box: self.heat_map_box }
-    }
-
-    /// The camera as this model sees it: complete, or without its fourth column for official checkpoints.
-    pub fn camera(&self, camera: &Camera) -> Camera {
-        if self.quirks.camera_3x3 { camera.without_fourth_column() } else { *camera }
     }
 
     fn scaled(&self, channels: usize) -> usize {

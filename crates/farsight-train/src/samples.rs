@@ -6,7 +6,7 @@ use farsight_core::input::InputRules;
 use farsight_core::targets::{TargetRules, Targets};
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, KittiDataset};
-use farsight_net::config::ModelConfig;
+use farsight_net::config::{ModelConfig, Quirks};
 use tch::{Device, Tensor};
 
 use crate::loss::BatchTargets;
@@ -29,7 +29,7 @@ pub struct TrainSample {
 pub struct Sampler {
     dataset: KittiDataset,
     cache: Option<Vec<OnceLock<Arc<Frame>>>>,
-    model: ModelConfig,
+    quirks: Quirks,
     input_rules: InputRules,
     target_rules: TargetRules,
     augmentation: AugmentationConfig,
@@ -40,7 +40,7 @@ impl Sampler {
     pub fn new(dataset: KittiDataset, model: &ModelConfig, augmentation: AugmentationConfig, cache: bool) -> Self {
         let cache = cache.then(|| (0..dataset.len()).map(|_| OnceLock::new()).collect());
         let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
-        Self { dataset, cache, model: model.clone(), input_rules, target_rules, augmentation }
+        Self { dataset, cache, quirks: model.quirks, input_rules, target_rules, augmentation }
     }
 
     /// Number of frames.
@@ -70,7 +70,7 @@ impl Sampler {
     fn frame(&self, index: usize) -> Result<Arc<Frame>, DatasetError> {
         let load = || {
             let frame = self.dataset.load(index)?;
-            let camera = self.model.camera(&frame.camera);
+            let camera = self.quirks.camera(&frame.camera);
             Ok(Arc::new(Frame { camera, ..frame }))
         };
         match &self.cache {

@@ -53,7 +53,8 @@ fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
 
 #[test]
 fn every_file_that_the_documents_point_to_is_there() {
-    for document in ["README.md", "ARCHITECTURE.md", "PARITY.md", "docs/proof.md", "docs/speed.md", "docs/training.md"] {
+    for document in ["README.md", "ARCHITECTURE.md", "PARITY.md", "docs/proof.md", "docs/speed.md", "docs/training.md"]
+    {
         let path = root().join(document);
         let text = fs::read_to_string(&path).unwrap();
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
@@ -75,7 +76,8 @@ fn from_real_frames_to_metres() {
     }
     let folder = tempfile::tempdir().unwrap();
     let text = |path: &Path| path.to_str().unwrap().to_owned();
-    let [config, run, pictures, rows] = ["config.toml", "run", "pictures", "rows"].map(|name| text(&folder.path().join(name)));
+    let [config, run, pictures, rows] =
+        ["config.toml", "run", "pictures", "rows"].map(|name| text(&folder.path().join(name)));
     let json = text(&folder.path().join("answer.json"));
     let small = "[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
                  [data]\nlimit = 2\n[train]\nepochs = 2\nbatch_size = 2\n";
