@@ -1,0 +1,170 @@
+//! Laws of cameras, boxes, heat maps, peaks and targets.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use farsight_core::codec::DepthReference;
+use farsight_core::heatmap::HeatMapRule;
+use farsight_core::peaks::peaks;
+use farsight_core::targets::{HeatMapBox, TargetRules};
+use farsight_core::{
+    Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Dimensions, Label, ObjectClass, wrapped_angle,
+};
+use proptest::prelude::*;
+
+const EXACT: f64 = 1e-9;
+
+/// A camera with a fourth column, as KITTI's.
+fn kitti_like() -> Camera {
+    let projection =
+        [[721.5377, 0.0, 609.5593, 44.857], [0.0, 721.5377, 172.854, 0.2164], [0.0, 0.0, 1.0, 0.002_745_9]];
+    Camera::from_projection(projection).unwrap()
+}
+
+fn box3d(location: [f64; 3], yaw: f64) -> Box3d {
+    Box3d { dimensions: Dimensions { height: 1.5, width: 1.6, length: 3.9 }, location, yaw }
+}
+
+/// The smallest distance from the origin to a fine grid of points in and on the box.
+fn distance_by_sampling(object: &Box3d, steps: usize) -> f64 {
+    let share = |i: usize| i as f64 / steps as f64;
+    let corners = object.corners();
+    // Corner 7 is bottom, back, one side; 2, 0 and 6 are its neighbours along length, height and width.
+    let [origin, along, up, across] = [corners[7], corners[2], corners[0], corners[6]];
+    let point = |a: f64, b: f64, c: f64| {
+        [0, 1, 2]
+            .map(|k| origin[k] + a * (along[k] - origin[k]) + b * (up[k] - origin[k]) + c * (across[k] - origin[k]))
+    };
+    let cells = (0..=steps).flat_map(|i| (0..=steps).flat_map(move |j| (0..=steps).map(move |k| [i, j, k])));
+    cells
+        .map(|[i, j, k]| point(share(i), share(j), share(k)).iter().map(|v| v * v).sum::<f64>().sqrt())
+        .fold(f64::INFINITY, f64::min)
+}
+
+proptest! {
+    #[test]
+    fn the_nearest_point_is_where_sampling_finds_it(x in -20.0..20.0, y in -3.0..3.0, z in -20.0..40.0, yaw in -PI..PI) {
+        let object = box3d([x, y, z], yaw);
+        let sampled = distance_by_sampling(&object, 40);
+        let nearest = object.nearest_distance_m();
+        // Samples are at most half a diagonal of the grid's cells away from the true nearest point.
+        prop_assert!(nearest <= sampled + EXACT && sampled <= nearest + 0.06, "{nearest} and {sampled}");
+        prop_assert!(nearest <= object.center_distance_m());
+    }
+
+    #[test]
+    fn a_pixel_at_a_depth_is_the_point_it_came_from(x in -30.0..30.0, y in -3.0..3.0, z in 1.0..90.0) {
+        let camera = kitti_like();
+        let point = [x, y, z];
+        let back = camera.point_from_pixel(camera.pixel_from_point(point).unwrap(), z);
+        for (a, b) in point.iter().zip(back) {
+            prop_assert!((a - b).abs() < EXACT);
+        }
+    }
+
+    #[test]
+    fn a_mirrored_world_is_a_mirrored_image(x in -30.0..30.0, y in -3.0..3.0, z in 1.0..90.0, yaw in -PI..PI, width in 1_usize..4000) {
+        let (camera, mirrored) = (kitti_like(), kitti_like().mirrored(width));
+        let [u, v] = camera.pixel_from_point([x, y, z]).unwrap();
+        let [mu, mv] = mirrored.pixel_from_point([-x, y, z]).unwrap();
+        prop_assert!((mu - (width as f64 - 1.0 - u)).abs() < EXACT && (mv - v).abs() < EXACT);
+        let object = box3d([x, y, z], yaw);
+        prop_assert!(wrapped_angle(object.mirrored().mirrored().yaw - yaw).abs() < EXACT);
+        let twice = mirrored.mirrored(width);
+        prop_assert!(twice.projection.as_flattened().iter().zip(camera.projection.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
+    fn maps_undo_and_follow_each_other(cx in -500.0..2000.0, cy in -500.0..900.0, window in 50.0..4000.0, px in -100.0..2000.0, py in -100.0..900.0) {
+        let map = Affine2::window([cx, cy], window, [1280, 384]);
+        let back = map.inverse().unwrap().apply(map.apply([px, py]));
+        prop_assert!((back[0] - px).abs() < 1e-7 && (back[1] - py).abs() < 1e-7);
+        let next = Affine2::mirror(1280);
+        let (one, two) = (map.then(&next).apply([px, py]), next.apply(map.apply([px, py])));
+        prop_assert!((one[0] - two[0]).abs() < 1e-7 && (one[1] - two[1]).abs() < 1e-7);
+    }
+
+    #[test]
+    fn angles_wrap_by_whole_turns(angle in -50.0..50.0) {
+        let wrapped = wrapped_angle(angle);
+        prop_assert!(-PI < wrapped && wrapped <= PI);
+        let turns = (angle - wrapped) / TAU;
+        prop_assert!((turns - turns.round()).abs() < EXACT);
+    }
+
+    #[test]
+    fn a_heat_map_has_its_peak_in_its_cell_and_stays_in_the_map(w in 0.0..400.0, h in 0.0..400.0, column in 0_usize..40, row in 0_usize..12) {
+        let mut map = vec![0.0_f32; 40 * 12];
+        let rule = HeatMapRule::Dynamic { alpha: 0.12, min_radius: 1.0, max_radius: 16.0 };
+        rule.gaussian(w, h, 1.0).draw(&mut map, 40, [column, row]);
+        prop_assert!((map[row * 40 + column] - 1.0).abs() < f32::EPSILON);
+        prop_assert!(map.iter().all(|v| (0.0..=1.0).contains(v)));
+        prop_assert_eq!(peaks(&map, [40, 12], 10, 0.5).len(), 1);
+    }
+}
+
+#[test]
+fn the_field_of_view_reaches_from_edge_to_edge() {
+    let camera = Camera::from_hfov(90.0, 1920, 1080).unwrap();
+    let [left, _] = camera.pixel_from_point([-10.0, 0.0, 10.0]).unwrap();
+    let [right, _] = camera.pixel_from_point([10.0, 0.0, 10.0]).unwrap();
+    assert!((right - left - 1920.0).abs() < EXACT);
+    for angle in [0.0, 180.0, -5.0, f64::NAN] {
+        assert!(Camera::from_hfov(angle, 1920, 1080).is_err(), "{angle}");
+    }
+}
+
+#[test]
+fn alpha_is_yaw_less_the_ray() {
+    assert!((box3d([10.0, 1.6, 10.0], 0.0).alpha() + PI / 4.0).abs() < EXACT);
+    assert!((box3d([0.0, 1.6, 10.0], -FRAC_PI_2).alpha() + FRAC_PI_2).abs() < EXACT);
+    assert!((box3d([-10.0, 1.6, 10.0], PI).alpha() + 3.0 * PI / 4.0).abs() < EXACT);
+}
+
+#[test]
+fn a_box_beside_the_camera_is_cut_at_the_near_plane_and_one_behind_is_not_seen() {
+    let camera = kitti_like();
+    let beside = box3d([1.8, 1.6, 0.5], FRAC_PI_2).projected(&camera).unwrap();
+    assert!([beside.x1, beside.y1, beside.x2, beside.y2].iter().all(|v| v.is_finite()));
+    assert!(beside.x1 > 609.0, "it is on the right: {beside:?}");
+    assert_eq!(box3d([0.0, 1.6, -10.0], 0.0).projected(&camera), None);
+}
+
+#[test]
+fn equal_neighbours_are_both_peaks_and_no_number_is_none() {
+    let map = [0.5, 0.5, 0.0, f32::NAN, 0.9, 0.0];
+    let found: Vec<_> = peaks(&map, [6, 1], 10, 0.1).iter().map(|p| p.cell[0]).collect();
+    assert_eq!(found, [4, 0, 1]);
+    assert!(peaks(&[f32::NAN; 6], [3, 2], 10, 0.0).is_empty());
+    assert_eq!(peaks(&map, [6, 1], 1, 0.1).len(), 1);
+}
+
+#[test]
+fn targets_are_objects_of_known_classes_whose_centre_is_in_the_image() {
+    let rules = TargetRules {
+        codec: Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI },
+        heat_map: HeatMapRule::SMOKE,
+        heat_map_box: HeatMapBox::Projected,
+    };
+    let label = |class, x| Label {
+        class,
+        truncation: 0.0,
+        occlusion: 0,
+        alpha: 0.0,
+        box2d: Box2d::new(0.0, 0.0, 10.0, 10.0),
+        box3d: box3d([x, 1.6, 20.0], 0.3),
+    };
+    let labels = [
+        label(ObjectClass::Car, 0.0),
+        label(ObjectClass::Van, 3.0),
+        label(ObjectClass::Car, 40.0),
+        label(ObjectClass::Pedestrian, -3.0),
+    ];
+    let targets = rules.targets(&labels, &kitti_like(), [1248, 384]);
+    let classes: Vec<usize> = targets.objects.iter().map(|o| o.class).collect();
+    assert_eq!(classes, [0, 2]);
+    assert_eq!(targets.map_size, [312, 96]);
+    let ones = targets.heat_map.iter().filter(|v| **v >= 1.0).count();
+    assert_eq!(ones, 2);
+}
