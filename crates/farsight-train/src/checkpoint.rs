@@ -72,7 +72,9 @@ pub fn write(
 ) -> Result<(), CheckpointError> {
     let mut weights = network.weights();
     adam.store(&mut weights);
-    for (key, json) in [(PROGRESS_KEY, serde_json::to_string(&progress)), (RUN_KEY, serde_json::to_string(run))] {
+    for (key, json) in
+        [(PROGRESS_KEY, serde_json::to_string(&progress)), (RUN_KEY, serde_json::to_string(&run.identity()))]
+    {
         let json = json.map_err(|e| CheckpointError::Header { path: path.into(), key, problem: e.to_string() })?;
         weights.metadata.insert(key.to_owned(), json);
     }
@@ -93,7 +95,8 @@ pub fn read(path: &Path, run: &RunConfig) -> Result<(Weights, Progress), Checkpo
             .ok_or_else(|| problem("missing; expected a checkpoint of `farsight train`".into()))?;
         serde_json::from_str::<serde_json::Value>(text).map_err(|e| problem(e.to_string()))
     };
-    let same_run = serde_json::to_value(run).is_ok_and(|value| entry(RUN_KEY).is_ok_and(|stored| stored == value));
+    let same_run =
+        serde_json::to_value(run.identity()).is_ok_and(|value| entry(RUN_KEY).is_ok_and(|stored| stored == value));
     let progress = serde_json::from_value(entry(PROGRESS_KEY)?).map_err(|e| CheckpointError::Header {
         path: path.into(),
         key: PROGRESS_KEY,

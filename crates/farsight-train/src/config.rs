@@ -151,6 +151,16 @@ impl RunConfig {
         }
     }
 
+    /// This run without what does not change its outcome: a checkpoint belongs to every run that has the same identity.
+    pub fn identity(&self) -> Self {
+        let (data, train) = (DataConfig::default(), TrainConfig::default());
+        let mut identity = self.clone();
+        identity.data = DataConfig { split: self.data.split.clone(), limit: self.data.limit, ..data };
+        identity.train.checkpoint_steps = train.checkpoint_steps;
+        identity.train.log_steps = train.log_steps;
+        identity
+    }
+
     /// Why this run cannot be started, if it cannot.
     pub fn problem(&self) -> Option<String> {
         if let Err(error) = self.model.validate() {

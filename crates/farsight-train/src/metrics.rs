@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use farsight_files::write_quickly;
 use prost::Message;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +53,7 @@ impl MetricsWriter {
         let before = if path.exists() { fs::read_to_string(&path)? } else { String::new() };
         let kept = |line: &&str| serde_json::from_str::<Step>(line).is_ok_and(|record| record.step <= steps);
         let text: String = before.lines().filter(kept).flat_map(|line| [line, "\n"]).collect();
-        fs::write(&path, text)?;
+        write_quickly(&path, |file| file.write_all(text.as_bytes())).map_err(|error| error.source)?;
         let lines = OpenOptions::new().append(true).open(&path)?;
         Ok(Self { lines, events: EventWriter::create(folder, steps)? })
     }

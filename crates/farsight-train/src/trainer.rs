@@ -141,6 +141,8 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
     let checkpoint_path = job.out.join(CHECKPOINT_FILE);
     prepare_folder(job, &checkpoint_path)?;
     let (mut trainer, progress) = Trainer::start(job, &checkpoint_path, device)?;
+    let resolved = toml::to_string(&job.run)?;
+    write_atomically(&job.out.join(CONFIG_FILE), |file| file.write_all(resolved.as_bytes()))?;
     let loader = loader(&job.run, sampler, frames, progress.position)?;
     let batches_per_epoch = loader.batches_per_epoch();
     let total = batches_per_epoch * job.run.train.epochs;
@@ -184,8 +186,6 @@ fn prepare_folder(job: &Job, checkpoint_path: &Path) -> Result<(), TrainError> {
     if !job.resume && checkpoint_path.exists() {
         return Err(TrainError::Occupied(job.out.clone()));
     }
-    let config = toml::to_string(&job.run)?;
-    write_atomically(&job.out.join(CONFIG_FILE), |file| file.write_all(config.as_bytes()))?;
     Ok(())
 }
 
