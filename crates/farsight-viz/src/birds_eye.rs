@@ -228,11 +228,14 @@ impl Panel<'_> {
 
     /// In the upper left corner: how many there are and how near the nearest is.
     fn headline(&mut self) {
-        let nearest = self.scene.detections.iter().map(|d| self.options.distance_of(&d.box3d)).reduce(f64::min);
-        let [first, second] = match (nearest, self.scene.detections.len()) {
-            (None, _) => ["nothing found".to_owned(), String::new()],
-            (Some(nearest), count) => [format!("{count} found"), format!("nearest {nearest:.1} m")],
+        // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to nothing.
+        let distances = self.scene.detections.iter().map(|d| self.options.distance_of(&d.box3d));
+        let nearest = distances.filter(|&distance| distance >= 0.0).reduce(f64::min);
+        let first = match self.scene.detections.len() {
+            0 => "nothing found".to_owned(),
+            count => format!("{count} found"),
         };
+        let second = nearest.map_or_else(String::new, |nearest| format!("nearest {nearest:.1} m"));
         let [left, top] = [0.9 * self.text_px, 1.7 * self.text_px];
         write(&mut self.canvas, &first, [left, top], 1.2 * self.text_px, WHITE);
         write(&mut self.canvas, &second, [left, top + 1.3 * self.text_px], self.text_px, MUTED);
