@@ -87,14 +87,23 @@ impl Camera {
         Self::from_intrinsics(focal, focal, (width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0)
     }
 
-    /// Horizontal focal length, pixels.
+    /// Horizontal focal length, pixels; of a turned camera too, whose projection is `K [R | t]`.
     pub fn focal_x(&self) -> f64 {
-        self.projection[0][0] / self.projection[2][2]
+        self.focal(0)
     }
 
-    /// Vertical focal length, pixels.
+    /// Vertical focal length, pixels; of a turned camera too, whose projection is `K [R | t]`.
     pub fn focal_y(&self) -> f64 {
-        self.projection[1][1] / self.projection[2][2]
+        self.focal(1)
+    }
+
+    /// A row of `K R` is `focal * (a row of R) + center * (the last row of R)`: its part across the last row is the focal length.
+    fn focal(&self, row: usize) -> f64 {
+        let [a, b, c, _] = self.projection[row];
+        let [d, e, f, _] = self.projection[2];
+        let across = [b * f - c * e, c * d - a * f, a * e - b * d];
+        let squared = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+        squared(across).sqrt() / squared([d, e, f])
     }
 
     /// The pixel that sees `point` (metres); `None` for a point not in front of the camera.

@@ -28,11 +28,20 @@ pub struct DepthReference {
     pub mean_m: f64,
     /// Standard deviation of the depth, metres.
     pub std_m: f64,
+    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true depth. Under another focal length
+    /// the same picture means a distance larger or smaller by the ratio of the two. Without it the network's depth is taken as it is, as in SMOKE.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focal_px: Option<f64>,
 }
 
 impl DepthReference {
     /// Depth of KITTI's objects (SMOKE, spec 5.1).
-    pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32 };
+    pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32, focal_px: None };
+
+    /// True depth over virtual depth under `camera` (of the feature map).
+    fn scale(&self, camera: &Camera) -> f64 {
+        self.focal_px.map_or(1.0, |focal_px| camera.focal_y() * STRIDE as f64 / focal_px)
+    }
 }
 
 /// What the codec must know of a class.
@@ -141,7 +150,7 @@ impl Codec {
         let reference = self.classes.get(class)?.dimensions_lhw;
         let alpha = object.alpha();
         let regression = Regression {
-            depth: (object.depth_m() - self.depth.mean_m) / self.depth.std_m,
+            depth: (object.depth_m() / self.depth.scale(camera) - self.depth.mean_m) / self.depth.std_m,
             offset: pixel.map(f64::fract),
             log_dimensions_lhw: [
                 (length / reference[0]).ln(),
@@ -153,9 +162,9 @@ impl Codec {
         Some(Encoded { cell: pixel.map(|v| v as usize), regression })
     }
 
-    /// Depth along the optical axis, metres.
-    pub fn depth_m<D: Scalar>(&self, regression: &Regression<D>) -> D {
-        regression.depth * self.depth.std_m + self.depth.mean_m
+    /// Depth along the optical axis of `camera` (of the feature map), metres.
+    pub fn depth_m<D: Scalar>(&self, regression: &Regression<D>, camera: &Camera) -> D {
+        (regression.depth * self.depth.std_m + self.depth.mean_m) * self.depth.scale(camera)
     }
 
     /// Length, height and width of class number `class`, metres.
@@ -176,7 +185,7 @@ impl Codec {
         camera: &Camera,
     ) -> [D; 3] {
         let pixel = [0, 1].map(|i| regression.offset[i] + cell[i] as f64);
-        let [x, y, z] = camera.point_from_pixel(pixel, self.depth_m(regression));
+        let [x, y, z] = camera.point_from_pixel(pixel, self.depth_m(regression, camera));
         [x, y + height * 0.5, z]
     }
 

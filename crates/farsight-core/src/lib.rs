@@ -11,6 +11,7 @@ pub mod box2d;
 pub mod box3d;
 pub mod camera;
 pub mod class;
+pub mod classic;
 pub mod codec;
 pub mod corner_loss;
 pub mod detection;

@@ -168,3 +168,30 @@ fn targets_are_objects_of_known_classes_whose_centre_is_in_the_image() {
     let ones = targets.heat_map.iter().filter(|v| **v >= 1.0).count();
     assert_eq!(ones, 2);
 }
+
+#[test]
+fn with_virtual_depth_twice_the_focal_length_means_twice_the_distance() {
+    let depth = DepthReference { focal_px: Some(700.0), ..DepthReference::KITTI };
+    let codec = Codec { classes: ClassReference::smoke(), depth };
+    let focal = |f: f64| Camera::from_intrinsics(f, f, 160.0, 48.0).unwrap();
+    let encoded = |z: f64, camera: &Camera| codec.encode(&box3d([0.0, 1.6, z], 0.3), 0, camera).unwrap();
+    // The feature map's focal length is a quarter of the input's.
+    let (normal, long) = (focal(175.0), focal(350.0));
+    let near = encoded(20.0, &normal).regression.depth;
+    assert!((near - (20.0 - depth.mean_m) / depth.std_m).abs() < EXACT, "the reference focal length changes nothing");
+    assert!((encoded(40.0, &long).regression.depth - near).abs() < EXACT);
+    let back = codec.decode(&encoded(40.0, &long), 0, &long);
+    assert!((back.location[2] - 40.0).abs() < EXACT, "{back:?}");
+}
+
+#[test]
+fn a_turned_camera_keeps_its_focal_length() {
+    let (f, cx, cy) = (700.0, 610.0, 170.0);
+    let (sin, cos) = 0.3_f64.sin_cos();
+    // K R for a pitch of 0.3 radians.
+    let rows =
+        [[f, -cx * sin, cx * cos, 0.0], [0.0, f * cos - cy * sin, f * sin + cy * cos, 0.0], [0.0, -sin, cos, 0.0]];
+    let camera = Camera::from_projection(rows).unwrap();
+    assert!((camera.focal_x() - f).abs() < 1e-9, "{}", camera.focal_x());
+    assert!((camera.focal_y() - f).abs() < 1e-9, "{}", camera.focal_y());
+}

@@ -89,7 +89,7 @@ impl Detector {
             return Err(DetectError::Empty { width, height });
         }
         let image_size = [width as usize, height as usize];
-        let rules = self.spec.input_for(image_size);
+        let rules = self.spec.input_for(image_size, camera);
         let affine = rules.whole_image(image_size);
         let view =
             View { image_size, camera: *camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) };

@@ -10,5 +10,5 @@ pub mod timing;
 
 pub use detector::{DetectError, Detector};
 pub use engine::{Engine, EngineError};
-pub use spec::DetectorSpec;
+pub use spec::{DetectorSpec, UnfamiliarCamera};
 pub use timing::StageTimes;

@@ -1,10 +1,11 @@
 //! What a detector must know of its model.
 
-use farsight_core::Codec;
 use farsight_core::codec::STRIDE;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::input::InputRules;
+use farsight_core::{Camera, Codec};
 use farsight_net::config::{ModelConfig, Quirks, SIZE_STEP};
+use thiserror::Error;
 
 /// Facts about a model, and what to keep of its answers.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,29 +16,75 @@ pub struct DetectorSpec {
     pub codec: Codec,
     /// Habits that the model was trained with.
     pub quirks: Quirks,
+    /// Smallest and largest focal length that the model was trained with, pixels of the network's input.
+    pub focal_range_px: Option<[f64; 2]>,
     /// What to keep.
     pub options: DecodeOptions,
 }
 
+/// A camera outside the range that a model was trained with: its distances are not to be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error(
+    "the camera's focal length is {focal_px:.0} pixels of the network's input; the model was trained with {} to {}, so its distances are a guess",
+    range_px[0],
+    range_px[1]
+)]
+pub struct UnfamiliarCamera {
+    /// Its focal length, pixels of the network's input.
+    pub focal_px: f64,
+    /// Smallest and largest that the model was trained with.
+    pub range_px: [f64; 2],
+}
+
+/// An input grows at most so many times to bring a wide camera into the trained range: time and memory grow with the square.
+const MAX_ENLARGEMENT: usize = 2;
+
 impl DetectorSpec {
     /// The facts of `config`.
     pub fn new(config: &ModelConfig, options: DecodeOptions) -> Self {
-        Self { input: config.input_rules(), codec: config.codec(), quirks: config.quirks, options }
+        Self {
+            input: config.input_rules(),
+            codec: config.codec(),
+            quirks: config.quirks,
+            focal_range_px: config.focal_range_px,
+            options,
+        }
     }
 
-    /// The input for an image of `image_size` (width and height, pixels).
+    /// The input for an image of `image_size` (width and height, pixels) taken by `camera`.
     ///
-    /// The width is the model's. So is the height, the image centred and cropped or padded, as SMOKE does, as long as that loses at most 16 rows at the
-    /// top and at the bottom: images of KITTI's shape. A higher image gets an input as high as it needs, in steps of 32, because the network is
-    /// fully convolutional; at most as high as wide, as beyond that the time grows and a road fills no picture. A portrait image is cropped to that square.
-    pub fn input_for(&self, image_size: [usize; 2]) -> InputRules {
-        let [width, height] = self.input.size;
+    /// The width is the model's, or the one nearest to it that brings the camera's focal length into the trained range. The height is the model's too (in
+    /// proportion), the image centred and cropped or padded, as SMOKE does, as long as that loses at most 16 rows at the top and at the bottom: images of KITTI's
+    /// shape. A higher image gets an input as high as it needs, in steps of 32, because the network is fully convolutional; at most as high as wide, as
+    /// beyond that the time grows and a road fills no picture. A portrait image is cropped to that square.
+    pub fn input_for(&self, image_size: [usize; 2], camera: &Camera) -> InputRules {
+        let width = self.input_width(image_size, camera);
+        let in_proportion = |side: usize| (side * width).div_ceil(self.input.size[0] * SIZE_STEP) * SIZE_STEP;
+        let height = in_proportion(self.input.size[1]);
         let scaled_height = image_size[1] as f64 * width as f64 / image_size[0].max(1) as f64;
         if scaled_height <= (height + SIZE_STEP) as f64 {
-            return self.input;
+            return InputRules { size: [width, height], ..self.input };
         }
         let whole = (scaled_height / SIZE_STEP as f64).ceil().min((width / SIZE_STEP) as f64) as usize * SIZE_STEP;
         InputRules { size: [width, whole.max(height)], ..self.input }
+    }
+
+    /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
+    pub fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
+        let range_px @ [low, high] = self.focal_range_px?;
+        let focal_px = camera.focal_y() * self.input_width(image_size, camera) as f64 / image_size[0].max(1) as f64;
+        // Widths come in steps, so the focal length can end up one step outside.
+        let step = 1.0 + SIZE_STEP as f64 / self.input.size[0] as f64;
+        (focal_px < low / step || focal_px > high * step).then_some(UnfamiliarCamera { focal_px, range_px })
+    }
+
+    fn input_width(&self, image_size: [usize; 2], camera: &Camera) -> usize {
+        let width = self.input.size[0];
+        let focal_px = camera.focal_y() * width as f64 / image_size[0].max(1) as f64;
+        let Some([low, high]) = self.focal_range_px else { return width };
+        let scale = focal_px.clamp(low, high) / focal_px;
+        let steps = (width as f64 * scale / SIZE_STEP as f64).round();
+        (steps as usize * SIZE_STEP).clamp(SIZE_STEP, MAX_ENLARGEMENT * width)
     }
 
     /// Width and height, cells, of the head maps for an input of `input_size`.
@@ -48,6 +95,7 @@ impl DetectorSpec {
 
 #[cfg(test)]
 mod tests {
+    use farsight_core::Camera;
     use farsight_core::detection::DecodeOptions;
     use farsight_net::config::ModelConfig;
 
@@ -68,7 +116,31 @@ mod tests {
             ("portrait", [1080, 1920], [1280, 1280]),
         ];
         for (name, image_size, expected) in table {
-            assert_eq!(spec.input_for(image_size).size, expected, "{name}");
+            assert_eq!(spec.input_for(image_size, &camera(60.0, image_size)).size, expected, "{name}");
+        }
+    }
+
+    fn camera(hfov_deg: f64, [width, height]: [usize; 2]) -> Camera {
+        Camera::from_hfov(hfov_deg, width, height).unwrap()
+    }
+
+    #[test]
+    fn other_cameras_are_scaled_into_the_trained_range() {
+        let config = ModelConfig { input: [640, 192], focal_range_px: Some([230.0, 750.0]), ..ModelConfig::default() };
+        let spec = DetectorSpec::new(&config, DecodeOptions::default());
+        let full_hd = [1920, 1080];
+        // Field of view, input, whether the user is warned.
+        let table = [
+            (81.0, [640, 384], false),
+            (40.0, [544, 320], false),
+            (110.0, [672, 384], false),
+            (160.0, [1280, 736], true),
+            (5.0, [64, 32], false),
+        ];
+        for (hfov_deg, size, warned) in table {
+            let camera = camera(hfov_deg, full_hd);
+            assert_eq!(spec.input_for(full_hd, &camera).size, size, "{hfov_deg} degrees");
+            assert_eq!(spec.unfamiliar(full_hd, &camera).is_some(), warned, "{hfov_deg} degrees");
         }
     }
 }

@@ -29,7 +29,7 @@ impl Engine for Painter {
     }
 
     fn head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
-        let rules = self.spec.input_for(self.image_size);
+        let rules = self.spec.input_for(self.image_size, &self.camera);
         assert_eq!(input_size, rules.size);
         assert_eq!(input.len(), 3 * input_size[0] * input_size[1]);
         let model_camera = self.spec.quirks.camera(&self.camera);

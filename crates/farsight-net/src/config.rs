@@ -11,6 +11,7 @@ use farsight_core::targets::{HeatMapBox, TargetRules};
 
 pub use crate::build::NeckKind;
 pub use crate::build::NormKind;
+pub use crate::build::Stem;
 
 /// Side by which the input must be divisible: the stride of the coarsest level.
 pub const SIZE_STEP: usize = 32;
@@ -75,6 +76,8 @@ pub struct ModelConfig {
     /// Channels between the two convolutions of a head, instead of SMOKE's times `width`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub head_channels: Option<usize>,
+    /// The first convolutions.
+    pub stem: Stem,
     /// Normalisation.
     pub norm: NormKind,
     /// Convolutions of the neck.
@@ -89,6 +92,10 @@ pub struct ModelConfig {
     pub classes: Vec<ClassReference>,
     /// Centres the depth.
     pub depth: DepthReference,
+    /// Smallest and largest focal length, pixels of the network's input, that the model was trained with. Images of other cameras are scaled into
+    /// this range, and users are told when that cannot be done.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub focal_range_px: Option<[f64; 2]>,
     /// Habits of the official code.
     pub quirks: Quirks,
 }
@@ -101,6 +108,7 @@ impl Default for ModelConfig {
             width: 1.0,
             level_channels: None,
             head_channels: None,
+            stem: Stem::Full,
             norm: NormKind::Group,
             neck: NeckKind::Deformable,
             msfe: Msfe::None,
@@ -108,6 +116,7 @@ impl Default for ModelConfig {
             heat_map_box: HeatMapBox::Projected,
             classes: ClassReference::smoke(),
             depth: DepthReference::KITTI,
+            focal_range_px: None,
             quirks: Quirks::default(),
         }
     }
@@ -152,6 +161,16 @@ impl ModelConfig {
         }
         if !(self.depth.std_m > 0.0 && self.depth.std_m.is_finite() && self.depth.mean_m.is_finite()) {
             return error("depth", format!("is {:?}; expected a finite mean and a positive deviation", self.depth));
+        }
+        if let Some(focal_px) = self.depth.focal_px
+            && !(focal_px.is_finite() && focal_px > 0.0)
+        {
+            return error("depth.focal_px", format!("is {focal_px}; expected a positive number of pixels"));
+        }
+        if let Some([low, high]) = self.focal_range_px
+            && !(low > 0.0 && low <= high && high.is_finite())
+        {
+            return error("focal_range_px", format!("is {low} to {high}; expected 0 < smallest <= largest"));
         }
         self.validate_classes()
     }

@@ -1,16 +1,37 @@
 //! The DLA-34 backbone (spec section 2).
 
+use serde::{Deserialize, Serialize};
+
 use super::Builder;
 use crate::graph::{NodeId, Op, Window};
 
 const BASE: &str = "backbone.body.base";
 
-/// Appends DLA-34 with these channels a level; returns levels 0 to 5, strides 1 to 32.
-pub(super) fn dla34(b: &mut Builder, image: NodeId, channels: [usize; 6]) -> [NodeId; 6] {
+/// The first convolutions, down to stride 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stem {
+    /// DLA's: two convolutions at the input's full size before the first step down.
+    #[default]
+    Full,
+    /// Steps down at once. At small widths DLA's stem costs more time than any other stage, most of it for moving full-size maps.
+    Half,
+}
+
+/// Appends DLA-34 with these channels a level; returns levels 0 to 5, strides 1 to 32 (2 to 32 with the half-size stem).
+pub(super) fn dla34(b: &mut Builder, image: NodeId, channels: [usize; 6], stem: Stem) -> [NodeId; 6] {
     b.stage("base");
-    let stem = stem_conv(b, image, "base_layer", channels[0], Window::same(7, 1));
-    let level0 = stem_conv(b, stem, "level0", channels[0], Window::same(3, 1));
-    let level1 = stem_conv(b, level0, "level1", channels[1], Window::same(3, 2));
+    let (base, level0, level1) = match stem {
+        Stem::Full => {
+            let base = stem_conv(b, image, "base_layer", channels[0], Window::same(7, 1));
+            let level0 = stem_conv(b, base, "level0", channels[0], Window::same(3, 1));
+            (base, level0, stem_conv(b, level0, "level1", channels[1], Window::same(3, 2)))
+        }
+        Stem::Half => {
+            let base = stem_conv(b, image, "base_layer", channels[0], Window::same(3, 2));
+            (base, base, stem_conv(b, base, "level1", channels[1], Window::same(3, 1)))
+        }
+    };
     let level2 = tree(b, level1, &format!("{BASE}.level2"), channels[2], 2, &[]);
     let level3 = deep_tree(b, level2, &format!("{BASE}.level3"), channels[3]);
     let level4 = deep_tree(b, level3, &format!("{BASE}.level4"), channels[4]);
@@ -18,7 +39,7 @@ pub(super) fn dla34(b: &mut Builder, image: NodeId, channels: [usize; 6]) -> [No
     let low = b.map(Op::MaxPool { size: 2 }, level4);
     let level5 = tree(b, level4, &format!("{BASE}.level5"), channels[5], 2, &[low]);
     let levels = [level0, level1, level2, level3, level4, level5];
-    b.tap("base_layer", stem);
+    b.tap("base_layer", base);
     for (i, &level) in levels.iter().enumerate() {
         b.tap(&format!("level{i}"), level);
     }

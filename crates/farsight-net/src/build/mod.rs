@@ -7,6 +7,7 @@ pub mod msfe;
 mod neck;
 
 pub use builder::{Builder, NormKind};
+pub use dla34::Stem;
 pub use neck::NeckKind;
 
 use crate::config::{ModelConfig, Msfe};
@@ -17,7 +18,7 @@ pub fn network(config: &ModelConfig) -> Graph {
     let mut b = Builder::new(config.norm);
     let channels = config.channels();
     let input = b.input(3);
-    let mut levels = dla34::dla34(&mut b, input, channels);
+    let mut levels = dla34::dla34(&mut b, input, channels, config.stem);
     let msfe_width = config.msfe_width();
     let pyramid = [levels[3], levels[4], levels[5]];
     let fused = match config.msfe {

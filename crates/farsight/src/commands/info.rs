@@ -64,6 +64,7 @@ fn facts(config: &ModelConfig) -> Vec<(&'static str, String)> {
         ("input", format!("{width} x {height} pixels")),
         ("classes", classes.join(", ")),
         ("channels", format!("{:?}", config.channels())),
+        ("stem", format!("{:?}", config.stem).to_lowercase()),
         ("normalisation", format!("{:?}", config.norm).to_lowercase()),
         ("neck", format!("{:?}", config.neck).to_lowercase()),
         ("MSFE", format!("{:?}", config.msfe).to_lowercase()),
