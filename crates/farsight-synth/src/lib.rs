@@ -6,9 +6,11 @@
 mod actors;
 mod dice;
 mod palette;
+pub mod render;
 pub mod scene;
 mod shape;
 pub mod sizes;
+pub(crate) mod vector;
 pub mod world;
 
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
