@@ -1,0 +1,103 @@
+//! Value noise from hashed whole numbers: the same bits everywhere.
+
+use crate::vector::exp;
+
+/// Noise in the plane.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Noise {
+    /// Size of the largest features.
+    pub(crate) scale: f32,
+    /// Each has features half the size and strength of the one before.
+    pub(crate) octaves: u32,
+    /// Which noise.
+    pub(crate) seed: u32,
+}
+
+/// A well-mixed number from a cell of the plane.
+#[inline]
+pub(crate) fn hash(x: i32, y: i32, seed: u32) -> u32 {
+    mixed((x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ seed.wrapping_mul(0xcb1a_b31f))
+}
+
+#[inline]
+fn mixed(mut h: u32) -> u32 {
+    h = (h ^ (h >> 16)).wrapping_mul(0x7feb_352d);
+    h = (h ^ (h >> 15)).wrapping_mul(0x846c_a68b);
+    h ^ (h >> 16)
+}
+
+/// A hash as a number in `[0, 1)`.
+#[inline]
+pub(crate) fn unit(hash: u32) -> f32 {
+    (hash >> 8) as f32 * (1.0 / 16_777_216.0)
+}
+
+/// One octave with cells of size 1, in `[0, 1]`.
+#[inline]
+fn octave(x: f32, y: f32, seed: u32) -> f32 {
+    let (cell_x, cell_y) = (x.floor(), y.floor());
+    let (fx, fy) = (x - cell_x, y - cell_y);
+    let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
+    let (ix, iy) = (cell_x as i32, cell_y as i32);
+    let at = |dx: i32, dy: i32| unit(hash(ix.wrapping_add(dx), iy.wrapping_add(dy), seed));
+    let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
+    let (top, bottom) = (a + (b - a) * sx, c + (d - c) * sx);
+    top + (bottom - top) * sy
+}
+
+impl Noise {
+    /// The noise at a place, between -0.5 and 0.5 with mean 0; features smaller than `footprint` are left out.
+    pub(crate) fn at(&self, uv: [f32; 2], footprint: f32) -> f32 {
+        let mut cells = 1.0 / self.scale;
+        let mut strength = 0.5;
+        let mut sum = 0.0;
+        for number in 0..self.octaves {
+            let shown = (2.0 - 2.0 * footprint * cells).clamp(0.0, 1.0);
+            if shown == 0.0 {
+                break;
+            }
+            let value = octave(uv[0] * cells, uv[1] * cells, self.seed.wrapping_add(number)) - 0.5;
+            sum += value * strength * shown;
+            cells *= 2.03;
+            strength *= 0.5;
+        }
+        sum * self.gain()
+    }
+
+    /// Makes the octaves' strengths sum to 1.
+    fn gain(&self) -> f32 {
+        1.0 / (1.0 - 1.0 / (1u32 << self.octaves.min(31)) as f32)
+    }
+
+    /// Share of the plane where the noise of all octaves is below `value`, roughly.
+    pub(crate) fn share_below(value: f32) -> f32 {
+        // Close to normal with this standard deviation; the logistic function is close to its integral.
+        const DEVIATION: f32 = 0.155;
+        1.0 / (1.0 + exp(value * (-1.702 / DEVIATION)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_centred_and_its_quantiles_are_about_right() {
+        let noise = Noise { scale: 1.0, octaves: 2, seed: 7 };
+        let values: Vec<f32> =
+            (0..40_000).map(|i| noise.at([(i % 200) as f32 * 0.37, (i / 200) as f32 * 0.37], 0.0)).collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        assert!(mean.abs() < 0.02, "mean {mean}");
+        for share in [0.2, 0.5, 0.8] {
+            let below = values.iter().filter(|&&v| Noise::share_below(v) < share).count() as f32 / values.len() as f32;
+            assert!((below - share).abs() < 0.04, "{below} of the plane is below the quantile {share}");
+        }
+    }
+
+    #[test]
+    fn features_smaller_than_a_pixel_are_not_there() {
+        let noise = Noise { scale: 1.0, octaves: 4, seed: 7 };
+        assert_eq!(noise.at([0.3, 0.4], 1.0), 0.0);
+        assert_ne!(noise.at([0.3, 0.4], 0.4), 0.0);
+    }
+}

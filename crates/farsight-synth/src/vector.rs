@@ -1,0 +1,143 @@
+//! Arithmetic of vectors and a few functions, exact to the bit on every machine: only `+ - * /`, square roots and whole numbers.
+//!
+//! The standard library's `exp` and `powf` are the system's, and differ from machine to machine.
+
+use crate::scene::{Color, Vec3};
+
+/// Scalar product.
+#[inline]
+pub(crate) fn dot(a: Vec3, b: Vec3) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector product.
+#[inline]
+pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// `a + b`.
+#[inline]
+pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// `a - b`.
+#[inline]
+pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// `a * factor`.
+#[inline]
+pub(crate) fn scale(a: Vec3, factor: f32) -> Vec3 {
+    [a[0] * factor, a[1] * factor, a[2] * factor]
+}
+
+/// `a + b * factor`.
+#[inline]
+pub(crate) fn add_scaled(a: Vec3, b: Vec3, factor: f32) -> Vec3 {
+    [a[0] + b[0] * factor, a[1] + b[1] * factor, a[2] + b[2] * factor]
+}
+
+/// Channel by channel.
+#[inline]
+pub(crate) fn multiply(a: Color, b: Color) -> Color {
+    [a[0] * b[0], a[1] * b[1], a[2] * b[2]]
+}
+
+/// `a` where `share` is 0, `b` where it is 1.
+#[inline]
+pub(crate) fn mix(a: Color, b: Color, share: f32) -> Color {
+    [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share]
+}
+
+/// Length.
+#[inline]
+pub(crate) fn length(a: Vec3) -> f32 {
+    dot(a, a).sqrt()
+}
+
+/// The unit vector along `a`; one of length 0 stays as it is.
+#[inline]
+pub(crate) fn normalized(a: Vec3) -> Vec3 {
+    let square = dot(a, a);
+    if square > 0.0 { scale(a, 1.0 / square.sqrt()) } else { a }
+}
+
+/// The mirror image of direction `d`, which arrives at a surface with unit normal `n`.
+#[inline]
+pub(crate) fn reflected(d: Vec3, n: Vec3) -> Vec3 {
+    add_scaled(d, n, -2.0 * dot(d, n))
+}
+
+/// 0 up to `from`, 1 from `to` on, smooth between.
+#[inline]
+pub(crate) fn smooth_step(from: f32, to: f32, x: f32) -> f32 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// 2 to the power `x`, to 1e-6 of itself; 0 below -126.
+#[inline]
+pub(crate) fn exp2(x: f32) -> f32 {
+    if x < -126.0 {
+        return 0.0;
+    }
+    let x = x.min(127.0);
+    let whole = x.floor();
+    let t = (x - whole) * std::f32::consts::LN_2;
+    // Taylor's series of e^t up to ln 2.
+    let series =
+        1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0))))));
+    series * f32::from_bits(((whole as i32 + 127) as u32) << 23)
+}
+
+/// e to the power `x`.
+#[inline]
+pub(crate) fn exp(x: f32) -> f32 {
+    exp2(x * std::f32::consts::LOG2_E)
+}
+
+/// Logarithm to base 2 of a positive normal number, to 2e-5.
+#[inline]
+pub(crate) fn log2(x: f32) -> f32 {
+    let bits = x.to_bits();
+    let exponent = (bits >> 23) as i32 - 127;
+    let mantissa = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000);
+    // log2(m) = 2/ln 2 * artanh((m - 1) / (m + 1)); the argument is at most 1/3.
+    let t = (mantissa - 1.0) / (mantissa + 1.0);
+    let square = t * t;
+    let series = t * (1.0 + square * (1.0 / 3.0 + square * (1.0 / 5.0 + square * (1.0 / 7.0 + square * (1.0 / 9.0)))));
+    exponent as f32 + series * (2.0 * std::f32::consts::LOG2_E)
+}
+
+/// `base` to the power `exponent`; 0 for a base that is not positive.
+#[inline]
+pub(crate) fn pow(base: f32, exponent: f32) -> f32 {
+    if base < f32::MIN_POSITIVE { 0.0 } else { exp2(log2(base) * exponent) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_agree_with_the_standard_library() {
+        for i in 1..4000 {
+            let x = i as f32 * 0.01;
+            assert!((log2(x) - x.log2()).abs() < 2e-5, "log2({x})");
+            let y = x - 20.0;
+            assert!((exp(y) / y.exp() - 1.0).abs() < 1e-5, "exp({y})");
+            assert!((pow(x, 2.2) / x.powf(2.2) - 1.0).abs() < 1e-4, "pow({x})");
+        }
+        assert_eq!([exp2(0.0), exp2(-200.0), pow(0.0, 2.0)], [1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn reflection_keeps_the_angle() {
+        let normal = normalized([0.3, -0.9, 0.2]);
+        let ray = normalized([0.1, 0.4, 1.0]);
+        assert!((dot(reflected(ray, normal), normal) + dot(ray, normal)).abs() < 1e-6);
+    }
+}
