@@ -240,4 +240,104 @@ impl Graph {
         }
         consumers
     }
+
+    /// This network with parameters of other shapes: the same nodes, wider or narrower. `shape_of` knows each parameter by its name.
+    ///
+    /// # Errors
+    /// The parameter that is missing or does not fit what comes before it, and the shape that would.
+    pub fn with_shapes(&self, shape_of: impl Fn(&str) -> Option<Vec<usize>>) -> Result<Self, Misfit> {
+        let mut graph = self.clone();
+        for parameter in graph.parameters.iter_mut().filter(|p| p.role != Role::Unused) {
+            parameter.shape = shape_of(&parameter.name)
+                .filter(|shape| shape.len() == parameter.shape.len() && !shape.contains(&0))
+                .ok_or_else(|| Misfit { parameter: parameter.name.clone(), expected: parameter.shape.clone() })?;
+        }
+        for id in 0..graph.nodes.len() {
+            graph.nodes[id].channels = graph.channels_from_shapes(self, id)?;
+            if let Op::Conv { groups, .. } = &mut graph.nodes[id].op
+                && *groups > 1
+            {
+                *groups = graph.nodes[id].channels;
+            }
+        }
+        Ok(graph)
+    }
+
+    /// The channels of node `id`, after those of all before it; `original` has the kernels that must not change.
+    fn channels_from_shapes(&self, original: &Self, id: NodeId) -> Result<usize, Misfit> {
+        let node = &self.nodes[id];
+        let inputs: Vec<usize> = node.inputs.iter().map(|&input| self.nodes[input].channels).collect();
+        let expect = |parameter: ParameterId, expected: Vec<usize>| {
+            let Parameter { name, shape, .. } = &self.parameters[parameter];
+            if *shape == expected { Ok(()) } else { Err(Misfit { parameter: name.clone(), expected }) }
+        };
+        let first = inputs.first().copied().unwrap_or(node.channels);
+        match node.op {
+            Op::Conv { weight, bias, groups, .. } => {
+                let kernel = original.parameters[weight].shape[2..].iter().copied();
+                let channels = if groups == 1 { self.parameters[weight].shape[0] } else { first };
+                let fan_in = if groups == 1 { first } else { 1 };
+                expect(weight, [channels, fan_in].into_iter().chain(kernel).collect())?;
+                bias.map_or(Ok(()), |bias| expect(bias, vec![channels]))?;
+                Ok(channels)
+            }
+            Op::DeformConv { weight, bias, window } => {
+                let channels = self.parameters[weight].shape[0];
+                expect(weight, vec![channels, first, window.kernel, window.kernel])?;
+                expect(bias, vec![channels])?;
+                Ok(channels)
+            }
+            Op::UpConv { weight, factor } => {
+                expect(weight, vec![first, 1, 2 * factor, 2 * factor]).map(|()| first)
+            }
+            Op::GroupNorm { groups, weight, bias } => {
+                let whole = first.next_multiple_of(groups);
+                [weight, bias].into_iter().try_for_each(|parameter| expect(parameter, vec![whole])).map(|()| first)
+            }
+            Op::BatchNorm { weight, bias, mean, variance } => {
+                let parameters = [weight, bias, mean, variance];
+                parameters.into_iter().try_for_each(|parameter| expect(parameter, vec![first])).map(|()| first)
+            }
+            Op::WeightedSum { weight } => {
+                expect(weight, vec![inputs.len()])?;
+                self.equal_inputs(node).map(|()| first)
+            }
+            Op::Add | Op::Multiply => self.equal_inputs(node).map(|()| first),
+            Op::Concat => Ok(inputs.iter().sum()),
+            _ => Ok(first),
+        }
+    }
+
+    /// Maps that are added must have the same channels; the misfit is named by the last parameter before the first of them that differs.
+    fn equal_inputs(&self, node: &Node) -> Result<(), Misfit> {
+        let channels = self.nodes[node.inputs[0]].channels;
+        match node.inputs.iter().find(|&&input| self.nodes[input].channels != channels) {
+            None => Ok(()),
+            Some(&input) => Err(Misfit { parameter: self.maker(input), expected: vec![channels] }),
+        }
+    }
+
+    /// Name of a parameter that decides about the channels of `node`.
+    fn maker(&self, mut node: NodeId) -> String {
+        loop {
+            match self.nodes[node].op {
+                Op::Conv { weight, .. } | Op::DeformConv { weight, .. } => {
+                    return self.parameters[weight].name.clone();
+                }
+                _ => match self.nodes[node].inputs.first() {
+                    Some(&input) => node = input,
+                    None => return "the input".to_owned(),
+                },
+            }
+        }
+    }
+}
+
+/// A parameter whose shape fits no network.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Misfit {
+    /// Its name.
+    pub parameter: String,
+    /// The shape that would fit.
+    pub expected: Vec<usize>,
 }

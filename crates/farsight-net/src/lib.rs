@@ -10,4 +10,5 @@ pub mod count;
 pub mod graph;
 pub mod init;
 pub mod model;
+pub mod prune;
 pub mod weights;

@@ -6,11 +6,14 @@ use thiserror::Error;
 
 use crate::build::network;
 use crate::config::{ConfigError, ModelConfig};
-use crate::graph::{Graph, Role};
+use crate::graph::{Graph, LOGITS, Misfit, REGRESSION, Role};
 use crate::weights::{WeightTensor, Weights, WeightsError};
 
 /// Key of the header under which the model's config stands as JSON.
 const CONFIG_KEY: &str = "farsight.model";
+
+/// Key of the header that says that the tensors, not the config, decide how wide the layers are.
+const NARROWED_KEY: &str = "farsight.narrowed";
 
 /// A network with its weights and its description.
 #[derive(Debug, Clone)]
@@ -80,17 +83,59 @@ impl Model {
         Ok(Self { config, graph, weights })
     }
 
+    /// The model of `config` whose layers are as wide as `weights` says: a pruned one.
+    ///
+    /// # Errors
+    /// When a tensor is missing or does not fit the others, or the heads have not the channels that the config asks for.
+    pub fn narrowed(config: ModelConfig, mut weights: Weights) -> Result<Self, ModelError> {
+        let whole = network(&config);
+        let shape_of = |name: &str| weights.tensors.get(name).map(|tensor| tensor.shape.clone());
+        let misfit = |Misfit { parameter, expected }: Misfit| {
+            let found = shape_of(&parameter).map_or("is missing".to_owned(), |shape| format!("has shape {shape:?}"));
+            ModelError::Tensor { name: parameter, found, expected }
+        };
+        let mut graph = whole.with_shapes(shape_of).map_err(misfit)?;
+        for output in [LOGITS, REGRESSION].iter().filter_map(|name| graph.tap(name)) {
+            let (found, expected) = (graph.nodes[output].channels, whole.nodes[output].channels);
+            if found != expected {
+                let found = format!("has {found} channels");
+                return Err(ModelError::Tensor { name: "the head".to_owned(), found, expected: vec![expected] });
+            }
+        }
+        graph.drop_unused();
+        weights.tensors.retain(|name, _| graph.parameters.iter().any(|p| p.name == *name));
+        weights.metadata.insert(NARROWED_KEY.to_owned(), "true".to_owned());
+        Ok(Self { config, graph, weights })
+    }
+
+    /// Whether layers are narrower than the config says.
+    pub fn is_narrowed(&self) -> bool {
+        self.weights.metadata.contains_key(NARROWED_KEY)
+    }
+
     /// Reads a model file.
     ///
     /// # Errors
     /// When the file cannot be read, is no safetensors file, has no config, or does not fit its config.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let weights = Weights::read(path)?;
+        Self::from_weights(Weights::read(path)?, path)
+    }
+
+    /// Reads a model file that is in memory already; `source` is only what errors call it.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn from_safetensors(bytes: &[u8], source: &Path) -> Result<Self, ModelError> {
+        Self::from_weights(Weights::from_safetensors(bytes, source)?, source)
+    }
+
+    fn from_weights(weights: Weights, path: &Path) -> Result<Self, ModelError> {
         let text = weights.metadata.get(CONFIG_KEY).ok_or_else(|| ModelError::NoConfig { path: path.into() })?;
         let bad = |problem: String| ModelError::BadConfig { path: path.into(), problem };
         let config: ModelConfig = serde_json::from_str(text).map_err(|e| bad(e.to_string()))?;
         config.validate().map_err(|e: ConfigError| bad(e.to_string()))?;
-        Self::new(config, weights)
+        let narrowed = weights.metadata.contains_key(NARROWED_KEY);
+        if narrowed { Self::narrowed(config, weights) } else { Self::new(config, weights) }
     }
 
     /// Writes the model file, whole or not at all.

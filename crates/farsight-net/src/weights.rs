@@ -174,18 +174,30 @@ impl Weights {
         Ok(write_atomically(path, |out| self.write_safetensors(out))?)
     }
 
+    /// Writes a safetensors file of half-precision numbers (F16): half the size, about three significant digits. For files that are shipped.
+    ///
+    /// # Errors
+    /// As [`Weights::write`].
+    pub fn write_half(&self, path: &Path) -> Result<(), WeightsError> {
+        Ok(write_atomically(path, |out| self.write_elements(Element::F16, out))?)
+    }
+
     /// Writes the safetensors format to a stream.
     ///
     /// # Errors
     /// Those of the stream.
     pub fn write_safetensors(&self, out: &mut dyn Write) -> io::Result<()> {
-        let header = self.header()?;
+        self.write_elements(Element::F32, out)
+    }
+
+    fn write_elements(&self, element: Element, out: &mut dyn Write) -> io::Result<()> {
+        let header = self.header(element)?;
         out.write_all(&(header.len() as u64).to_le_bytes())?;
         out.write_all(&header)?;
         let mut bytes = Vec::new();
         for tensor in self.tensors.values() {
             bytes.clear();
-            bytes.extend(tensor.values.iter().flat_map(|value| value.to_le_bytes()));
+            element.encode(&tensor.values, &mut bytes);
             out.write_all(&bytes)?;
         }
         Ok(())
@@ -209,7 +221,7 @@ impl Weights {
     /// The header as JSON, padded with spaces so that the data starts at a multiple of eight bytes.
     ///
     /// Written here and not by the safetensors crate, which walks a hash map: its files differ from run to run.
-    fn header(&self) -> io::Result<Vec<u8>> {
+    fn header(&self, element: Element) -> io::Result<Vec<u8>> {
         let mut entries = serde_json::Map::new();
         let mut start = 0;
         for (name, tensor) in &self.tensors {
@@ -217,8 +229,8 @@ impl Weights {
                 let found = tensor.values.len();
                 return Err(io::Error::other(WeightsError::Count { shape: tensor.shape.clone(), found }));
             }
-            let end = start + Element::F32.size() * tensor.values.len();
-            let info = TensorInfo { dtype: Dtype::F32, shape: tensor.shape.clone(), data_offsets: (start, end) };
+            let end = start + element.size() * tensor.values.len();
+            let info = TensorInfo { dtype: element.dtype(), shape: tensor.shape.clone(), data_offsets: (start, end) };
             entries.insert(name.clone(), serde_json::to_value(info)?);
             start = end;
         }

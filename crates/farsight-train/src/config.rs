@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
 use farsight_net::config::ModelConfig;
+use farsight_synth::WorldConfig;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -33,6 +34,9 @@ pub struct DataConfig {
     /// Folder in KITTI's layout; `--data` overrides it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub root: Option<PathBuf>,
+    /// Rendered scenes instead of a folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rendered: Option<RenderedConfig>,
     /// Split: a name under `ImageSets` or a file of frame names.
     pub split: PathBuf,
     /// Train on the first so many frames of the split only; 0 for all.
@@ -47,7 +51,23 @@ pub struct DataConfig {
 
 impl Default for DataConfig {
     fn default() -> Self {
-        Self { root: None, split: "train".into(), limit: 0, workers: 2, prefetch: 4, cache: false }
+        Self { root: None, rendered: None, split: "train".into(), limit: 0, workers: 2, prefetch: 4, cache: false }
+    }
+}
+
+/// An endless stream of rendered scenes; their seed is the run's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RenderedConfig {
+    /// Scenes in what the schedule calls an epoch; no scene is ever seen twice.
+    pub frames_per_epoch: usize,
+    /// What the scenes look like and which cameras see them.
+    pub world: WorldConfig,
+}
+
+impl Default for RenderedConfig {
+    fn default() -> Self {
+        Self { frames_per_epoch: 1000, world: WorldConfig::default() }
     }
 }
 
@@ -155,7 +175,8 @@ impl RunConfig {
     pub fn identity(&self) -> Self {
         let (data, train) = (DataConfig::default(), TrainConfig::default());
         let mut identity = self.clone();
-        identity.data = DataConfig { split: self.data.split.clone(), limit: self.data.limit, ..data };
+        let DataConfig { rendered, split, limit, .. } = self.data.clone();
+        identity.data = DataConfig { rendered, split, limit, ..data };
         identity.train.checkpoint_steps = train.checkpoint_steps;
         identity.train.log_steps = train.log_steps;
         identity
@@ -168,6 +189,14 @@ impl RunConfig {
         }
         if let Some(problem) = self.augmentation.problem() {
             return Some(format!("augmentation.{problem}"));
+        }
+        if let Some(rendered) = &self.data.rendered {
+            if self.data.root.is_some() {
+                return Some("data has both root and rendered; expected one of them".to_owned());
+            }
+            if let Some(problem) = rendered.world.problem() {
+                return Some(format!("data.rendered.world.{problem}"));
+            }
         }
         let train = &self.train;
         let positive = [

@@ -13,6 +13,7 @@ pub mod loss;
 pub mod metrics;
 pub mod samples;
 pub mod schedule;
+pub mod sources;
 pub mod trainer;
 
 /// Sets the number of threads that libtorch computes with; `None` leaves its own choice.

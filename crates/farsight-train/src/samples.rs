@@ -1,15 +1,14 @@
 //! From labelled frames to the tensors of a batch.
 
-use std::sync::{Arc, OnceLock};
-
 use farsight_core::input::InputRules;
 use farsight_core::targets::{TargetRules, Targets};
 use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, Frame, ItemKey, KittiDataset};
+use farsight_data::{AugmentationConfig, ItemKey};
 use farsight_net::config::{ModelConfig, Quirks};
 use tch::{Device, Tensor};
 
 use crate::loss::BatchTargets;
+use crate::sources::FrameSource;
 
 /// One image as the network sees it, and what it should answer.
 #[derive(Debug)]
@@ -27,8 +26,7 @@ pub struct TrainSample {
 /// Makes samples: frame, transform, targets. Shared by the loader's threads.
 #[derive(Debug)]
 pub struct Sampler {
-    dataset: KittiDataset,
-    cache: Option<Vec<OnceLock<Arc<Frame>>>>,
+    source: Box<dyn FrameSource>,
     quirks: Quirks,
     input_rules: InputRules,
     target_rules: TargetRules,
@@ -36,21 +34,20 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Samples of `dataset` for `model`; with `cache`, decoded frames stay in main memory.
-    pub fn new(dataset: KittiDataset, model: &ModelConfig, augmentation: AugmentationConfig, cache: bool) -> Self {
-        let cache = cache.then(|| (0..dataset.len()).map(|_| OnceLock::new()).collect());
+    /// Samples of `source` for `model`.
+    pub fn new(source: Box<dyn FrameSource>, model: &ModelConfig, augmentation: AugmentationConfig) -> Self {
         let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
-        Self { dataset, cache, quirks: model.quirks, input_rules, target_rules, augmentation }
+        Self { source, quirks: model.quirks, input_rules, target_rules, augmentation }
     }
 
-    /// Number of frames.
+    /// Number of frames in an epoch.
     pub fn len(&self) -> usize {
-        self.dataset.len()
+        self.source.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.dataset.is_empty()
+        self.source.is_empty()
     }
 
     /// The sample that `key` stands for; the same whenever and wherever it is asked for.
@@ -58,28 +55,15 @@ impl Sampler {
     /// # Errors
     /// When the frame cannot be read.
     pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.frame(key.index)?;
+        let frame = self.source.frame(key)?;
         let (width, height) = frame.image.dimensions();
         let image_size = [width as usize, height as usize];
         let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);
         let sample = transform.apply(&frame, &self.input_rules);
-        let targets = self.target_rules.targets(&sample.labels, &sample.camera, sample.size);
+        // The quirk drops a column, which commutes with every transform of the image.
+        let camera = self.quirks.camera(&sample.camera);
+        let targets = self.target_rules.targets(&sample.labels, &camera, sample.size);
         Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
-    }
-
-    fn frame(&self, index: usize) -> Result<Arc<Frame>, DatasetError> {
-        let load = || {
-            let frame = self.dataset.load(index)?;
-            let camera = self.quirks.camera(&frame.camera);
-            Ok(Arc::new(Frame { camera, ..frame }))
-        };
-        match &self.cache {
-            None => load(),
-            Some(cache) => match cache[index].get() {
-                Some(frame) => Ok(Arc::clone(frame)),
-                None => load().map(|frame| Arc::clone(cache[index].get_or_init(|| frame))),
-            },
-        }
     }
 }
 

@@ -16,6 +16,7 @@ use farsight_net::graph::{LOGITS, NodeId, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};
 use farsight_net::weights::{Weights, WeightsError};
+use farsight_synth::SceneStream;
 use tch::{Device, Tensor};
 use thiserror::Error;
 
@@ -26,6 +27,7 @@ use crate::executor::{ExecutorError, Mode, Network};
 use crate::loss::{CORNER_DIVISOR_PER_IMAGE, LossTerms, loss};
 use crate::metrics::{MetricsWriter, Record};
 use crate::samples::{Sampler, TrainBatch, TrainSample};
+use crate::sources::{FrameSource, KittiSource, RenderedSource};
 
 /// Name of the checkpoint in a run's folder.
 pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
@@ -42,8 +44,8 @@ pub const TRAINING_KEY: &str = "farsight.training";
 /// Why a training ended before its time.
 #[derive(Debug, Error)]
 pub enum TrainError {
-    /// No folder was named.
-    #[error("no data folder; expected --data DIR or data.root in the config")]
+    /// No data was named.
+    #[error("no data; expected --data DIR, or data.root or [data.rendered] in the config")]
     NoData,
     /// The data could not be opened.
     #[error(transparent)]
@@ -172,12 +174,20 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
 }
 
 fn sampler(run: &RunConfig) -> Result<Sampler, TrainError> {
-    let root = run.data.root.as_ref().ok_or(TrainError::NoData)?;
-    let dataset = KittiDataset::open(root, Some(&run.data.split))?;
-    if dataset.is_empty() {
+    let source: Box<dyn FrameSource> = match (&run.data.rendered, &run.data.root) {
+        (Some(rendered), _) => Box::new(RenderedSource::new(
+            SceneStream { world: rendered.world.clone(), seed: run.train.seed },
+            rendered.frames_per_epoch,
+        )),
+        (None, Some(root)) => {
+            Box::new(KittiSource::new(KittiDataset::open(root, Some(&run.data.split))?, run.data.cache))
+        }
+        (None, None) => return Err(TrainError::NoData),
+    };
+    if source.is_empty() {
         return Err(TrainError::NoFrames(run.data.split.clone()));
     }
-    Ok(Sampler::new(dataset, &run.model, run.augmentation.clone(), run.data.cache))
+    Ok(Sampler::new(source, &run.model, run.augmentation.clone()))
 }
 
 fn prepare_folder(job: &Job, checkpoint_path: &Path) -> Result<(), TrainError> {
@@ -300,7 +310,7 @@ impl<'a> Trainer<'a> {
             "batch_size": run.train.batch_size,
             "seed": run.train.seed,
             "frames": frames,
-            "split": run.data.split,
+            "data": if run.data.rendered.is_some() { "rendered scenes".into() } else { run.data.split.display().to_string() },
         });
         weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
         Model::new(run.model.clone(), weights)

@@ -8,6 +8,7 @@ pub mod dataset;
 pub mod devkit;
 pub mod fields;
 pub mod rows;
+pub mod sizes;
 pub mod split;
 
 pub use calibration::{Calibration, CalibrationError};
@@ -18,4 +19,5 @@ pub use rows::{
     LineError, RowsError, Skipped, read_labels, read_results, read_rows, read_rows_lenient, text_from_labels,
     text_from_results, write_labels, write_results,
 };
+pub use sizes::image_size;
 pub use split::{SplitError, read_split};

@@ -26,6 +26,16 @@ impl Element {
         }
     }
 
+    pub(crate) const fn dtype(self) -> Dtype {
+        match self {
+            Self::F16 => Dtype::F16,
+            Self::Bf16 => Dtype::BF16,
+            Self::F32 => Dtype::F32,
+            Self::F64 => Dtype::F64,
+            Self::I64 => Dtype::I64,
+        }
+    }
+
     /// Bytes of one number.
     pub(crate) const fn size(self) -> usize {
         match self {
@@ -43,6 +53,17 @@ impl Element {
             Self::F32 => decode(bytes, f32::from_le_bytes),
             Self::F64 => decode(bytes, |b| f64::from_le_bytes(b) as f32),
             Self::I64 => decode(bytes, |b| i64::from_le_bytes(b) as f32),
+        }
+    }
+
+    /// Appends `values` to `bytes` in this format, rounded to the nearest.
+    pub(crate) fn encode(self, values: &[f32], bytes: &mut Vec<u8>) {
+        match self {
+            Self::F16 => bytes.extend(values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes())),
+            Self::Bf16 => bytes.extend(values.iter().flat_map(|v| bf16::from_f32(*v).to_le_bytes())),
+            Self::F32 => bytes.extend(values.iter().flat_map(|v| v.to_le_bytes())),
+            Self::F64 => bytes.extend(values.iter().flat_map(|v| f64::from(*v).to_le_bytes())),
+            Self::I64 => bytes.extend(values.iter().flat_map(|v| (*v as i64).to_le_bytes())),
         }
     }
 }
@@ -66,6 +87,9 @@ mod tests {
         for (element, bytes) in rows {
             assert_eq!(bytes.len(), element.size(), "{element:?}");
             assert_eq!(element.decode(bytes), [-1.5], "{element:?}");
+            let mut written = Vec::new();
+            element.encode(&[-1.5], &mut written);
+            assert_eq!(written, bytes, "{element:?}");
         }
         assert_eq!(Element::I64.decode(&(-3_i64).to_le_bytes()), [-3.0]);
     }

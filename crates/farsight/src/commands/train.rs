@@ -42,6 +42,8 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
     let mut run = RunConfig::read(&args.config)?;
     if let Some(data) = &args.data {
         run.data.root = Some(data.clone());
+        // What the command line names is what the user means now.
+        run.data.rendered = None;
     }
     let job = Job { run, out: args.out.clone(), resume: args.resume };
     let model = train(&job, &mut progress::Progress::new(printer))?;

@@ -1,0 +1,162 @@
+//! `farsight synth`: a data set of rendered scenes in KITTI's layout.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use farsight_data::Frame;
+use farsight_data::kitti::{Calibration, image_size, read_labels, write_labels};
+use farsight_files::{write_atomically, write_quickly};
+use farsight_synth::{SceneStream, WorldConfig, twin};
+use image::ImageEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use indicatif::{ParallelProgressIterator, ProgressBar};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
+
+use super::Outcome;
+use crate::printer::Printer;
+
+/// Arguments of `farsight synth`.
+#[derive(Debug, Args)]
+pub(crate) struct SynthArgs {
+    /// Folder for the data set, in KITTI's layout
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// How many scenes; with --layout, the first so many of its label files [default: 100, or all label files]
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// Decides about everything that is random
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]
+    #[arg(long, value_name = "FILE", conflicts_with = "layout")]
+    world: Option<PathBuf>,
+    /// Render the objects of these label files at their own positions instead of random traffic
+    #[arg(long, value_name = "LABEL_DIR", requires = "calib_dir")]
+    layout: Option<PathBuf>,
+    /// The cameras of the label files
+    #[arg(long, value_name = "DIR", requires = "layout")]
+    calib_dir: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
+    let source = Source::new(args)?;
+    let ids = source.ids();
+    let folder = Folder::new(&args.out)?;
+    let bar = ProgressBar::new(ids.len() as u64);
+    let failure = Mutex::new(None);
+    ids.par_iter().enumerate().progress_with(bar.clone()).try_for_each(|(index, id)| {
+        let done = source.frame(index, id, args.seed).and_then(|frame| folder.write(&frame));
+        done.map_err(|error| {
+            failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+        })
+    }).ok();
+    bar.finish_and_clear();
+    if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+        return Err(error);
+    }
+    folder.write_split(&ids)?;
+    printer.status(&format!("{} rendered frames in {}", ids.len(), args.out.display()));
+    Ok(Outcome::Done)
+}
+
+/// Where the frames come from.
+enum Source {
+    /// Random traffic.
+    Stream { stream: SceneStream, frames: usize },
+    /// Label files of others.
+    Layout { labels: PathBuf, calibrations: PathBuf, ids: Vec<String> },
+}
+
+impl Source {
+    fn new(args: &SynthArgs) -> Result<Self> {
+        let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
+            let world = args.world.as_deref().map_or_else(|| Ok(WorldConfig::default()), read_world)?;
+            let frames = args.frames.unwrap_or(100);
+            ensure!(frames > 0, "--frames is 0; expected at least one");
+            return Ok(Self::Stream { stream: SceneStream { world, seed: args.seed }, frames });
+        };
+        let mut ids = label_ids(labels)?;
+        ensure!(!ids.is_empty(), "{}: no label files; expected files such as 000000.txt", labels.display());
+        ids.truncate(args.frames.unwrap_or(ids.len()));
+        Ok(Self::Layout { labels: labels.clone(), calibrations: calibrations.clone(), ids })
+    }
+
+    fn ids(&self) -> Vec<String> {
+        match self {
+            Self::Stream { frames, .. } => (0..*frames).map(|index| format!("{index:06}")).collect(),
+            Self::Layout { ids, .. } => ids.clone(),
+        }
+    }
+
+    fn frame(&self, index: usize, id: &str, seed: u64) -> Result<Frame> {
+        match self {
+            Self::Stream { stream, .. } => Ok(Frame { id: id.to_owned(), ..stream.frame(index as u64) }),
+            Self::Layout { labels, calibrations, .. } => {
+                let file = format!("{id}.txt");
+                let camera = Calibration::read(&calibrations.join(&file))?.camera();
+                let labels = read_labels(&labels.join(&file))?;
+                // By name, so that a frame's world does not depend on which others are rendered.
+                Ok(Frame { id: id.to_owned(), ..twin(&labels, &camera, image_size(&camera), seed, id) })
+            }
+        }
+    }
+}
+
+fn read_world(path: &Path) -> Result<WorldConfig> {
+    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let world: WorldConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
+    match world.problem() {
+        Some(problem) => anyhow::bail!("{}: {problem}", path.display()),
+        None => Ok(world),
+    }
+}
+
+fn label_ids(folder: &Path) -> Result<Vec<String>> {
+    let failed = || format!("{}: cannot be listed", folder.display());
+    let mut ids = Vec::new();
+    for entry in fs::read_dir(folder).with_context(failed)? {
+        let path = entry.with_context(failed)?.path();
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| path.extension().is_some_and(|e| e == "txt"));
+        ids.extend(stem.map(str::to_owned));
+    }
+    ids.sort();
+    Ok(ids)
+}
+
+/// A data set being written.
+struct Folder {
+    root: PathBuf,
+}
+
+impl Folder {
+    fn new(root: &Path) -> Result<Self> {
+        let images = root.join("training/image_2");
+        ensure!(!images.exists(), "{}: there is a data set here already; name another --out", root.display());
+        for folder in ["training/image_2", "training/label_2", "training/calib", "ImageSets"].map(|name| root.join(name)) {
+            fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        }
+        Ok(Self { root: root.to_owned() })
+    }
+
+    fn write(&self, frame: &Frame) -> Result<()> {
+        let path = |folder: &str, extension: &str| self.root.join(format!("training/{folder}/{}.{extension}", frame.id));
+        let (width, height) = frame.image.dimensions();
+        write_quickly(&path("image_2", "png"), |file| {
+            let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
+            let color = image::ExtendedColorType::Rgb8;
+            encoder.write_image(frame.image.as_raw(), width, height, color).map_err(std::io::Error::other)
+        })?;
+        write_labels(&path("label_2", "txt"), &frame.labels)?;
+        Ok(Calibration::from_camera(&frame.camera).write(&path("calib", "txt"))?)
+    }
+
+    /// Written last: a data set without a split was interrupted.
+    fn write_split(&self, ids: &[String]) -> Result<()> {
+        let text = ids.join("\n") + "\n";
+        Ok(write_atomically(&self.root.join("ImageSets/train.txt"), |file| file.write_all(text.as_bytes()))?)
+    }
+}
