@@ -3,7 +3,7 @@
 //! Coordinates are KITTI's, of a level camera: x right, y **down**, z forward, metres, origin at the camera. The ground of a flat world lies at
 //! `y = camera height`. A pitched or rolled camera is a [`Camera`] whose 3x4 projection contains the rotation, so boxes stay upright and labels exact.
 
-use farsight_core::Camera;
+use farsight_core::{Box3d, Camera, ObjectClass};
 
 /// A colour, linear light, red, green, blue; 1 is a white surface in full light.
 pub type Color = [f32; 3];
@@ -226,4 +226,15 @@ pub struct Scene {
     pub sky: Sky,
     /// The air.
     pub air: Air,
+}
+
+/// Someone in the scene who gets a label.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Actor {
+    /// What it is.
+    pub class: ObjectClass,
+    /// Its true box.
+    pub box3d: Box3d,
+    /// The instance of its objects.
+    pub instance: InstanceId,
 }
