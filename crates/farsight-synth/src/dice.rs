@@ -19,6 +19,11 @@ impl Dice {
         Self(Pcg64::new(self.0.random::<u128>(), self.0.random::<u128>()))
     }
 
+    /// The generator itself, for draws that are written elsewhere.
+    pub(crate) fn rng(&mut self) -> &mut Pcg64 {
+        &mut self.0
+    }
+
     /// From 0 up to, not including, 1.
     pub(crate) fn unit(&mut self) -> f64 {
         self.0.random::<f64>()

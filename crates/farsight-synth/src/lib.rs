@@ -5,14 +5,18 @@
 
 mod actors;
 mod dice;
+pub mod labels;
 mod palette;
+pub mod photo;
 pub mod render;
 pub mod scene;
 mod shape;
 pub mod sizes;
+mod stream;
 pub(crate) mod vector;
 pub mod world;
 
+pub use stream::SceneStream;
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
 
 /// A scene and who is in it.

@@ -228,13 +228,13 @@ pub struct Scene {
     pub air: Air,
 }
 
-/// Somebody in traffic: what the label of its instance says.
+/// Someone in the scene who gets a label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Actor {
     /// What it is.
     pub class: ObjectClass,
-    /// Its box.
+    /// Its true box.
     pub box3d: Box3d,
-    /// The instance of its triangles.
+    /// The instance of its objects.
     pub instance: InstanceId,
 }

@@ -12,17 +12,23 @@
 //!
 //! # How
 //! 1. [`visibility`]: which triangle each of a pixel's four samples sees, with 1/w as depth.
-//! 2. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`shade`], [`sky`].
+//! 2. [`shadow`]: depth maps from the sun (near and far) and from above, for the shade beneath and beside things. [`lamps`]: which lamps to ask.
+//! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`pattern`], [`shade`], [`sky`].
 
+mod lamps;
 mod noise;
 mod pattern;
 mod raster;
 mod shade;
+mod shadow;
 mod sky;
 mod surface;
-mod view;
-mod visibility;
+pub(crate) mod view;
+pub(crate) mod visibility;
 
+use lamps::Lamps;
+use shade::Light;
+use shadow::Shadows;
 use surface::{Weights, vertices};
 use view::View;
 use visibility::{Drawn, NOTHING, OFFSETS, SAMPLES, Visibility};
@@ -64,7 +70,8 @@ pub fn render(scene: &Scene) -> Rendered {
         visible: vec![0; alone.len()],
         alone,
     };
-    let mut shader = Shader { scene, view: &view, seen: &seen, last: None };
+    let (shadows, lamps) = (Shadows::of(scene, &view), Lamps::of(scene, &view));
+    let mut shader = Shader { scene, view: &view, seen: &seen, shadows: &shadows, lamps: &lamps, last: None };
     for y in 0..height {
         for x in 0..width {
             rendered.push(&shader.pixel(x, y));
@@ -110,6 +117,8 @@ struct Shader<'a> {
     scene: &'a Scene,
     view: &'a View,
     seen: &'a Visibility,
+    shadows: &'a Shadows,
+    lamps: &'a Lamps<'a>,
     last: Option<(u32, Face<'a>)>,
 }
 
@@ -124,6 +133,15 @@ struct Face<'a> {
     instance: InstanceId,
 }
 
+impl Face<'_> {
+    /// Depth at a pixel's centre, also just beside the triangle.
+    fn depth_m(&self, u: f32, v: f32) -> f32 {
+        let corners = self.positions.map(|p| p[2]);
+        let (least, most) = corners.iter().fold((f32::MAX, f32::MIN), |(l, m), &z| (l.min(z), m.max(z)));
+        self.weights.at(u, v).vector(self.positions)[2].clamp(least, most)
+    }
+}
+
 impl<'a> Shader<'a> {
     fn pixel(&mut self, x: usize, y: usize) -> Pixel {
         let numbers = self.seen.numbers(y * self.scene.image_size[0] + x);
@@ -133,7 +151,11 @@ impl<'a> Shader<'a> {
                 continue;
             }
             let (samples, [dx, dy]) = centroid(&numbers, number);
-            let share = self.share(number, x as f32 + dx, y as f32 + dy);
+            let light = Light { scene: self.scene, shadows: self.shadows, lamps: self.lamps.at(x, y) };
+            let mut share = self.share(number, &light, [x as f32 + dx, y as f32 + dy]);
+            if samples < SAMPLES as u32 && number != NOTHING {
+                share.depth_m = self.face(number).depth_m(x as f32, y as f32);
+            }
             pixel.shares[pixel.count] = Share { samples, ..share };
             pixel.count += 1;
         }
@@ -141,7 +163,7 @@ impl<'a> Shader<'a> {
     }
 
     /// What the triangle looks like at a place in the image.
-    fn share(&mut self, number: u32, u: f32, v: f32) -> Share {
+    fn share(&mut self, number: u32, light: &Light, [u, v]: [f32; 2]) -> Share {
         if number == NOTHING {
             let direction = normalized(self.view.direction(u, v));
             let color = sky::color(self.scene, direction);
@@ -155,7 +177,7 @@ impl<'a> Shader<'a> {
         let normal = if dot(normal, towards_eye) < 0.0 { scale(normal, -1.0) } else { normal };
         let (uv, footprint) = at.uv(face.uv);
         let fragment = shade::Fragment { position, normal, uv, footprint, material: face.material };
-        let color = shade::color(self.scene, self.view.eye, &fragment);
+        let color = shade::color(light, self.view.eye, &fragment);
         Share { samples: 0, color, depth_m: position[2], instance: face.instance }
     }
 
