@@ -10,7 +10,7 @@ use crate::graph::{Graph, Role};
 use crate::weights::{WeightTensor, Weights, WeightsError};
 
 /// Key of the header under which the model's config stands as JSON.
-const CONFIG_KEY: &str = "farsight.model";
+pub(crate) const CONFIG_KEY: &str = "farsight.model";
 
 /// A network with its weights and its description.
 #[derive(Debug, Clone)]
