@@ -5,10 +5,15 @@
 
 pub mod detector;
 pub mod engine;
+pub mod probe;
+#[cfg(feature = "rten")]
+pub mod rten;
 pub mod spec;
 pub mod timing;
 
 pub use detector::{DetectError, Detector};
 pub use engine::{Engine, EngineError};
+#[cfg(feature = "rten")]
+pub use rten::RtenEngine;
 pub use spec::{DetectorSpec, UnfamiliarCamera};
 pub use timing::StageTimes;

@@ -16,6 +16,9 @@ pub use crate::build::Stem;
 /// Side by which the input must be divisible: the stride of the coarsest level.
 pub const SIZE_STEP: usize = 32;
 
+/// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
+const LARGEST_SIDE: usize = 8192;
+
 /// Channels of SMOKE's levels 0 to 5.
 const SMOKE_CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
 
@@ -142,6 +145,10 @@ impl ModelConfig {
         if self.input.iter().any(|&side| side == 0 || !side.is_multiple_of(SIZE_STEP)) {
             let [width, height] = self.input;
             return error("input", format!("is {width}x{height}; expected multiples of {SIZE_STEP} pixels"));
+        }
+        if self.input.iter().any(|&side| side > LARGEST_SIDE) {
+            let [width, height] = self.input;
+            return error("input", format!("is {width}x{height}; expected at most {LARGEST_SIDE} pixels a side"));
         }
         if !(self.width.is_finite() && self.width > 0.0 && self.width <= 8.0) {
             return error("width", format!("is {}; expected a factor above 0 and at most 8", self.width));

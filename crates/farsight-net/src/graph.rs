@@ -6,6 +6,12 @@ pub type NodeId = usize;
 /// Index of a parameter in [`Graph::parameters`].
 pub type ParameterId = usize;
 
+/// Added to the variance in every norm (spec section 1).
+pub const NORM_EPSILON: f64 = 1e-5;
+
+/// Added to the sum of fusion weights (`EfficientDet`).
+pub const FUSION_EPSILON: f64 = 1e-4;
+
 /// What a node computes. Tensors are `[batch, channel, height, width]`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Op {
@@ -86,6 +92,32 @@ pub enum Op {
         /// One weight an input.
         weight: ParameterId,
     },
+}
+
+impl Op {
+    /// The parameters that it reads.
+    pub fn parameters(&self) -> Vec<ParameterId> {
+        self.clone().parameters_mut().into_iter().map(|id| *id).collect()
+    }
+
+    /// The parameters that it reads, to be renumbered.
+    pub fn parameters_mut(&mut self) -> Vec<&mut ParameterId> {
+        match self {
+            Self::Conv { weight, bias, .. } => [Some(weight), bias.as_mut()].into_iter().flatten().collect(),
+            Self::DeformConv { weight, bias, .. } | Self::GroupNorm { weight, bias, .. } => vec![weight, bias],
+            Self::BatchNorm { weight, bias, mean, variance } => vec![weight, bias, mean, variance],
+            Self::UpConv { weight, .. } | Self::WeightedSum { weight } => vec![weight],
+            Self::Input
+            | Self::Relu
+            | Self::Sigmoid
+            | Self::MaxPool { .. }
+            | Self::GlobalAveragePool
+            | Self::Upsample { .. }
+            | Self::Add
+            | Self::Multiply
+            | Self::Concat => Vec::new(),
+        }
+    }
 }
 
 /// Kernel, stride, padding and dilation of a convolution, the same for both axes.

@@ -7,10 +7,11 @@ use thiserror::Error;
 use crate::build::network;
 use crate::config::{ConfigError, ModelConfig};
 use crate::graph::{Graph, LOGITS, Misfit, REGRESSION, Role};
+use crate::transform::without_dead_parameters;
 use crate::weights::{WeightTensor, Weights, WeightsError};
 
 /// Key of the header under which the model's config stands as JSON.
-const CONFIG_KEY: &str = "farsight.model";
+pub(crate) const CONFIG_KEY: &str = "farsight.model";
 
 /// Key of the header that says that the tensors, not the config, decide how wide the layers are.
 const NARROWED_KEY: &str = "farsight.narrowed";
@@ -94,7 +95,7 @@ impl Model {
             let found = shape_of(&parameter).map_or("is missing".to_owned(), |shape| format!("has shape {shape:?}"));
             ModelError::Tensor { name: parameter, found, expected }
         };
-        let mut graph = whole.with_shapes(shape_of).map_err(misfit)?;
+        let graph = whole.with_shapes(shape_of).map_err(misfit)?;
         for output in [LOGITS, REGRESSION].iter().filter_map(|name| graph.tap(name)) {
             let (found, expected) = (graph.nodes[output].channels, whole.nodes[output].channels);
             if found != expected {
@@ -102,7 +103,7 @@ impl Model {
                 return Err(ModelError::Tensor { name: "the head".to_owned(), found, expected: vec![expected] });
             }
         }
-        graph.drop_unused();
+        let graph = without_dead_parameters(graph);
         weights.tensors.retain(|name, _| graph.parameters.iter().any(|p| p.name == *name));
         weights.metadata.insert(NARROWED_KEY.to_owned(), "true".to_owned());
         Ok(Self { config, graph, weights })

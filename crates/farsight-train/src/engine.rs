@@ -29,6 +29,14 @@ impl TorchEngine {
         Ok((Self::new(model, Device::cuda_if_available())?, config))
     }
 
+    /// The engine for a model that is in memory, on the CPU.
+    ///
+    /// # Errors
+    /// When the weights do not fit the network.
+    pub fn on_cpu(model: Model) -> Result<Self, ModelError> {
+        Self::new(model, Device::Cpu)
+    }
+
     /// The engine for a model that is in memory.
     ///
     /// # Errors

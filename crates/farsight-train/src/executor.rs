@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use farsight_net::graph::{Graph, Node, NodeId, Op, ParameterId, Role};
+use farsight_net::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role};
 use farsight_net::weights::{WeightTensor, Weights};
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Tensor, no_grad};
@@ -10,14 +10,8 @@ use thiserror::Error;
 
 use crate::deform::deformable_samples;
 
-/// Added to the variance in every norm (spec section 1).
-const NORM_EPSILON: f64 = 1e-5;
-
 /// Share of the new batch in the running statistics of batch norm.
 const BATCH_NORM_MOMENTUM: f64 = 0.1;
-
-/// Added to the sum of fusion weights (`EfficientDet`).
-const FUSION_EPSILON: f64 = 1e-4;
 
 /// What a pass is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

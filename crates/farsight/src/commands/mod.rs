@@ -1,8 +1,10 @@
 //! One file a command.
 
 mod eval;
+mod export;
 mod import;
 mod info;
+mod parity;
 mod range;
 mod train;
 
@@ -22,6 +24,10 @@ pub(crate) enum Command {
     Train(train::TrainArgs),
     /// Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
     Import(import::ImportArgs),
+    /// Write a model as an ONNX file, checked before it is kept
+    Export(export::ExportArgs),
+    /// Compare an engine's answers with stored reference tensors
+    Parity(parity::ParityArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
 }
@@ -43,6 +49,8 @@ impl Command {
             Self::Eval(args) => eval::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),
             Self::Import(args) => import::run(&args, printer),
+            Self::Export(args) => export::run(&args, printer),
+            Self::Parity(args) => parity::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),
         }
     }

@@ -13,7 +13,7 @@ use farsight_core::detection::DecodeOptions;
 
 use super::Outcome;
 use crate::camera_source::CameraArgs;
-use crate::engines::{self, EngineName};
+use crate::engines::{self, EngineArgs};
 use crate::inputs;
 use crate::printer::Printer;
 use job::Job;
@@ -24,12 +24,11 @@ pub(crate) struct RangeArgs {
     /// Images (PNG, JPEG), folders of images, patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Model that `farsight train` or `farsight import` wrote
+    /// Model that `farsight train`, `farsight import` or `farsight export` wrote
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
-    /// What runs the network
-    #[arg(long, value_enum, default_value_t = EngineName::Libtorch)]
-    engine: EngineName,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -90,7 +89,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let job = Job::new(args, found.images, printer)?;
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut detector = engines::open(args.engine, &args.model, options)?;
+    let mut detector = engines::open_detector(&args.engine, &args.model, options)?;
     let failed = found.problems.len() + job.run(&mut detector, printer)?;
     Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
 }

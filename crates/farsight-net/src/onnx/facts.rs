@@ -1,0 +1,102 @@
+//! What a file says about its model.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use super::Target;
+use crate::model::Model;
+use crate::weights::Weights;
+
+/// Keys of the facts.
+pub mod key {
+    /// The whole description of the model, JSON; all that Farsight itself needs.
+    pub const MODEL: &str = crate::model::CONFIG_KEY;
+    /// Names of the heat map's channels, separated by commas.
+    pub const CLASSES: &str = "farsight.classes";
+    /// Width and height of the input the model was trained with, `1280x384`.
+    pub const INPUT_SIZE: &str = "farsight.input_size";
+    /// Order, mean and deviation of the colour channels on the scale 0 to 1, JSON.
+    pub const NORMALISATION: &str = "farsight.normalisation";
+    /// Reference depth and reference sizes that the regression is relative to, JSON.
+    pub const REFERENCE: &str = "farsight.reference";
+    /// SHA-256 of the weights as they were trained: names, shapes and values in the order of the names.
+    pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
+    /// For which engines the file is meant.
+    pub const TARGET: &str = "farsight.target";
+    /// Steps, epochs and frames of the training, JSON.
+    pub const TRAINING: &str = "farsight.training";
+    /// Projection of the camera of training, 12 numbers row by row, JSON.
+    pub const CAMERA: &str = "farsight.camera";
+    /// What the model was trained on.
+    pub const TRAINING_DATA: &str = "farsight.training_data";
+    /// The licence of what it was trained on.
+    pub const TRAINING_DATA_LICENCE: &str = "farsight.training_data_licence";
+    /// How well it did, on what, JSON.
+    pub const EVALUATION: &str = "farsight.evaluation";
+}
+
+/// Prefix of all keys.
+const PREFIX: &str = "farsight.";
+
+/// Facts about a model by key, see [`key`].
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Facts {
+    entries: BTreeMap<String, String>,
+}
+
+impl Facts {
+    /// What is known about `model`: its description, and what its own file says about training, camera and licence.
+    pub fn new(model: &Model, target: Target) -> Self {
+        let config = &model.config;
+        let own = model.weights.metadata.iter().filter(|(key, _)| key.starts_with(PREFIX));
+        let mut facts = Self { entries: own.map(|(key, value)| (key.clone(), value.clone())).collect() };
+        let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
+        let [width, height] = config.input;
+        facts.set(key::MODEL, json!(config).to_string());
+        facts.set(key::CLASSES, classes.join(","));
+        facts.set(key::INPUT_SIZE, format!("{width}x{height}"));
+        let normalisation = json!({"order": config.quirks.channels, "mean": CHANNEL_MEAN, "std": CHANNEL_STD});
+        facts.set(key::NORMALISATION, normalisation.to_string());
+        facts.set(key::REFERENCE, json!({"depth": config.depth, "classes": config.classes}).to_string());
+        facts.set(key::WEIGHTS_SHA256, weights_sha256(&model.weights));
+        facts.set(key::TARGET, target.name().to_owned());
+        facts
+    }
+
+    /// Adds or replaces a fact.
+    pub fn set(&mut self, key: &str, value: String) {
+        self.entries.insert(key.to_owned(), value);
+    }
+
+    /// The fact under this key.
+    pub fn get(&self, key: &str) -> Option<&str> {
+        self.entries.get(key).map(String::as_str)
+    }
+
+    /// All facts, by key.
+    pub fn entries(&self) -> impl Iterator<Item = (String, String)> {
+        self.entries.iter().map(|(key, value)| (key.clone(), value.clone()))
+    }
+}
+
+impl FromIterator<(String, String)> for Facts {
+    fn from_iter<I: IntoIterator<Item = (String, String)>>(entries: I) -> Self {
+        Self { entries: entries.into_iter().collect() }
+    }
+}
+
+fn weights_sha256(weights: &Weights) -> String {
+    let mut hash = Sha256::new();
+    for (name, tensor) in &weights.tensors {
+        hash.update(format!("{name} {:?}\n", tensor.shape));
+        tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
+    }
+    hash.finalize().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}

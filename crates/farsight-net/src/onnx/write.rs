@@ -1,0 +1,233 @@
+//! From a graph to ONNX operators.
+
+use prost::Message;
+
+use super::deform::{self, Operands, Sizes};
+use super::parts::{Parts, float, int, ints, word};
+use super::proto::{
+    Dimension, DimensionProto, FLOAT, GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto,
+    TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
+};
+use super::{Facts, INPUT, Target};
+use crate::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
+use crate::transform::Network;
+use crate::weights::{WeightTensor, WeightsError};
+
+/// ONNX operators as of 1.14: the first with `DeformConv`; `GridSample` still calls its interpolation "bilinear", as all engines know it.
+const OPSET: i64 = 19;
+
+/// The file format that goes with it.
+const IR_VERSION: i64 = 9;
+
+/// The bytes of an ONNX file that computes the taps of `network`.
+///
+/// # Shapes
+/// One input, `image`, `[batch, 3, height, width]`; one output a tap, named like the tap. Batch, height and width are free; height and width
+/// must be multiples of 32.
+///
+/// # Errors
+/// When a weight is missing or has another shape.
+pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>, WeightsError> {
+    let model = ModelProto {
+        ir_version: IR_VERSION,
+        producer_name: "farsight".to_owned(),
+        producer_version: env!("CARGO_PKG_VERSION").to_owned(),
+        graph: Some(graph(network, target)?),
+        opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
+        metadata_props: facts.entries().map(|(key, value)| StringStringEntryProto { key, value }).collect(),
+    };
+    Ok(model.encode_to_vec())
+}
+
+fn graph(network: &Network, target: Target) -> Result<GraphProto, WeightsError> {
+    let mut writer = Writer { network, target, names: Vec::new(), parts: Parts::default() };
+    for (id, node) in network.graph.nodes.iter().enumerate() {
+        let output = writer.value_name(id);
+        let name = writer.node(node, &output)?;
+        writer.names.push(name);
+    }
+    let input = vec![image_info(network)];
+    let output =
+        network.graph.taps.iter().map(|(name, id)| map_info(name, network.graph.nodes[*id].channels)).collect();
+    Ok(GraphProto { name: "farsight".to_owned(), input, output, ..writer.parts.finish() })
+}
+
+fn image_info(network: &Network) -> ValueInfoProto {
+    let channels = network.graph.nodes.first().map_or(0, |node| node.channels);
+    value_info(INPUT, ["batch", "", "height", "width"], channels)
+}
+
+fn map_info(name: &str, channels: usize) -> ValueInfoProto {
+    value_info(name, ["batch", "", "map_height", "map_width"], channels)
+}
+
+/// A tensor whose channels are known and whose other axes are called `axes`.
+fn value_info(name: &str, axes: [&str; 4], channels: usize) -> ValueInfoProto {
+    let dimension = |axis: &str| match axis {
+        "" => Dimension::Size(channels as i64),
+        name => Dimension::Name(name.to_owned()),
+    };
+    let dim = axes.iter().map(|axis| DimensionProto { value: Some(dimension(axis)) }).collect();
+    let tensor_type = Some(TensorTypeProto { elem_type: FLOAT, shape: Some(TensorShapeProto { dim }) });
+    ValueInfoProto { name: name.to_owned(), kind: Some(TypeProto { tensor_type }) }
+}
+
+struct Writer<'a> {
+    network: &'a Network,
+    target: Target,
+    /// Names of the values of the nodes so far.
+    names: Vec<String>,
+    parts: Parts,
+}
+
+impl Writer<'_> {
+    /// A tap's own name, or one that says where in the network the value belongs.
+    fn value_name(&self, id: NodeId) -> String {
+        let graph = &self.network.graph;
+        let tap = graph.taps.iter().find(|(_, tap)| *tap == id);
+        tap.map_or_else(|| format!("{}/{id}", graph.nodes[id].stage), |(name, _)| name.clone())
+    }
+
+    fn tensor(&self, id: ParameterId) -> Result<&WeightTensor, WeightsError> {
+        let parameter = &self.network.graph.parameters[id];
+        self.network.weights.tensor(&parameter.name, &parameter.shape)
+    }
+
+    /// A parameter as a constant, with this shape instead of its own.
+    fn parameter_as(&mut self, id: ParameterId, shape: &[usize]) -> Result<String, WeightsError> {
+        let Self { network, parts, .. } = self;
+        let parameter = &network.graph.parameters[id];
+        let tensor = network.weights.tensor(&parameter.name, &parameter.shape)?;
+        Ok(parts.floats(&parameter.name, shape, &tensor.values))
+    }
+
+    fn parameter(&mut self, id: ParameterId) -> Result<String, WeightsError> {
+        let shape = &self.network.graph.parameters[id].shape;
+        self.parameter_as(id, shape)
+    }
+
+    /// Writes one node; returns the name of its value.
+    fn node(&mut self, node: &Node, out: &str) -> Result<String, WeightsError> {
+        let inputs: Vec<String> = node.inputs.iter().map(|&id| self.names[id].clone()).collect();
+        let x = inputs.first().map_or("", String::as_str);
+        let all: Vec<&str> = inputs.iter().map(String::as_str).collect();
+        Ok(match &node.op {
+            Op::Input => INPUT.to_owned(),
+            Op::Conv { weight, bias, window, groups } => {
+                let weight = self.parameter(*weight)?;
+                let bias = bias.map(|id| self.parameter(id)).transpose()?;
+                let operands: Vec<&str> = [x, &weight].into_iter().chain(bias.as_deref()).collect();
+                self.parts.node("Conv", &operands, out, convolution(*window, *groups))
+            }
+            Op::DeformConv { weight, bias, window } => self.deform_conv(node, [*weight, *bias], *window, out)?,
+            Op::UpConv { weight, factor } => {
+                let weight = self.parameter(*weight)?;
+                let window = Window { kernel: 2 * factor, stride: *factor, padding: factor / 2, dilation: 1 };
+                self.parts.node("ConvTranspose", &[x, &weight], out, convolution(window, node.channels))
+            }
+            Op::GroupNorm { groups, weight, bias } => self.group_norm(x, *groups, [*weight, *bias], out)?,
+            Op::BatchNorm { weight, bias, mean, variance } => {
+                let [weight, bias, mean, variance] = [weight, bias, mean, variance].map(|id| self.parameter(*id));
+                let operands = [x, &weight?, &bias?, &mean?, &variance?];
+                self.parts.node("BatchNormalization", &operands, out, vec![float("epsilon", NORM_EPSILON as f32)])
+            }
+            Op::Relu => self.parts.node("Relu", &all, out, Vec::new()),
+            Op::Sigmoid => self.parts.node("Sigmoid", &all, out, Vec::new()),
+            Op::MaxPool { size } => {
+                let size = [*size as i64; 2];
+                self.parts.node("MaxPool", &all, out, vec![ints("kernel_shape", &size), ints("strides", &size)])
+            }
+            Op::GlobalAveragePool => self.parts.node("GlobalAveragePool", &all, out, Vec::new()),
+            Op::Upsample { factor } => {
+                let factor = *factor as f32;
+                let scales = self.parts.floats(&format!("scales {factor}"), &[4], &[1.0, 1.0, factor, factor]);
+                let how = vec![word("mode", "linear"), word("coordinate_transformation_mode", "half_pixel")];
+                self.parts.node("Resize", &[x, "", &scales], out, how)
+            }
+            Op::Add => self.parts.node("Add", &all, out, Vec::new()),
+            Op::Multiply => self.parts.node("Mul", &all, out, Vec::new()),
+            Op::Concat => self.parts.node("Concat", &all, out, vec![int("axis", 1)]),
+            Op::WeightedSum { weight } => self.weighted_sum(&all, *weight, out)?,
+        })
+    }
+
+    fn deform_conv(
+        &mut self,
+        node: &Node,
+        [weight, bias]: [ParameterId; 2],
+        window: Window,
+        out: &str,
+    ) -> Result<String, WeightsError> {
+        let graph = &self.network.graph;
+        let [x, offsets] = [0, 1].map(|input| node.inputs[input]);
+        let taps = window.kernel * window.kernel;
+        let groups = graph.nodes[offsets].channels / (3 * taps);
+        let sizes = Sizes { channels: graph.nodes[x].channels, groups, window };
+        let weight = match self.target {
+            Target::OnnxRuntime => self.parameter(weight)?,
+            Target::Portable => self.parameter_as(weight, &[node.channels, sizes.channels * taps, 1, 1])?,
+        };
+        let bias = self.parameter(bias)?;
+        let operands = Operands { x: &self.names[x], offsets: &self.names[offsets], weight: &weight, bias: &bias };
+        Ok(match self.target {
+            Target::OnnxRuntime => deform::operator(&mut self.parts, operands, sizes, convolution(window, 1), out),
+            Target::Portable => deform::samples(&mut self.parts, operands, sizes, out),
+        })
+    }
+
+    /// Group norm is instance norm over maps as high as all channels of a group together. Engines compute its mean first and then the
+    /// squares of the differences, so large means do no harm.
+    fn group_norm(
+        &mut self,
+        x: &str,
+        groups: usize,
+        [weight, bias]: [ParameterId; 2],
+        out: &str,
+    ) -> Result<String, WeightsError> {
+        let channels = self.network.graph.parameters[weight].shape[0];
+        let weight = self.parameter_as(weight, &[channels, 1, 1])?;
+        let bias = self.parameter_as(bias, &[channels, 1, 1])?;
+        let parts = &mut self.parts;
+        let ones = parts.floats(&format!("ones {groups}"), &[groups], &vec![1.0; groups]);
+        let zeros = parts.floats(&format!("zeros {groups}"), &[groups], &vec![0.0; groups]);
+        let [by_group, by_channel] = [groups, channels].map(|count| parts.list(&[0, count as i64, -1, 0]));
+        let step = |name: &str| format!("{out}/{name}");
+        let grouped = parts.node("Reshape", &[x, &by_group], &step("grouped"), Vec::new());
+        let epsilon = vec![float("epsilon", NORM_EPSILON as f32)];
+        let normal = parts.node("InstanceNormalization", &[&grouped, &ones, &zeros], &step("normal"), epsilon);
+        let apart = parts.node("Reshape", &[&normal, &by_channel], &step("apart"), Vec::new());
+        let scaled = parts.node("Mul", &[&apart, &weight], &step("scaled"), Vec::new());
+        Ok(parts.node("Add", &[&scaled, &bias], out, Vec::new()))
+    }
+
+    /// The weights are known by now: each input times its share.
+    fn weighted_sum(&mut self, inputs: &[&str], weight: ParameterId, out: &str) -> Result<String, WeightsError> {
+        let positive: Vec<f64> = self.tensor(weight)?.values.iter().map(|&w| f64::from(w.max(0.0))).collect();
+        let sum = positive.iter().sum::<f64>() + FUSION_EPSILON;
+        let parts = &mut self.parts;
+        let mut total: Option<String> = None;
+        for (i, (input, weight)) in inputs.iter().zip(&positive).enumerate() {
+            let share = parts.float((weight / sum) as f32);
+            let term = parts.node("Mul", &[input, &share], &format!("{out}/term{i}"), Vec::new());
+            let name = if i + 1 == inputs.len() { out.to_owned() } else { format!("{out}/sum{i}") };
+            total = Some(match total {
+                None => term,
+                Some(total) => parts.node("Add", &[&total, &term], &name, Vec::new()),
+            });
+        }
+        Ok(total.unwrap_or_default())
+    }
+}
+
+/// The settings of a convolution, transposed or not.
+fn convolution(window: Window, groups: usize) -> Vec<super::proto::AttributeProto> {
+    let Window { kernel, stride, padding, dilation } = window;
+    let [kernel, stride, padding, dilation] = [kernel, stride, padding, dilation].map(|value| value as i64);
+    vec![
+        ints("dilations", &[dilation; 2]),
+        int("group", groups as i64),
+        ints("kernel_shape", &[kernel; 2]),
+        ints("pads", &[padding; 4]),
+        ints("strides", &[stride; 2]),
+    ]
+}

@@ -1,0 +1,131 @@
+//! `farsight export`: a model as an ONNX file, checked before it is kept.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Args, ValueEnum};
+use farsight_core::HeadMaps;
+use farsight_files::write_atomically;
+use farsight_infer::probe::{self, Difference};
+use farsight_infer::{Engine, RtenEngine};
+use farsight_net::graph::{LOGITS, REGRESSION};
+use farsight_net::model::Model;
+use farsight_net::onnx::{Facts, OnnxModel, Target, key, write};
+use farsight_net::transform::Network;
+
+use super::Outcome;
+use crate::printer::Printer;
+
+/// The largest difference of a head map that is let pass (single precision).
+pub(super) const TOLERANCE: f32 = 1e-4;
+
+/// Arguments of `farsight export`.
+#[derive(Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// Model that `farsight train` or `farsight import` wrote
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// The file to write
+    #[arg(long, value_name = "FILE.onnx")]
+    out: PathBuf,
+    /// In which form deformable convolutions are written
+    #[arg(long, value_enum, default_value_t = TargetName::Portable)]
+    target: TargetName,
+    /// What the model was trained on, for the file's metadata
+    #[arg(long, value_name = "TEXT")]
+    training_data: Option<String>,
+    /// The licence of what it was trained on
+    #[arg(long, value_name = "TEXT")]
+    training_data_licence: Option<String>,
+    /// A JSON file of `farsight eval`, for the file's metadata
+    #[arg(long, value_name = "FILE")]
+    evaluation: Option<PathBuf>,
+}
+
+/// See [`Target`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TargetName {
+    /// GridSample: every engine runs it
+    Portable,
+    /// DeformConv: ONNX Runtime runs it, and faster
+    Onnxruntime,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+    let target = match args.target {
+        TargetName::Portable => Target::Portable,
+        TargetName::Onnxruntime => Target::OnnxRuntime,
+    };
+    let model = Model::read(&args.model)?;
+    let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
+    let file = OnnxModel::from_bytes(bytes, &args.out)?;
+    let differences = check(&model, &file, printer)?;
+    for Difference { name, largest } in &differences {
+        printer.line(&format!("{name:10} largest difference {largest:.1e}"));
+    }
+    if let Some(worst) = differences.iter().find(|difference| !difference.within(TOLERANCE)) {
+        bail!(
+            "{}: not written: {} differs by {:.1e}; expected at most {TOLERANCE:.0e}",
+            args.out.display(),
+            worst.name,
+            worst.largest
+        );
+    }
+    write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
+    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
+    Ok(Outcome::Done)
+}
+
+fn facts(args: &ExportArgs, model: &Model, target: Target) -> Result<Facts> {
+    let mut facts = Facts::new(model, target);
+    let told = [(key::TRAINING_DATA, &args.training_data), (key::TRAINING_DATA_LICENCE, &args.training_data_licence)];
+    for (key, text) in told {
+        text.iter().for_each(|text| facts.set(key, text.clone()));
+    }
+    if let Some(path) = &args.evaluation {
+        let text = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let figures: serde_json::Value =
+            serde_json::from_slice(&text).with_context(|| format!("{}: no JSON", path.display()))?;
+        facts.set(key::EVALUATION, figures.to_string());
+    }
+    Ok(facts)
+}
+
+/// How far the head maps of the file are from those of the model on a fixed input of noise.
+fn check(model: &Model, file: &OnnxModel, printer: &mut Printer) -> Result<Vec<Difference>> {
+    let size = model.config.input;
+    let input = probe::input(size);
+    let (mut engine, by) = file_engine(file)?;
+    let found = engine.head_maps(&input, size)?;
+    let (expected, reference) = reference(model, &input)?;
+    printer
+        .status(&format!("checked: the file on {by} against {reference}, {} x {} pixels of noise", size[0], size[1]));
+    Ok(probe::differences(&found, &expected))
+}
+
+/// An engine that runs the file as it is.
+fn file_engine(file: &OnnxModel) -> Result<(Box<dyn Engine>, &'static str)> {
+    ensure!(
+        !(file.has_deform_conv()),
+        "a file with DeformConv can only be checked by ONNX Runtime; export with --target portable"
+    );
+    Ok((Box::new(RtenEngine::new(file.clone(), None)?), "rten"))
+}
+
+/// What the model itself answers: libtorch's answer where there is one.
+#[cfg(feature = "train")]
+fn reference(model: &Model, input: &[f32]) -> Result<(HeadMaps, &'static str)> {
+    let mut engine = farsight_train::engine::TorchEngine::on_cpu(model.clone())?;
+    Ok((engine.head_maps(input, model.config.input)?, "libtorch"))
+}
+
+/// What the model itself answers: the same network before any transform, with its norms as they are.
+#[cfg(not(feature = "train"))]
+fn reference(model: &Model, input: &[f32]) -> Result<(HeadMaps, &'static str)> {
+    let whole = Network::new(model).keeping(&[LOGITS, REGRESSION]);
+    let bytes = write(&whole, &Facts::new(model, Target::Portable), Target::Portable)?;
+    let file = OnnxModel::from_bytes(bytes, Path::new("the untransformed network"))?;
+    let mut engine = RtenEngine::new(file, None)?;
+    Ok((engine.head_maps(input, model.config.input)?, "the untransformed network"))
+}

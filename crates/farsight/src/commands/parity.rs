@@ -1,0 +1,124 @@
+//! `farsight parity`: an engine's answers against stored reference tensors.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use farsight_core::HeadMaps;
+use farsight_files::write_atomically;
+use farsight_infer::Engine;
+use farsight_infer::probe::largest_difference;
+use farsight_net::graph::{LOGITS, REGRESSION};
+use farsight_net::weights::{WeightTensor, Weights};
+use serde::Serialize;
+
+use super::Outcome;
+use super::export::TOLERANCE;
+use crate::engines::{self, EngineArgs, Opened};
+use crate::printer::Printer;
+
+/// Name of the input among the reference tensors.
+const INPUT: &str = "input";
+
+/// Arguments of `farsight parity`.
+#[derive(Debug, Args)]
+pub(crate) struct ParityArgs {
+    /// An ONNX file of `farsight export`, or a model that `farsight train` or `farsight import` wrote
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// Reference tensors: `input` `[batch, 3, height, width]`, `cls_logits` and `reg_raw`
+    #[arg(long, value_name = "FILE.safetensors")]
+    golden: PathBuf,
+    /// The largest difference that counts as the same
+    #[arg(long, value_name = "X", default_value_t = TOLERANCE)]
+    tolerance: f32,
+    /// Write the differences to FILE
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineArgs,
+}
+
+/// What is written to the JSON file.
+#[derive(Debug, Serialize)]
+struct Parity {
+    model: String,
+    golden: String,
+    engine: String,
+    tolerance: f32,
+    within: bool,
+    outputs: Vec<Output>,
+    /// Reference tensors that are no outputs of the model.
+    not_compared: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Output {
+    name: &'static str,
+    /// Null where the maps cannot be compared: sizes differ, or a value is not a number.
+    largest_difference: Option<f32>,
+    within: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
+    let golden = Weights::read(&args.golden)?;
+    let Opened { mut engine, .. } = engines::open(&args.engine, &args.model)?;
+    let parity = compare(args, &golden, &mut *engine).with_context(|| args.golden.display().to_string())?;
+    for Output { name, largest_difference, within } in &parity.outputs {
+        let difference = largest_difference.map_or_else(|| "cannot be compared".to_owned(), |d| format!("{d:.1e}"));
+        printer.line(&format!("{name:10} {difference:>8}  {}", if *within { "same" } else { "DIFFERENT" }));
+    }
+    if let Some(path) = &args.json {
+        write_atomically(path, |out| {
+            serde_json::to_writer_pretty(&mut *out, &parity)?;
+            writeln!(out)
+        })?;
+    }
+    Ok(if parity.within { Outcome::Done } else { Outcome::Told })
+}
+
+fn compare(args: &ParityArgs, golden: &Weights, engine: &mut dyn Engine) -> Result<Parity> {
+    let input = golden.tensors.get(INPUT).with_context(|| format!("no tensor \"{INPUT}\""))?;
+    let &[batch, 3, height, width] = &input.shape[..] else {
+        bail!("tensor \"{INPUT}\" has the shape {:?}; expected [batch, 3, height, width]", input.shape)
+    };
+    let answers = (0..batch)
+        .map(|item| Ok(engine.head_maps(part(input, item, batch), [width, height])?))
+        .collect::<Result<Vec<HeadMaps>>>()?;
+    let mut outputs = Vec::new();
+    for (name, values) in [(LOGITS, logits as fn(&HeadMaps) -> &[f32]), (REGRESSION, regression)] {
+        if let Some(expected) = golden.tensors.get(name) {
+            let apart = |(item, answer)| largest_difference(values(answer), part(expected, item, batch));
+            let largest = answers.iter().enumerate().map(apart).fold(0.0, f32::max);
+            let largest_difference = largest.is_finite().then_some(largest);
+            outputs.push(Output { name, largest_difference, within: largest <= args.tolerance });
+        }
+    }
+    ensure!(!outputs.is_empty(), "neither \"{LOGITS}\" nor \"{REGRESSION}\" among its tensors");
+    let known = |name: &str| name == INPUT || outputs.iter().any(|output| output.name == name);
+    Ok(Parity {
+        model: args.model.display().to_string(),
+        golden: args.golden.display().to_string(),
+        engine: engine.name().to_owned(),
+        tolerance: args.tolerance,
+        within: outputs.iter().all(|output| output.within),
+        not_compared: golden.tensors.keys().filter(|name| !known(name)).cloned().collect(),
+        outputs,
+    })
+}
+
+fn logits(maps: &HeadMaps) -> &[f32] {
+    &maps.logits
+}
+
+fn regression(maps: &HeadMaps) -> &[f32] {
+    &maps.regression
+}
+
+/// One image's share of a tensor whose first axis is the batch.
+fn part(tensor: &WeightTensor, item: usize, batch: usize) -> &[f32] {
+    let share = tensor.values.len() / batch;
+    &tensor.values[item * share..][..share]
+}
