@@ -5,6 +5,7 @@
 
 mod actors;
 mod dice;
+pub mod layout;
 mod palette;
 pub mod render;
 pub mod scene;
@@ -13,6 +14,7 @@ pub mod sizes;
 pub(crate) mod vector;
 pub mod world;
 
+pub use layout::scene_from_labels;
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
 
 /// A scene and who is in it.

@@ -242,7 +242,8 @@ impl Body {
         for (band, pair) in half.windows(2).enumerate().skip(1) {
             let [[z0, h0], [z1, h1]] = [pair[0], pair[1]];
             for part in 0..3 {
-                let [a, b] = [[-1.0, -0.52], [-0.52, 0.52], [0.52, 1.0]][part];
+                let inner = if t < 0.5 { 0.5 } else { 0.68 };
+                let [a, b] = [[-1.0, -inner], [-inner, inner], [inner, 1.0]][part];
                 let points = [[x, -h0, z0 * a], [x, -h0, z0 * b], [x, -h1, z1 * b], [x, -h1, z1 * a]];
                 let material = if t < 0.5 { front(band, part, livery) } else { self.back(band, part, livery) };
                 shape.quad(points, material, 0);
@@ -253,8 +254,7 @@ impl Body {
     fn back(&self, band: usize, part: usize, livery: &Livery) -> MaterialId {
         match (band, part) {
             (2, _) if self.profile.black_sill => livery.trim,
-            (3 | 4, 0 | 2) => livery.brake_lamp,
-            (3, 0 | 2) if self.profile.upright_lamps => livery.tail_lamp,
+            (4, 0 | 2) => livery.brake_lamp,
             _ => livery.body,
         }
     }

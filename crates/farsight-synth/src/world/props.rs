@@ -16,7 +16,6 @@ pub(crate) struct Stock {
     pub(crate) dark: MaterialId,
     pub(crate) wood: MaterialId,
     pub(crate) stone: MaterialId,
-    pub(crate) glass: MaterialId,
 }
 
 const GREENS: [(Color, f64); 6] = [
@@ -34,7 +33,7 @@ impl Stock {
             let color = if stage.unusual && dice.chance(0.5) { any_color(dice) } else { dice.weighted(&GREENS) };
             let color = varied(dice, color, 0.35);
             let density = if dense { 1.0 } else { dice.range32(0.55, 0.9) };
-            let other = color.map(|c| c * dice.range32(0.15, 0.45));
+            let other = crate::palette::times(color, dice.range32(0.15, 0.45));
             let scale = dice.range32(0.12, 0.5);
             let pattern = Pattern::Leaves { other, scale, density, seed: dice.seed() };
             stage.palette.add(Material { pattern, ..matte(color) })
@@ -53,7 +52,6 @@ impl Stock {
             dark: palette.glossy(grey(0.02), 0.2, 20.0, 0.02),
             wood: palette.noise(wood, wood.map(|c| c * 0.6), 0.3, dice.seed()),
             stone: palette.noise(grey(dice.range32(0.2, 0.45)), grey(0.15), 0.5, dice.seed()),
-            glass: palette.glossy([0.02, 0.025, 0.03], 0.9, 200.0, 0.25),
         }
     }
 }
@@ -83,6 +81,9 @@ pub(crate) fn tree(height: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> M
         let grow = dice.range32(0.45, 0.75);
         let radii = [wide * grow, crown * grow * 0.9, wide * grow];
         shape.ball(center, radii, sides, leaves, || dice.range32(-0.25, 0.25));
+        if fine {
+            sprays(&mut shape, center, radii, 7, leaves, dice);
+        }
     }
     for _ in 0..if fine { dice.whole(1, 3) } else { 0 } {
         let to = [dice.range32(-0.5, 0.5) * wide, -trunk - crown * dice.range32(0.4, 1.0), dice.range32(-0.5, 0.5) * wide];
@@ -97,7 +98,24 @@ fn conifer(shape: &mut Shape, height: f32, stock: &Stock, leaves: MaterialId, di
     for k in 0..4 {
         let low = height * (0.12 + 0.2 * k as f32);
         let radius = wide * (1.0 - 0.22 * k as f32);
+        let first = shape.mesh.vertices.len();
         shape.tube([0.0, -low, 0.0], [0.0, -(low + height * 0.3).min(height), 0.0], [radius, radius * 0.1], 8, leaves);
+        shape.project_patterns(first);
+        sprays(shape, [0.0, -low - height * 0.1, 0.0], [radius, height * 0.1, radius], 5, leaves, dice);
+    }
+}
+
+/// Single boughs that stick out of a crown, so that its outline is ragged.
+fn sprays(shape: &mut Shape, center: Vec3, radii: Vec3, count: usize, leaves: MaterialId, dice: &mut Dice) {
+    for _ in 0..count {
+        let out = crate::shape::unit([dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0)]);
+        let from = [0, 1, 2].map(|i| center[i] + out[i] * radii[i] * 0.8);
+        let reach = radii[0] * dice.range32(0.25, 0.5);
+        let side = crate::shape::unit([out[2], dice.range32(-0.4, 0.4), -out[0]]);
+        let corner = |a: f32, b: f32| [0, 1, 2].map(|i| from[i] + (out[i] * a + side[i] * b) * reach);
+        let first = shape.mesh.vertices.len();
+        shape.quad([corner(-0.3, -0.7), corner(0.0, 0.8), corner(1.1, 0.4), corner(0.8, -0.6)], leaves, 0);
+        shape.project_patterns(first);
     }
 }
 
@@ -108,7 +126,11 @@ pub(crate) fn bush(height: f32, wide: f32, stock: &Stock, fine: bool, dice: &mut
     for _ in 0..if fine { 3 } else { 1 } {
         let center = [dice.range32(-0.3, 0.3) * wide, -height * 0.45, dice.range32(-0.3, 0.3) * wide];
         let grow = dice.range32(0.7, 1.0);
-        shape.ball(center, [wide / 2.0 * grow, height * 0.55, wide / 2.0 * grow], [4, 7], leaves, || dice.range32(-0.2, 0.2));
+        let radii = [wide / 2.0 * grow, height * 0.55, wide / 2.0 * grow];
+        shape.ball(center, radii, [4, 7], leaves, || dice.range32(-0.2, 0.2));
+        if fine {
+            sprays(&mut shape, center, radii, 5, leaves, dice);
+        }
     }
     shape.mesh
 }

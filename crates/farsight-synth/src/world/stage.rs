@@ -22,8 +22,12 @@ pub(crate) mod layer {
     pub(crate) const STAIN: u8 = 4;
 }
 
-/// Paint lies this much higher than the layer below it, metres.
-const LAYER_LIFT_M: f64 = 0.004;
+/// A view that must stay free: between two directions (x over z), up to a depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sightline {
+    pub(crate) tangents: [f64; 2],
+    pub(crate) depth_m: f64,
+}
 
 /// Collects what a scene consists of.
 pub(crate) struct Stage {
@@ -37,6 +41,8 @@ pub(crate) struct Stage {
     /// What stands on it.
     pub(crate) solid: Shape,
     pub(crate) lamps: Vec<Lamp>,
+    /// What props must not hide.
+    pub(crate) sightlines: Vec<Sightline>,
     actors: Vec<Actor>,
     objects: Vec<Object>,
     taken: Vec<Block>,
@@ -58,6 +64,7 @@ impl Stage {
             flat: Shape::default(),
             solid: Shape::default(),
             lamps: Vec::new(),
+            sightlines: Vec::new(),
             actors: Vec::new(),
             objects: Vec::new(),
             taken: Vec::new(),
@@ -80,9 +87,13 @@ impl Stage {
         [point[0], self.ground.y(point) - lift, point[1]].map(|v| v as f32)
     }
 
-    /// A point of a layer of paint.
-    pub(crate) fn painted(&self, point: [f64; 2], layer: u8) -> Vec3 {
-        self.over(point, f64::from(layer) * LAYER_LIFT_M)
+    /// Whether something of this radius would hide what must be seen.
+    pub(crate) fn hides(&self, [x, z]: [f64; 2], radius: f64) -> bool {
+        let near = (z - radius).max(0.3);
+        let (low, high) = ((x - radius) / near, (x + radius) / near);
+        let (low, high) = (low.min((x - radius) / (z + radius).max(0.3)), high.max((x + radius) / (z + radius).max(0.3)));
+        let covers = |line: &Sightline| near < line.depth_m && low < line.tangents[1] && high > line.tangents[0];
+        z + radius > 0.0 && self.sightlines.iter().any(covers)
     }
 
     /// Whether a box with `room` around it touches nothing that has been placed.
@@ -137,10 +148,6 @@ impl Stage {
             let direction = crate::shape::unit(crate::shape::sub(ahead, position));
             self.lamps.push(Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 });
         }
-    }
-
-    pub(crate) fn actor_boxes(&self) -> impl Iterator<Item = &Box3d> {
-        self.actors.iter().map(|actor| &actor.box3d)
     }
 
     pub(crate) fn into_drawn(self) -> Drawn {
