@@ -43,7 +43,7 @@ pub struct Rendered {
     pub size: [usize; 2],
     /// Colour, linear light, not limited to 1.
     pub color: Vec<Color>,
-    /// z of what most of the pixel shows, metres; infinite for the sky.
+    /// z of what most of the pixel shows, metres; infinite for the sky. At the pixel's centre, or amid the samples that see it.
     pub depth_m: Vec<f32>,
     /// Instance that most of the pixel shows; 0 for the world and the sky.
     pub instance: Vec<InstanceId>,
@@ -133,15 +133,6 @@ struct Face<'a> {
     instance: InstanceId,
 }
 
-impl Face<'_> {
-    /// Depth at a pixel's centre, also just beside the triangle.
-    fn depth_m(&self, u: f32, v: f32) -> f32 {
-        let corners = self.positions.map(|p| p[2]);
-        let (least, most) = corners.iter().fold((f32::MAX, f32::MIN), |(l, m), &z| (l.min(z), m.max(z)));
-        self.weights.at(u, v).vector(self.positions)[2].clamp(least, most)
-    }
-}
-
 impl<'a> Shader<'a> {
     fn pixel(&mut self, x: usize, y: usize) -> Pixel {
         let numbers = self.seen.numbers(y * self.scene.image_size[0] + x);
@@ -152,10 +143,7 @@ impl<'a> Shader<'a> {
             }
             let (samples, [dx, dy]) = centroid(&numbers, number);
             let light = Light { scene: self.scene, shadows: self.shadows, lamps: self.lamps.at(x, y) };
-            let mut share = self.share(number, &light, [x as f32 + dx, y as f32 + dy]);
-            if samples < SAMPLES as u32 && number != NOTHING {
-                share.depth_m = self.face(number).depth_m(x as f32, y as f32);
-            }
+            let share = self.share(number, &light, [x as f32 + dx, y as f32 + dy]);
             pixel.shares[pixel.count] = Share { samples, ..share };
             pixel.count += 1;
         }

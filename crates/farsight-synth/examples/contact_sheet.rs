@@ -1,0 +1,47 @@
+//! Renders a number of random scenes into one picture, smaller, in rows and columns.
+//!
+//! `cargo run --release -p farsight-synth --example contact_sheet -- sheet.png SEED FIRST COLUMNS ROWS [WIDTH] [generic]`
+#![allow(missing_docs, clippy::print_stdout)]
+
+use std::time::Instant;
+
+use farsight_synth::{WorldConfig, draw_scene, render};
+use image::{RgbImage, imageops};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |index: usize, otherwise: u64| arguments.get(index).map_or(Ok(otherwise), |n| n.parse());
+    let path = arguments.first().ok_or("where should the picture go?")?;
+    let (seed, first) = (number(1, 1)?, number(2, 0)?);
+    let (columns, rows, width) = (number(3, 2)? as u32, number(4, 6)? as u32, number(5, 828)? as u32);
+    let is_generic = arguments.get(6).is_some_and(|word| word == "generic");
+    let config = if is_generic { WorldConfig::generic() } else { WorldConfig::default() };
+    let height = if is_generic { width * 9 / 16 } else { width * 375 / 1242 };
+    let mut sheet = RgbImage::new(columns * width, rows * height);
+    for cell in 0..columns * rows {
+        let start = Instant::now();
+        let drawn = draw_scene(&config, seed, first + u64::from(cell));
+        let built = start.elapsed();
+        let picture = picture(&drawn)?;
+        let triangles: usize = drawn.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum();
+        println!(
+            "{}: {} actors, {triangles} triangles, built in {:.1} ms, all in {:.0} ms",
+            first + u64::from(cell),
+            drawn.actors.len(),
+            built.as_secs_f64() * 1e3,
+            start.elapsed().as_secs_f64() * 1e3
+        );
+        let small = imageops::resize(&picture, width, height, imageops::FilterType::Triangle);
+        let (column, row) = (cell % columns, cell / columns);
+        imageops::replace(&mut sheet, &small, i64::from(column * width), i64::from(row * height));
+    }
+    sheet.save(path)?;
+    Ok(())
+}
+
+fn picture(drawn: &farsight_synth::Drawn) -> Result<RgbImage, &'static str> {
+    let rendered = render::render(&drawn.scene);
+    let bytes = rendered.color.iter().flatten().map(|&c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0) as u8);
+    let [width, height] = rendered.size.map(|s| s as u32);
+    RgbImage::from_raw(width, height, bytes.collect()).ok_or("the picture has no pixels")
+}

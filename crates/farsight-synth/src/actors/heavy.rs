@@ -1,0 +1,307 @@
+//! Lorries, buses, trams and trailers.
+
+use super::Workshop;
+use super::paint::{Livery, fleet_livery};
+use super::wheels::Wheel;
+use crate::palette::{any_color, grey};
+use crate::scene::{Material, MaterialId, Mesh, Pattern, Vec3};
+use crate::shape::Shape;
+
+/// A lorry: cab and box, tipper or flat bed. KITTI counts buses among them.
+pub(super) fn truck(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
+    let long = hwl[2] > 9.0;
+    match workshop.dice.weighted(&[(0, 1.0), (1, 0.5), (2, if long { 0.7 } else { 0.1 })]) {
+        0 => lorry(hwl, true, workshop),
+        1 => lorry(hwl, false, workshop),
+        _ => bus(hwl, workshop),
+    }
+}
+
+/// Where a vehicle of straight walls lies: x of its rear and front, height of floor and roof, half width.
+#[derive(Debug, Clone, Copy)]
+struct Hull {
+    rear: f32,
+    front: f32,
+    floor: f32,
+    roof: f32,
+    half: f32,
+    /// Radius of the edges.
+    round: f32,
+    /// How far the front leans back.
+    rake: f32,
+}
+
+impl Hull {
+    /// Walls with rounded upper edges; bands from the floor: skirt, wall, windows, wall above, roof.
+    fn build(&self, shape: &mut Shape, windows: [f32; 2], materials: [MaterialId; 3]) {
+        let [wall, glass, under] = materials;
+        let heights = [self.floor, self.floor + 0.02, windows[0], windows[1], self.roof - self.round];
+        let section = |x: f32, narrow: f32, lean: f32| {
+            let half = self.half * narrow;
+            let mut points: Vec<[f32; 2]> = vec![[0.0, self.floor]];
+            points.extend(heights.map(|h| [half, h]));
+            points.extend([
+                [half - 0.3 * self.round, self.roof - 0.3 * self.round],
+                [half - self.round, self.roof],
+                [0.0, self.roof],
+            ]);
+            let span = self.roof - self.floor;
+            let at = |[z, h]: [f32; 2], side: f32| {
+                let up = ((h - windows[0]) / span).max(0.0);
+                [x - lean * self.rake * up, -h, side * z]
+            };
+            let right: Vec<Vec3> = points.iter().map(|&p| at(p, 1.0)).collect();
+            let left: Vec<Vec3> = points.iter().rev().skip(1).map(|&p| at(p, -1.0)).collect();
+            [right, left].concat()
+        };
+        let round = 0.12f32.min((self.front - self.rear) / 4.0);
+        let sections = [
+            section(self.rear, 0.94, 0.0),
+            section(self.rear + round, 1.0, 0.0),
+            section(self.front - 2.0 * round, 1.0, 0.5),
+            section(self.front - 0.4 * round, 0.985, 1.0),
+            section(self.front, 0.9, 1.0),
+        ];
+        let columns = sections[0].len() - 1;
+        let band = |j: usize| if j < columns / 2 { j } else { columns - 1 - j };
+        shape.skin(&sections, |_, j| {
+            Some(match band(j) {
+                0 => under,
+                3 => glass,
+                _ => wall,
+            })
+        });
+        for (end, window) in [(0, false), (sections.len() - 1, true)] {
+            let section = &sections[end];
+            for j in 0..columns / 2 {
+                let [a, b] = [section[j], section[j + 1]];
+                let [c, d] = [section[columns - j - 1], section[columns - j]];
+                let material = if band(j) == 3 && window { glass } else { wall };
+                shape.quad([d, a, b, c], material, 0);
+            }
+        }
+    }
+}
+
+fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
+    let [height, width, length] = hwl;
+    let livery = fleet_livery(workshop);
+    let dice = &mut workshop.dice;
+    let cab_length = dice.range32(1.7, 2.3).min(length * 0.4);
+    let cab_height = if height > 2.6 { height * dice.range32(0.72, 0.97) } else { height * 0.95 };
+    let load_height = if closed { height } else { height * dice.range32(0.55, 0.75) };
+    let (front, rear) = (length / 2.0, -length / 2.0);
+    let bed = 0.95f32.min(height * 0.35);
+    let load_front = front - cab_length - dice.range32(0.1, 0.5);
+    let mut shape = Shape::default();
+    let cab = Hull {
+        rear: front - cab_length,
+        front,
+        floor: 0.4,
+        roof: cab_height,
+        half: width / 2.0 * 0.97,
+        round: 0.18,
+        rake: 0.35,
+    };
+    let sill = 0.4 + (cab_height - 0.4) * 0.5;
+    cab.build(&mut shape, [sill, sill + (cab_height - 0.4) * 0.32], [livery.body, livery.glass, livery.under]);
+    cab_face(&mut shape, &cab, sill, &livery);
+    let load = load_material(workshop, closed, &livery);
+    shape.block([rear, -load_height, -width / 2.0], [load_front, -bed, width / 2.0], load);
+    if !closed {
+        // A headboard reaches to the top.
+        shape.block(
+            [load_front - 0.1, -height, -width / 2.0 * 0.95],
+            [load_front, -bed, width / 2.0 * 0.95],
+            livery.second,
+        );
+    }
+    shape.block([rear + 0.1, -bed, -0.45], [front - 0.3, -0.5, 0.45], livery.under);
+    for side in [-1.0f32, 1.0] {
+        let z = side * width / 2.0 * 0.98;
+        let [a, b] = [rear + length * 0.35, front - cab_length - 0.6];
+        if b > a + 0.5 {
+            shape.quad([[a, -0.45, z], [b, -0.45, z], [b, -bed, z], [a, -bed, z]], livery.trim, 0);
+        }
+        let [near, far] = [side * width / 2.0 * 0.55, side * width / 2.0 * 0.95];
+        shape.quad(
+            [
+                [rear - 0.01, -0.75, near],
+                [rear - 0.01, -0.75, far],
+                [rear - 0.01, -0.9, far],
+                [rear - 0.01, -0.9, near],
+            ],
+            livery.brake_lamp,
+            0,
+        );
+    }
+    shape.block([rear, -0.6, -width / 2.0 * 0.9], [rear + 0.08, -0.45, width / 2.0 * 0.9], livery.trim);
+    let axles: &[f32] = if length > 9.0 { &[0.14, 0.72, 0.84] } else { &[0.17, 0.78] };
+    axle_wheels(&mut shape, hwl, axles, &livery, workshop);
+    shape.mesh
+}
+
+/// The cloth, metal or boards of a load, sometimes with the firm's stripes.
+fn load_material(workshop: &mut Workshop, closed: bool, livery: &Livery) -> MaterialId {
+    let dice = &mut workshop.dice;
+    let color = match dice.weighted(&[(0, 3.0), (1, 2.0), (2, 1.5)]) {
+        0 => grey(dice.range32(0.5, 0.8)),
+        1 => any_color(dice),
+        _ => workshop.palette.materials[usize::from(livery.body)].color,
+    };
+    let other = any_color(dice);
+    let stripes = Pattern::Stripes { other, period: dice.range32(1.0, 3.0), share: dice.range32(0.1, 0.4) };
+    let dirt = Pattern::Noise { other: color.map(|c| c * 0.6), scale: 1.5, amount: 0.6, seed: dice.seed() };
+    let pattern = if closed && dice.chance(0.4) { stripes } else { dirt };
+    let material = crate::palette::matte(color);
+    workshop.palette.add(Material { pattern, gloss: 0.2, shininess: 15.0, mirror: 0.02, ..material })
+}
+
+/// Grille, lamps, bumper and plate in front of a cab.
+fn cab_face(shape: &mut Shape, cab: &Hull, sill: f32, livery: &Livery) {
+    let x = cab.front + 0.01;
+    let mut panel = |low: f32, high: f32, left: f32, right: f32, material: MaterialId| {
+        shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
+    };
+    let half = cab.half * 0.88;
+    panel(cab.floor, cab.floor + 0.3, -half, half, livery.trim);
+    panel(cab.floor + 0.4, sill - 0.15, -half * 0.7, half * 0.7, livery.trim);
+    panel(cab.floor + 0.12, cab.floor + 0.3, -half, -half * 0.65, livery.head_lamp);
+    panel(cab.floor + 0.12, cab.floor + 0.3, half * 0.65, half, livery.head_lamp);
+    panel(cab.floor + 0.05, cab.floor + 0.16, -0.26, 0.26, livery.plate);
+}
+
+fn axle_wheels(
+    shape: &mut Shape,
+    [height, width, length]: [f32; 3],
+    axles: &[f32],
+    livery: &Livery,
+    workshop: &mut Workshop,
+) {
+    let radius = 0.5f32.min(height * 0.16).min(length * 0.09);
+    for &t in axles {
+        for side in [-1.0f32, 1.0] {
+            let center = [length * (0.5 - t), -radius, side * width / 2.0 * 0.97];
+            Wheel { center, radius, width: 0.35, rim: 0.55, spokes: 10 }.build(shape, livery, workshop.detail);
+        }
+    }
+}
+
+fn bus(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
+    let [height, width, length] = hwl;
+    let livery = fleet_livery(workshop);
+    let mut shape = Shape::default();
+    let hull = Hull {
+        rear: -length / 2.0,
+        front: length / 2.0,
+        floor: 0.32,
+        roof: height,
+        half: width / 2.0,
+        round: 0.2,
+        rake: 0.25,
+    };
+    let sill = height * workshop.dice.range32(0.36, 0.44);
+    hull.build(&mut shape, [sill, height * 0.78], [livery.body, livery.glass, livery.under]);
+    cab_face(&mut shape, &hull, sill, &livery);
+    pillars(&mut shape, hwl, [sill, height * 0.78], 1.5, livery.body);
+    rear_face(&mut shape, hwl, sill, &livery);
+    axle_wheels(&mut shape, hwl, &[0.2, 0.72], &livery, workshop);
+    shape.mesh
+}
+
+/// Bars over a band of windows.
+fn pillars(shape: &mut Shape, [_, width, length]: [f32; 3], [low, high]: [f32; 2], pitch: f32, material: MaterialId) {
+    let count = ((length / pitch) as usize).max(2);
+    for k in 1..count {
+        let x = length * (k as f32 / count as f32 - 0.5);
+        for side in [-1.0f32, 1.0] {
+            let z = side * (width / 2.0 + 0.004);
+            shape.quad(
+                [[x - 0.06, -low, z], [x + 0.06, -low, z], [x + 0.06, -high, z], [x - 0.06, -high, z]],
+                material,
+                0,
+            );
+        }
+    }
+}
+
+fn rear_face(shape: &mut Shape, [height, width, length]: [f32; 3], sill: f32, livery: &Livery) {
+    let x = -length / 2.0 - 0.005;
+    let half = width / 2.0 * 0.9;
+    let mut panel = |low: f32, high: f32, left: f32, right: f32, material: MaterialId| {
+        shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
+    };
+    panel(sill, height * 0.8, -half * 0.8, half * 0.8, livery.glass);
+    panel(0.6, 0.9, -half, -half * 0.8, livery.brake_lamp);
+    panel(0.6, 0.9, half * 0.8, half, livery.brake_lamp);
+    panel(0.5, 0.62, -0.26, 0.26, livery.plate);
+    panel(0.34, 0.48, -half, half, livery.trim);
+}
+
+/// A tram: one long hull with bands of windows and joints.
+pub(super) fn tram(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
+    let [height, width, length] = hwl;
+    let livery = fleet_livery(workshop);
+    let mut shape = Shape::default();
+    let hull = Hull {
+        rear: -length / 2.0,
+        front: length / 2.0,
+        floor: 0.3,
+        roof: height * 0.93,
+        half: width / 2.0,
+        round: 0.25,
+        rake: 0.7,
+    };
+    let sill = height * workshop.dice.range32(0.32, 0.42);
+    let top = height * 0.74;
+    hull.build(&mut shape, [sill, top], [livery.body, livery.glass, livery.under]);
+    pillars(&mut shape, hwl, [sill, top], 1.7, livery.body);
+    pillars(&mut shape, hwl, [0.35, height * 0.9], 9.0, livery.gap);
+    rear_face(&mut shape, hwl, sill, &livery);
+    cab_face(&mut shape, &hull, sill, &livery);
+    // Stripe, roof equipment and bogies.
+    for side in [-1.0f32, 1.0] {
+        let z = side * (width / 2.0 + 0.003);
+        let [a, b] = [-length * 0.48, length * 0.47];
+        shape.quad([[a, -0.5, z], [b, -0.5, z], [b, -0.75, z], [a, -0.75, z]], livery.second, 0);
+    }
+    shape.block([-length * 0.3, -height, -width * 0.3], [length * 0.2, -height * 0.92, width * 0.3], livery.trim);
+    shape.block([-length * 0.4, -0.35, -width * 0.42], [-length * 0.25, 0.0, width * 0.42], livery.under);
+    shape.block([length * 0.25, -0.35, -width * 0.42], [length * 0.4, 0.0, width * 0.42], livery.under);
+    shape.mesh
+}
+
+/// A trailer: what KITTI's `Misc` mostly is.
+pub(super) fn trailer(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
+    let [height, width, length] = hwl;
+    let livery = fleet_livery(workshop);
+    let load = load_material(workshop, true, &livery);
+    let mut shape = Shape::default();
+    let floor = (height * 0.3).min(0.6);
+    let draw_bar = (length * 0.2).min(1.2);
+    shape.block([-length / 2.0, -height, -width / 2.0], [length / 2.0 - draw_bar, -floor, width / 2.0], load);
+    shape.block(
+        [-length / 2.0 + 0.05, -floor, -width * 0.4],
+        [length / 2.0 - draw_bar, -floor * 0.7, width * 0.4],
+        livery.under,
+    );
+    shape.tube(
+        [length / 2.0 - draw_bar, -floor * 0.8, 0.0],
+        [length / 2.0, -floor * 0.8, 0.0],
+        [0.05; 2],
+        6,
+        livery.trim,
+    );
+    let x = -length / 2.0 - 0.004;
+    let half = width / 2.0;
+    for side in [-1.0f32, 1.0] {
+        let [a, b] = [side * half * 0.7, side * half * 0.95];
+        shape.quad(
+            [[x, -floor - 0.05, a], [x, -floor - 0.05, b], [x, -floor - 0.18, b], [x, -floor - 0.18, a]],
+            livery.brake_lamp,
+            0,
+        );
+    }
+    axle_wheels(&mut shape, [height.max(1.5), width, length], &[0.55], &livery, workshop);
+    shape.mesh
+}

@@ -1,0 +1,116 @@
+//! Meshes of those who take part in traffic, fitted exactly to given sizes.
+//!
+//! Object coordinates: x along the heading, y **down** with 0 at the ground, z across; metres. A mesh's extents equal its size.
+
+mod body;
+mod car;
+mod heavy;
+mod paint;
+mod person;
+mod wheels;
+
+use farsight_core::{Box3d, Dimensions, ObjectClass};
+
+use crate::dice::Dice;
+use crate::palette::Palette;
+use crate::scene::{Mesh, Object, Vec3};
+use crate::shape::{Shape, Turn};
+
+/// How finely something is built, by its distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Detail {
+    Far,
+    Middle,
+    Near,
+}
+
+impl Detail {
+    /// What an object at this distance needs, for a camera of this focal length.
+    pub(crate) fn at(distance_m: f64, focal_px: f64) -> Self {
+        let metre_px = focal_px / distance_m.max(1.0);
+        match metre_px {
+            px if px > 24.0 => Self::Near,
+            px if px > 11.0 => Self::Middle,
+            _ => Self::Far,
+        }
+    }
+
+    /// `near` corners around something round, fewer farther away.
+    pub(crate) fn sides(self, near: usize) -> usize {
+        match self {
+            Self::Near => near,
+            Self::Middle => (near * 2 / 3).max(5),
+            Self::Far => (near * 2 / 5).max(4),
+        }
+    }
+}
+
+/// What an actor is doing, as far as it shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Conduct {
+    /// Lamps are lit.
+    pub(crate) lights_on: bool,
+    /// Brake lamps are lit.
+    pub(crate) braking: bool,
+    /// Someone may be driving, walking, riding; otherwise it is parked.
+    pub(crate) moving: bool,
+}
+
+/// Everything that a mesh is drawn from.
+pub(crate) struct Workshop<'a> {
+    pub(crate) palette: &'a mut Palette,
+    pub(crate) dice: Dice,
+    pub(crate) detail: Detail,
+    pub(crate) conduct: Conduct,
+    /// Colours that no factory makes.
+    pub(crate) unusual: bool,
+}
+
+/// The mesh of an object of `class` and `size`, in object coordinates.
+pub(crate) fn build(class: &ObjectClass, size: Dimensions, workshop: &mut Workshop) -> Mesh {
+    let hwl = [size.height, size.width, size.length].map(|v| v as f32);
+    let mesh = match class {
+        ObjectClass::Car => car::car(hwl, workshop),
+        ObjectClass::Van => car::van(hwl, workshop),
+        ObjectClass::Truck => heavy::truck(hwl, workshop),
+        ObjectClass::Tram => heavy::tram(hwl, workshop),
+        ObjectClass::Pedestrian => person::standing(hwl, workshop),
+        ObjectClass::PersonSitting => person::sitting(hwl, workshop),
+        ObjectClass::Cyclist => person::cyclist(hwl, workshop),
+        _ => heavy::trailer(hwl, workshop),
+    };
+    fitted(mesh, hwl)
+}
+
+/// `mesh` stretched so that its extents are exactly the size (height, width, length), standing on y = 0.
+fn fitted(mut mesh: Mesh, [height, width, length]: [f32; 3]) -> Mesh {
+    let Some(first) = mesh.vertices.first().map(|v| v.position) else { return mesh };
+    let (mut low, mut high) = (first, first);
+    for vertex in &mesh.vertices {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(vertex.position[axis]);
+            high[axis] = high[axis].max(vertex.position[axis]);
+        }
+    }
+    let to_low = [-length / 2.0, -height, -width / 2.0];
+    let to_high = [length / 2.0, 0.0, width / 2.0];
+    for vertex in &mut mesh.vertices {
+        for axis in 0..3 {
+            let share = (vertex.position[axis] - low[axis]) / (high[axis] - low[axis]).max(1e-6);
+            vertex.position[axis] = to_low[axis] + share * (to_high[axis] - to_low[axis]);
+        }
+    }
+    mesh
+}
+
+/// The mesh moved to where the box is.
+pub(crate) fn placed(mesh: &Mesh, box3d: &Box3d, instance: u16) -> Object {
+    let mut shape = Shape::default();
+    shape.place(mesh, box3d.yaw, box3d.location.map(|v| v as f32));
+    Object { mesh: shape.mesh, instance, casts_shadow: true }
+}
+
+/// A point of an object, given in object coordinates, in the scene.
+pub(crate) fn point_of(box3d: &Box3d, point: Vec3) -> Vec3 {
+    crate::shape::add(Turn::new(box3d.yaw).apply(point), box3d.location.map(|v| v as f32))
+}

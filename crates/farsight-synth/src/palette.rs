@@ -1,0 +1,70 @@
+//! Materials by name: what a scene is made of, collected while it is built.
+
+use crate::dice::Dice;
+use crate::scene::{Color, Material, MaterialId, Pattern};
+
+/// The materials of a scene in the making.
+#[derive(Debug, Default)]
+pub(crate) struct Palette {
+    pub(crate) materials: Vec<Material>,
+}
+
+impl Palette {
+    /// The number of a new material. A scene needs a few hundred; past the last number there is, the last is used again.
+    pub(crate) fn add(&mut self, material: Material) -> MaterialId {
+        if self.materials.len() < usize::from(MaterialId::MAX) {
+            self.materials.push(material);
+        }
+        (self.materials.len() - 1) as MaterialId
+    }
+
+    pub(crate) fn matte(&mut self, color: Color) -> MaterialId {
+        self.add(matte(color))
+    }
+
+    pub(crate) fn noise(&mut self, color: Color, other: Color, scale: f32, seed: u32) -> MaterialId {
+        self.add(Material { pattern: Pattern::Noise { other, scale, amount: 1.0, seed }, ..matte(color) })
+    }
+
+    pub(crate) fn glowing(&mut self, color: Color, emission: Color) -> MaterialId {
+        self.add(Material { emission, gloss: 0.5, shininess: 60.0, mirror: 0.05, ..matte(color) })
+    }
+
+    pub(crate) fn glossy(&mut self, color: Color, gloss: f32, shininess: f32, mirror: f32) -> MaterialId {
+        self.add(Material { gloss, shininess, mirror, ..matte(color) })
+    }
+}
+
+/// A surface without shine.
+pub(crate) fn matte(color: Color) -> Material {
+    Material { color, pattern: Pattern::Plain, gloss: 0.0, shininess: 1.0, mirror: 0.0, emission: [0.0; 3] }
+}
+
+pub(crate) fn grey(value: f32) -> Color {
+    [value; 3]
+}
+
+pub(crate) fn times(color: Color, by: f32) -> Color {
+    color.map(|c| c * by)
+}
+
+/// `color` with each channel up to `reach` (a share) brighter or darker, and all together likewise.
+pub(crate) fn varied(dice: &mut Dice, color: Color, reach: f32) -> Color {
+    let all = 1.0 + dice.range32(-reach, reach);
+    color.map(|c| (c * all * (1.0 + 0.4 * dice.range32(-reach, reach))).clamp(0.0, 1.0))
+}
+
+/// A colour from hue (0 to 1), saturation and value, linear light.
+pub(crate) fn from_hsv(hue: f32, saturation: f32, value: f32) -> Color {
+    let channel = |n: f32| {
+        let k = (n + hue * 6.0).rem_euclid(6.0);
+        value * (1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0))
+    };
+    [channel(5.0), channel(3.0), channel(1.0)]
+}
+
+/// Any colour at all.
+pub(crate) fn any_color(dice: &mut Dice) -> Color {
+    let (hue, saturation) = (dice.range32(0.0, 1.0), dice.range32(0.0, 1.0));
+    from_hsv(hue, saturation, dice.range32(0.02, 0.8))
+}

@@ -1,0 +1,364 @@
+//! From a place to the layout of its streets.
+
+use super::config::Place;
+use super::path::Path;
+use super::street::{Border, Lane, LaneUse, Markings, Street};
+use crate::dice::Dice;
+
+/// What a place looks like, besides its streets.
+#[derive(Debug, Clone)]
+pub(crate) struct Plan {
+    pub(crate) place: Place,
+    pub(crate) main: Street,
+    /// Roads that meet the main one.
+    pub(crate) side: Vec<Street>,
+    /// Share of a parking lane that is taken.
+    pub(crate) parked: f64,
+    /// Mean gap between moving vehicles of a lane, metres.
+    pub(crate) gap: f64,
+    /// Vehicles wait in a queue.
+    pub(crate) queue: bool,
+    /// Mean number of people on foot, and on bicycles.
+    pub(crate) people: f64,
+    pub(crate) cyclists: f64,
+    /// What lines the street on each side.
+    pub(crate) lining: [Lining; 2],
+}
+
+/// What lines one side of a street.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lining {
+    /// Mean gap between houses over their width; no houses where negative.
+    pub(crate) house_gap: f64,
+    /// Metres behind the pavement.
+    pub(crate) setback: f64,
+    pub(crate) house_height: [f64; 2],
+    pub(crate) house_width: [f64; 2],
+    /// Distance between trees at the kerb; none where 0.
+    pub(crate) tree_pitch: f64,
+    /// Trees and bushes behind the pavement, a hundred metres.
+    pub(crate) plants: f64,
+    /// A wall of leaves behind everything: a wood, distance from the road; none where 0.
+    pub(crate) wood: f64,
+    /// Garden walls, hedges and fences.
+    pub(crate) fenced: f64,
+    pub(crate) guard_rail: bool,
+    /// Posts, signs and lamps, a hundred metres.
+    pub(crate) posts: f64,
+}
+
+/// How the carriageway of a place is divided.
+struct Lanes {
+    /// Lanes of the camera's direction and of the other one.
+    own: usize,
+    oncoming: usize,
+    width: f64,
+    /// Parking left and right.
+    parking: [Option<LaneUse>; 2],
+    cycle: bool,
+    /// Grass between the directions, metres.
+    island: f64,
+}
+
+impl Lanes {
+    fn draw(place: Place, dice: &mut Dice) -> Self {
+        let along = |share: f64, dice: &mut Dice| dice.chance(share).then_some(LaneUse::ParkAlong);
+        match place {
+            Place::City => Self {
+                own: dice.weighted(&[(1, 3.0), (2, 2.0), (3, 0.6)]),
+                oncoming: dice.weighted(&[(0, 0.7), (1, 3.0), (2, 1.5)]),
+                width: dice.range(2.9, 3.5),
+                parking: [along(0.6, dice), along(0.6, dice)],
+                cycle: dice.chance(0.2),
+                island: 0.0,
+            },
+            Place::Residential => {
+                let across = dice.chance(0.15).then_some(LaneUse::ParkAcross);
+                Self {
+                    own: 1,
+                    oncoming: dice.weighted(&[(0, 1.2), (1, 2.0)]),
+                    width: dice.range(2.6, 3.3),
+                    parking: [across.or_else(|| along(0.8, dice)), along(0.8, dice)],
+                    cycle: false,
+                    island: 0.0,
+                }
+            }
+            Place::Suburban => Self {
+                own: dice.weighted(&[(1, 3.0), (2, 1.0)]),
+                oncoming: dice.weighted(&[(1, 3.0), (2, 1.0)]),
+                width: dice.range(3.0, 3.7),
+                parking: [along(0.25, dice), along(0.3, dice)],
+                cycle: dice.chance(0.25),
+                island: 0.0,
+            },
+            Place::Rural => {
+                Self { own: 1, oncoming: 1, width: dice.range(2.7, 3.7), parking: [None; 2], cycle: false, island: 0.0 }
+            }
+            Place::Motorway => Self {
+                own: dice.whole(2, 4),
+                oncoming: dice.whole(2, 3),
+                width: dice.range(3.4, 3.75),
+                parking: [None; 2],
+                cycle: false,
+                island: dice.range(2.0, 8.0),
+            },
+            Place::CarPark => Self {
+                own: 1,
+                oncoming: 1,
+                width: dice.range(2.7, 3.3),
+                parking: [Some(LaneUse::ParkAcross), Some(LaneUse::ParkAcross)],
+                cycle: false,
+                island: 0.0,
+            },
+        }
+    }
+
+    /// The lanes from left to right (people drive on the right), the edges, and the offset of the camera's lane.
+    fn lay(&self, own_lane: usize) -> (Vec<Lane>, [f64; 2], f64) {
+        let mut strips: Vec<(LaneUse, f64, f64)> = Vec::new();
+        let depth = |used_for: LaneUse| if used_for == LaneUse::ParkAlong { 2.2 } else { 5.0 };
+        if let Some(used_for) = self.parking[0] {
+            strips.push((used_for, depth(used_for), -1.0));
+        }
+        strips.extend((0..self.oncoming).map(|_| (LaneUse::Drive, self.width, -1.0)));
+        let before = strips.len();
+        strips.extend((0..self.own).map(|_| (LaneUse::Drive, self.width, 1.0)));
+        if self.cycle {
+            strips.push((LaneUse::Cycle, 1.6, 1.0));
+        }
+        if let Some(used_for) = self.parking[1] {
+            strips.push((used_for, depth(used_for), 1.0));
+        }
+        let mut at = 0.0;
+        let mut lanes = Vec::new();
+        for (index, (used_for, width, direction)) in strips.into_iter().enumerate() {
+            if index == before && self.oncoming > 0 {
+                at += self.island;
+            }
+            lanes.push(Lane { center: at + width / 2.0, width, direction, used_for });
+            at += width;
+        }
+        let own = lanes[before + own_lane.min(self.own - 1)].center;
+        (lanes, [0.0, at], own)
+    }
+}
+
+impl Plan {
+    /// Draws the plan of a place; the camera stands at the origin, `lateral_m` beside the middle of its lane.
+    pub(crate) fn draw(place: Place, lateral_m: f64, dice: &mut Dice) -> Self {
+        let lanes_plan = Lanes::draw(place, dice);
+        let own_lane = dice.whole(0, lanes_plan.own - 1);
+        let (mut lanes, mut edges, own) = lanes_plan.lay(own_lane);
+        let shift = own + lateral_m;
+        for lane in &mut lanes {
+            lane.center -= shift;
+        }
+        edges = edges.map(|edge| edge - shift);
+        let askew = dice.normal(0.0, if place == Place::Motorway { 0.008 } else { 0.03 });
+        let tightest = match place {
+            Place::Motorway => 400.0,
+            Place::Rural => 90.0,
+            _ => 50.0,
+        };
+        let yaw = -std::f64::consts::FRAC_PI_2 + askew;
+        let path = Path::draw([0.0, 0.0], yaw, [-16.0, 170.0], tightest, dice);
+        let borders = [border(place, dice), border(place, dice)];
+        let markings = markings(place, dice);
+        let main = Street { path, lanes, edges, borders, markings, openings: Vec::new() };
+        let lining = [lining(place, dice), lining(place, dice)];
+        let mut plan = Self {
+            place,
+            main,
+            side: Vec::new(),
+            parked: dice.range(0.35, 1.0),
+            gap: gap(place, dice),
+            queue: matches!(place, Place::City | Place::Suburban) && dice.chance(0.25),
+            people: people(place, dice),
+            cyclists: if place == Place::Motorway { 0.0 } else { dice.range(0.0, 0.9) },
+            lining,
+        };
+        let crossings = match place {
+            Place::City | Place::Suburban => dice.weighted(&[(0, 1.0), (1, 1.5), (2, 0.5)]),
+            Place::Residential => dice.weighted(&[(0, 1.5), (1, 1.0), (2, 0.3)]),
+            Place::Rural => dice.weighted(&[(0, 3.0), (1, 1.0)]),
+            Place::Motorway | Place::CarPark => 0,
+        };
+        let mut s = dice.range(8.0, 45.0);
+        for _ in 0..crossings {
+            plan.add_crossing(s, dice);
+            s += dice.range(45.0, 80.0);
+        }
+        plan
+    }
+
+    /// A road that crosses the main one at `s`.
+    fn add_crossing(&mut self, s: f64, dice: &mut Dice) {
+        let node = self.main.path.at(s);
+        let turn = std::f64::consts::FRAC_PI_2 + dice.symmetric(0.25);
+        let width = dice.range(2.8, 3.6);
+        let count = dice.weighted(&[(1, 3.0), (2, 1.0)]);
+        let lanes_plan = Lanes { own: count, oncoming: count, width, parking: [None; 2], cycle: false, island: 0.0 };
+        let (mut lanes, edges, _) = lanes_plan.lay(0);
+        let middle = f64::midpoint(edges[0], edges[1]);
+        for lane in &mut lanes {
+            lane.center -= middle;
+        }
+        let edges = edges.map(|edge| edge - middle);
+        let range = [-dice.range(60.0, 110.0), dice.range(60.0, 110.0)];
+        let path = Path::new(node.point, node.yaw() + turn, range, |_| 0.0);
+        let borders = self.main.borders.map(|border| Border { verge: 0.0, ..border });
+        let half = edges[1] / libm::cos(turn - std::f64::consts::FRAC_PI_2) + 1.5;
+        self.main.openings.push([s - half, s + half]);
+        let main_reach = self.main.edges.map(f64::abs).into_iter().fold(0.0, f64::max) + 2.0;
+        let openings = vec![[-main_reach, main_reach]];
+        self.side.push(Street { path, lanes, edges, borders, markings: self.main.markings, openings });
+    }
+
+    /// Every street.
+    pub(crate) fn streets(&self) -> impl Iterator<Item = &Street> {
+        std::iter::once(&self.main).chain(&self.side)
+    }
+
+    /// Whether a point lies on a street or within `margin` of one.
+    pub(crate) fn on_street(&self, point: [f64; 2], margin: f64) -> bool {
+        self.streets().any(|street| street.covers(point, margin))
+    }
+}
+
+fn border(place: Place, dice: &mut Dice) -> Border {
+    match place {
+        Place::City => Border {
+            verge: if dice.chance(0.2) { dice.range(1.0, 2.5) } else { 0.0 },
+            pavement: dice.range(2.0, 5.5),
+            kerb: dice.range(0.08, 0.15),
+        },
+        Place::Residential => Border {
+            verge: if dice.chance(0.2) { dice.range(0.8, 2.0) } else { 0.0 },
+            pavement: dice.range(1.2, 2.5),
+            kerb: dice.range(0.03, 0.14),
+        },
+        Place::Suburban => {
+            Border { verge: dice.range(0.0, 4.0), pavement: dice.range(1.5, 3.0), kerb: dice.range(0.06, 0.15) }
+        }
+        Place::Rural => Border { verge: dice.range(1.0, 5.0), pavement: 0.0, kerb: 0.02 },
+        Place::Motorway => Border { verge: dice.range(1.0, 4.0), pavement: 0.0, kerb: 0.02 },
+        Place::CarPark => Border { verge: dice.range(0.0, 2.0), pavement: dice.range(0.0, 2.0), kerb: 0.1 },
+    }
+}
+
+fn markings(place: Place, dice: &mut Dice) -> Markings {
+    let marked = match place {
+        Place::Residential => 0.35,
+        Place::CarPark => 0.3,
+        _ => 0.9,
+    };
+    let marked = dice.chance(marked);
+    let dash = dice.pick(&[[3.0, 3.0], [4.0, 8.0], [6.0, 12.0], [3.0, 6.0], [2.0, 2.0]]);
+    Markings {
+        dash,
+        width: dice.range(0.1, 0.2),
+        middle: if marked { dice.weighted(&[(1, 6.0), (2, 2.0), (3, 1.0)]) } else { 0 },
+        edges: match place {
+            Place::Motorway | Place::Rural => dice.chance(0.85),
+            Place::CarPark => dice.chance(0.8),
+            _ => dice.chance(0.25),
+        },
+        lanes: marked || place == Place::Motorway,
+    }
+}
+
+fn gap(place: Place, dice: &mut Dice) -> f64 {
+    match place {
+        Place::City => dice.log_range(8.0, 50.0),
+        Place::Residential => dice.log_range(20.0, 120.0),
+        Place::Suburban => dice.log_range(10.0, 70.0),
+        Place::Rural => dice.log_range(25.0, 150.0),
+        Place::Motorway => dice.log_range(14.0, 70.0),
+        Place::CarPark => dice.log_range(20.0, 100.0),
+    }
+}
+
+fn people(place: Place, dice: &mut Dice) -> f64 {
+    match place {
+        Place::City => dice.log_range(0.5, 8.0),
+        Place::Residential | Place::Suburban | Place::CarPark => dice.range(0.0, 1.5),
+        Place::Rural => dice.range(0.0, 0.3),
+        Place::Motorway => 0.0,
+    }
+}
+
+fn lining(place: Place, dice: &mut Dice) -> Lining {
+    let none = Lining {
+        house_gap: -1.0,
+        setback: 0.0,
+        house_height: [5.0, 9.0],
+        house_width: [8.0, 16.0],
+        tree_pitch: 0.0,
+        plants: 0.0,
+        wood: 0.0,
+        fenced: 0.0,
+        guard_rail: false,
+        posts: 3.0,
+    };
+    let street_trees = |share: f64, dice: &mut Dice| if dice.chance(share) { dice.range(7.0, 22.0) } else { 0.0 };
+    match place {
+        Place::City => Lining {
+            house_gap: if dice.chance(0.7) { 0.02 } else { 0.5 },
+            setback: if dice.chance(0.6) { 0.0 } else { dice.range(1.0, 8.0) },
+            house_height: [8.0, 22.0],
+            house_width: [9.0, 24.0],
+            tree_pitch: street_trees(0.5, dice),
+            plants: dice.range(0.0, 6.0),
+            posts: dice.range(4.0, 10.0),
+            ..none
+        },
+        Place::Residential => Lining {
+            house_gap: dice.range(0.1, 0.9),
+            setback: dice.range(1.5, 7.0),
+            tree_pitch: street_trees(0.3, dice),
+            plants: dice.range(6.0, 26.0),
+            fenced: dice.range(0.3, 1.0),
+            posts: dice.range(2.0, 6.0),
+            ..none
+        },
+        Place::Suburban => Lining {
+            house_gap: if dice.chance(0.6) { dice.range(0.5, 3.0) } else { -1.0 },
+            setback: dice.range(4.0, 16.0),
+            house_height: [5.0, 15.0],
+            house_width: [9.0, 26.0],
+            tree_pitch: street_trees(0.6, dice),
+            plants: dice.range(8.0, 34.0),
+            wood: if dice.chance(0.4) { dice.range(8.0, 40.0) } else { 0.0 },
+            fenced: dice.range(0.0, 0.6),
+            posts: dice.range(2.0, 7.0),
+            ..none
+        },
+        Place::Rural => Lining {
+            house_gap: if dice.chance(0.1) { dice.range(4.0, 9.0) } else { -1.0 },
+            setback: dice.range(6.0, 20.0),
+            tree_pitch: street_trees(0.3, dice),
+            plants: dice.range(0.0, 36.0),
+            wood: if dice.chance(0.55) { dice.range(3.0, 40.0) } else { 0.0 },
+            guard_rail: dice.chance(0.15),
+            posts: dice.range(1.0, 4.0),
+            ..none
+        },
+        Place::Motorway => Lining {
+            plants: dice.range(0.0, 20.0),
+            wood: if dice.chance(0.5) { dice.range(6.0, 30.0) } else { 0.0 },
+            guard_rail: dice.chance(0.8),
+            posts: dice.range(1.0, 3.0),
+            ..none
+        },
+        Place::CarPark => Lining {
+            house_gap: if dice.chance(0.6) { dice.range(0.1, 1.0) } else { -1.0 },
+            setback: dice.range(2.0, 12.0),
+            house_height: [5.0, 16.0],
+            house_width: [14.0, 40.0],
+            tree_pitch: street_trees(0.4, dice),
+            plants: dice.range(2.0, 20.0),
+            wood: if dice.chance(0.3) { dice.range(10.0, 30.0) } else { 0.0 },
+            ..none
+        },
+    }
+}

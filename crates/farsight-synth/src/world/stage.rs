@@ -1,0 +1,170 @@
+//! A scene in the making.
+
+use farsight_core::overlap::Block;
+use farsight_core::{Box3d, ObjectClass};
+
+use super::ground::Ground;
+use super::light::Light;
+use super::view::View;
+use crate::Drawn;
+use crate::actors::{self, Conduct, Detail, Workshop};
+use crate::dice::Dice;
+use crate::palette::{Palette, grey, matte};
+use crate::scene::{Actor, Lamp, Material, MaterialId, Object, Pattern, Scene, Vec3};
+use crate::shape::Shape;
+
+/// Layers of paint on the ground, from below.
+pub(crate) mod layer {
+    pub(crate) const FIELD: u8 = 0;
+    pub(crate) const ROAD: u8 = 1;
+    pub(crate) const PATCH: u8 = 2;
+    pub(crate) const MARKING: u8 = 3;
+    pub(crate) const STAIN: u8 = 4;
+}
+
+/// Paint lies this much higher than the layer below it, metres.
+const LAYER_LIFT_M: f64 = 0.004;
+
+/// Collects what a scene consists of.
+pub(crate) struct Stage {
+    pub(crate) palette: Palette,
+    pub(crate) view: View,
+    pub(crate) ground: Ground,
+    pub(crate) light: Light,
+    pub(crate) unusual: bool,
+    /// The ground and what is painted on it: throws no shadow.
+    pub(crate) flat: Shape,
+    /// What stands on it.
+    pub(crate) solid: Shape,
+    pub(crate) lamps: Vec<Lamp>,
+    actors: Vec<Actor>,
+    objects: Vec<Object>,
+    taken: Vec<Block>,
+    stain: [MaterialId; 2],
+}
+
+impl Stage {
+    pub(crate) fn new(view: View, ground: Ground, light: Light, unusual: bool) -> Self {
+        let mut palette = Palette::default();
+        let dark = palette.matte(grey(0.008));
+        let worn = Pattern::Worn { scale: 0.05, wear: 0.55, seed: 1 };
+        let edge = palette.add(Material { pattern: worn, ..matte(grey(0.012)) });
+        let mut stage = Self {
+            palette,
+            view,
+            ground,
+            light,
+            unusual,
+            flat: Shape::default(),
+            solid: Shape::default(),
+            lamps: Vec::new(),
+            actors: Vec::new(),
+            objects: Vec::new(),
+            taken: Vec::new(),
+            stain: [dark, edge],
+        };
+        stage.take_room_for_camera();
+        stage
+    }
+
+    /// The car that carries the camera keeps others away.
+    fn take_room_for_camera(&mut self) {
+        let dimensions = farsight_core::Dimensions { height: 2.0, width: 2.3, length: 6.0 };
+        let yaw = -std::f64::consts::FRAC_PI_2;
+        let location = [0.0, self.ground.at_camera, -0.8];
+        self.taken.push(Block::new(&Box3d { dimensions, location, yaw }));
+    }
+
+    /// A point over the ground.
+    pub(crate) fn over(&self, point: [f64; 2], lift: f64) -> Vec3 {
+        [point[0], self.ground.y(point) - lift, point[1]].map(|v| v as f32)
+    }
+
+    /// A point of a layer of paint.
+    pub(crate) fn painted(&self, point: [f64; 2], layer: u8) -> Vec3 {
+        self.over(point, f64::from(layer) * LAYER_LIFT_M)
+    }
+
+    /// Whether a box with `room` around it touches nothing that has been placed.
+    pub(crate) fn is_free(&self, box3d: &Box3d, room: f64) -> bool {
+        let grown = Block::new(&grown(box3d, room));
+        self.taken.iter().all(|other| grown.intersection_area(other) == 0.0)
+    }
+
+    /// Keeps the room of a box free of others.
+    pub(crate) fn take(&mut self, box3d: &Box3d) {
+        self.taken.push(Block::new(box3d));
+    }
+
+    /// Adds an actor that stands in its box.
+    pub(crate) fn add_actor(&mut self, class: ObjectClass, box3d: Box3d, conduct: Conduct, dice: Dice) {
+        let instance = self.actors.len() as u16 + 1;
+        let detail = Detail::at(box3d.center_distance_m(), self.view.focal_px());
+        let unusual = self.unusual;
+        let mut workshop = Workshop { palette: &mut self.palette, dice, detail, conduct, unusual };
+        let mesh = actors::build(&class, box3d.dimensions, &mut workshop);
+        self.objects.push(actors::placed(&mesh, &box3d, instance));
+        if matches!(class, ObjectClass::Car | ObjectClass::Van | ObjectClass::Truck | ObjectClass::Tram) {
+            self.add_stain(&box3d);
+            if self.light.lamps_on && conduct.lights_on {
+                self.add_headlights(&box3d);
+            }
+        }
+        self.take(&box3d);
+        self.actors.push(Actor { class, box3d, instance });
+    }
+
+    /// The ground under a vehicle, where no light of the sky comes.
+    fn add_stain(&mut self, box3d: &Box3d) {
+        for (part, (material, reach)) in self.stain.into_iter().zip([0.97, 1.06]).enumerate() {
+            let half = [box3d.dimensions.length, box3d.dimensions.width].map(|v| (v / 2.0 * reach) as f32);
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            let lift = 0.012 - 0.003 * part as f32;
+            let points = corners.map(|[a, b]| actors::point_of(box3d, [a * half[0], -lift, b * half[1]]));
+            self.flat.quad(points, material, layer::STAIN);
+        }
+    }
+
+    fn add_headlights(&mut self, box3d: &Box3d) {
+        let farsight_core::Dimensions { height, width, length } = box3d.dimensions;
+        if box3d.center_distance_m() > 60.0 {
+            return;
+        }
+        for side in [-0.36, 0.36] {
+            let local = [length / 2.0 + 0.05, -0.42 * height.min(2.0), side * width].map(|v| v as f32);
+            let position = actors::point_of(box3d, local);
+            let ahead = actors::point_of(box3d, [local[0] + 10.0, -0.1, local[2]]);
+            let direction = crate::shape::unit(crate::shape::sub(ahead, position));
+            self.lamps.push(Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 });
+        }
+    }
+
+    pub(crate) fn actor_boxes(&self) -> impl Iterator<Item = &Box3d> {
+        self.actors.iter().map(|actor| &actor.box3d)
+    }
+
+    pub(crate) fn into_drawn(self) -> Drawn {
+        let ground = Object { mesh: self.flat.mesh, instance: 0, casts_shadow: false };
+        let world = Object { mesh: self.solid.mesh, instance: 0, casts_shadow: true };
+        let mut objects = vec![ground, world];
+        objects.extend(self.objects);
+        let scene = Scene {
+            camera: self.view.camera,
+            image_size: self.view.image_size,
+            objects,
+            materials: self.palette.materials,
+            sun: self.light.sun,
+            lamps: self.lamps,
+            sky: self.light.sky,
+            air: self.light.air,
+        };
+        Drawn { scene, actors: self.actors }
+    }
+}
+
+pub(crate) fn grown(box3d: &Box3d, room: f64) -> Box3d {
+    let mut grown = *box3d;
+    grown.dimensions.length += 2.0 * room;
+    grown.dimensions.width += 2.0 * room;
+    grown
+}

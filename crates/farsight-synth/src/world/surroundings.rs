@@ -1,0 +1,388 @@
+//! What lies beside and behind the streets: fields, houses, trees, posts, hills.
+
+use farsight_core::{Box3d, Dimensions};
+
+use super::plan::{Lining, Plan};
+use super::props::{self, HouseLook, Stock};
+use super::stage::{Stage, layer};
+use crate::dice::Dice;
+use crate::palette::{grey, matte, varied};
+use crate::scene::{Material, MaterialId, Pattern};
+
+/// Nothing beside the road is built farther along it, metres.
+const FAR_M: f64 = 150.0;
+
+/// Builds what is beside the streets.
+pub(crate) struct Surroundings<'a> {
+    pub(crate) stage: &'a mut Stage,
+    pub(crate) plan: &'a Plan,
+    pub(crate) stock: Stock,
+    pub(crate) dice: Dice,
+}
+
+impl Surroundings<'_> {
+    pub(crate) fn build_all(&mut self, field: MaterialId) {
+        self.field(field);
+        for side in 0..2 {
+            let lining = self.plan.lining[side];
+            self.houses(side, &lining);
+            self.fences(side, &lining);
+            self.street_trees(side, &lining);
+            self.plants(side, &lining);
+            self.wood(side, &lining);
+            self.posts(side, &lining);
+            if lining.guard_rail {
+                self.guard_rail(side);
+            }
+        }
+        self.horizon();
+    }
+
+    /// The ground beyond the streets, in cells that grow with distance.
+    fn field(&mut self, material: MaterialId) {
+        let xs = [-300.0, -140.0, -70.0, -40.0, -20.0, -8.0, 0.0, 8.0, 20.0, 40.0, 70.0, 140.0, 300.0];
+        let zs = [-20.0, -8.0, 0.0, 5.0, 10.0, 16.0, 24.0, 34.0, 46.0, 58.0, 70.0, 140.0, 250.0, 500.0];
+        for pair in xs.windows(2) {
+            for rows in zs.windows(2) {
+                let corners = [[pair[0], rows[0]], [pair[1], rows[0]], [pair[1], rows[1]], [pair[0], rows[1]]];
+                let middle = [f64::midpoint(pair[0], pair[1]), f64::midpoint(rows[0], rows[1])];
+                let reach = (pair[1] - pair[0]) + (rows[1] - rows[0]);
+                if self.stage.view.sees(middle, reach) {
+                    let points = corners.map(|corner| self.stage.over(corner, -0.06));
+                    let uvs = corners.map(|[x, z]| [x as f32, z as f32]);
+                    self.stage.flat.quad_uv(points, uvs, material, layer::FIELD);
+                }
+            }
+        }
+    }
+
+    fn houses(&mut self, side: usize, lining: &Lining) {
+        if lining.house_gap < 0.0 {
+            return;
+        }
+        let lit = if self.stage.light.lamps_on { 0.25 } else { 0.01 };
+        let looks: Vec<HouseLook> =
+            (0..self.dice.whole(2, 5)).map(|_| HouseLook::draw(self.stage, lit, &mut self.dice)).collect();
+        let mut s = -10.0;
+        while s < FAR_M {
+            let width = self.dice.range(lining.house_width[0], lining.house_width[1]);
+            let depth = self.dice.range(7.0, 13.0);
+            let height = self.dice.range(lining.house_height[0], lining.house_height[1]);
+            let setback = lining.setback * self.dice.range(0.7, 1.3) + 0.3;
+            self.house(side, s + width / 2.0, [width, depth, height], setback, &looks);
+            s += width * (1.0 + lining.house_gap * self.dice.range(0.3, 1.7));
+        }
+    }
+
+    fn house(&mut self, side: usize, s: f64, [width, depth, height]: [f64; 3], setback: f64, looks: &[HouseLook]) {
+        let mut dice = self.dice.fork();
+        let look = dice.pick(looks);
+        let node = self.plan.main.path.at(s);
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let front = sign * (self.plan.main.outer(side) + setback);
+        let center = node.beside(front + sign * depth / 2.0);
+        // The front looks at the road: local +z points to it.
+        let yaw = node.yaw() + if side == 1 { 0.0 } else { std::f64::consts::PI };
+        let dimensions = Dimensions { height, width: depth, length: width };
+        let location = [center[0], self.stage.ground.y(center), center[1]];
+        let box3d = Box3d { dimensions, location, yaw };
+        let probes = [[-0.5, -0.5], [0.0, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.0, 0.5], [0.5, 0.5], [0.0, 0.0]];
+        let blocked = probes.iter().any(|[a, b]| {
+            let at = crate::actors::point_of(&box3d, [(a * width) as f32, 0.0, (b * depth) as f32]);
+            self.plan.on_street([f64::from(at[0]), f64::from(at[2])], 0.0)
+        });
+        let reach = f64::midpoint(width, depth) + 15.0;
+        if blocked || !self.stage.view.sees(center, reach) || !self.stage.is_free(&box3d, 0.3) {
+            return;
+        }
+        let mesh = props::house(width as f32, depth as f32, height as f32, &look, &mut dice);
+        let at = self.stage.over(node.beside(front), 0.0);
+        self.stage.solid.place(&mesh, yaw, at);
+        self.stage.take(&box3d);
+    }
+
+    /// Garden walls, hedges and fences behind the pavement.
+    fn fences(&mut self, side: usize, lining: &Lining) {
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let mut s = -6.0;
+        while s < 90.0 {
+            let length = self.dice.log_range(4.0, 22.0);
+            if self.dice.chance(lining.fenced) {
+                let kind = self.dice.weighted(&[(0, 3.0), (1, 2.0), (2, 2.0)]);
+                let height = match kind {
+                    0 => self.dice.range(0.9, 2.4),
+                    1 => self.dice.range(0.5, 2.0),
+                    _ => self.dice.range(0.8, 1.8),
+                };
+                let material = self.fence_material(kind);
+                let d = sign * (self.plan.main.outer(side) + self.dice.range(0.1, 0.8));
+                let thick = if kind == 0 { self.dice.range(0.5, 1.1) } else { 0.2 };
+                self.wall_along([s, s + length], d, sign * thick, height, material);
+            }
+            s += length + self.dice.range(0.5, 6.0);
+        }
+    }
+
+    fn fence_material(&mut self, kind: usize) -> MaterialId {
+        match kind {
+            0 => self.dice.pick(&self.stock.hedges),
+            1 => {
+                let color = varied(&mut self.dice, [0.4, 0.33, 0.26], 0.5);
+                let wall = props::plain_wall(color, &mut self.dice);
+                self.stage.palette.add(wall)
+            }
+            _ => {
+                let seed = self.dice.seed();
+                let tone = self.dice.range32(0.05, 0.5);
+                let holes = Pattern::Leaves { other: grey(tone), scale: 0.08, density: 0.55, seed };
+                self.stage.palette.add(Material { pattern: holes, ..matte(grey(tone)) })
+            }
+        }
+    }
+
+    /// A long block beside the path.
+    fn wall_along(&mut self, [from, to]: [f64; 2], d: f64, thick: f64, height: f64, material: MaterialId) {
+        let mut s = from;
+        while s < to {
+            let next = (s + 3.0).min(to);
+            let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(next));
+            let middle = a.beside(d + thick / 2.0);
+            if !self.blocked(middle, 0.6) && self.stage.view.sees(middle, 6.0) {
+                let corner = |node: &super::path::Node, d: f64, up: f64| self.stage.over(node.beside(d), up);
+                let (near, far) = (d, d + thick);
+                let faces = [
+                    [
+                        corner(&a, near, -0.1),
+                        corner(&b, near, -0.1),
+                        corner(&b, near, height),
+                        corner(&a, near, height),
+                    ],
+                    [corner(&a, far, -0.1), corner(&b, far, -0.1), corner(&b, far, height), corner(&a, far, height)],
+                    [
+                        corner(&a, near, height),
+                        corner(&b, near, height),
+                        corner(&b, far, height),
+                        corner(&a, far, height),
+                    ],
+                    [corner(&a, near, -0.1), corner(&a, far, -0.1), corner(&a, far, height), corner(&a, near, height)],
+                ];
+                let along = |s: f64| s as f32;
+                for face in faces {
+                    let up = height as f32;
+                    let uvs = [[along(s), 0.0], [along(next), 0.0], [along(next), up], [along(s), up]];
+                    self.stage.solid.quad_uv(face, uvs, material, 0);
+                }
+            }
+            s = next;
+        }
+    }
+
+    /// Whether something of this radius would stand on a street or on someone's room.
+    fn blocked(&self, point: [f64; 2], radius: f64) -> bool {
+        self.plan.side.iter().any(|street| street.covers(point, 0.3)) || !self.has_room(point, radius)
+    }
+
+    fn has_room(&self, point: [f64; 2], radius: f64) -> bool {
+        let dimensions = Dimensions { height: 1.0, width: 2.0 * radius, length: 2.0 * radius };
+        let location = [point[0], self.stage.ground.y(point), point[1]];
+        self.stage.is_free(&Box3d { dimensions, location, yaw: 0.0 }, 0.0)
+    }
+
+    fn street_trees(&mut self, side: usize, lining: &Lining) {
+        if lining.tree_pitch <= 0.0 {
+            return;
+        }
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let border = self.plan.main.borders[side];
+        let inset = if border.verge > 0.8 { border.verge / 2.0 } else { 0.7 };
+        let height = self.dice.range(5.0, 14.0);
+        let mut s = self.dice.range(-5.0, 5.0);
+        while s < 120.0 {
+            let point = self.plan.main.path.at(s).beside(self.plan.main.edges[side] + sign * inset);
+            if !self.plan.main.is_open(s) {
+                let height = height * self.dice.range(0.75, 1.25);
+                self.tree(point, height, 0.4);
+            }
+            s += lining.tree_pitch * self.dice.range(0.8, 1.2);
+        }
+    }
+
+    fn tree(&mut self, point: [f64; 2], height: f64, room: f64) {
+        let mut dice = self.dice.fork();
+        let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
+        if distance < 4.0 || self.blocked(point, room) || !self.stage.view.sees(point, height) {
+            return;
+        }
+        let mesh = props::tree(height as f32, &self.stock, distance < 45.0, &mut dice);
+        let at = self.stage.over(point, 0.0);
+        self.stage.solid.place(&mesh, dice.range(0.0, 6.28), at);
+    }
+
+    /// Trees and bushes in gardens and fields.
+    fn plants(&mut self, side: usize, lining: &Lining) {
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let count = (lining.plants * 1.2) as usize;
+        for _ in 0..count {
+            let s = self.dice.range(0.0, 120.0);
+            let d = self.plan.main.outer(side) + self.dice.log_range(0.8, 30.0);
+            let point = self.plan.main.path.at(s).beside(sign * d);
+            if self.plan.on_street(point, 0.3) {
+                continue;
+            }
+            if self.dice.chance(0.55) {
+                let height = self.dice.log_range(3.0, 14.0);
+                self.tree(point, height, 0.3);
+            } else {
+                self.bush(point);
+            }
+        }
+    }
+
+    fn bush(&mut self, point: [f64; 2]) {
+        let mut dice = self.dice.fork();
+        let (height, wide) = (dice.log_range(0.5, 3.5), dice.log_range(0.8, 4.0));
+        let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
+        if distance < 4.0 || self.blocked(point, wide / 2.0) || !self.stage.view.sees(point, 5.0) {
+            return;
+        }
+        let mesh = props::bush(height as f32, wide as f32, &self.stock, distance < 40.0, &mut dice);
+        let at = self.stage.over(point, 0.0);
+        self.stage.solid.place(&mesh, 0.0, at);
+    }
+
+    /// The edge of a wood: trees and bushes in front of leaves that reach up into the sky.
+    fn wood(&mut self, side: usize, lining: &Lining) {
+        if lining.wood <= 0.0 {
+            return;
+        }
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let tall = self.dice.range(6.0, 18.0);
+        let leaves = self.dice.pick(&self.stock.hedges);
+        let d = self.plan.main.outer(side) + lining.wood;
+        let mut s = -14.0;
+        let mut height = tall;
+        while s < 170.0 {
+            let next = s + 4.0;
+            let next_height = tall * self.dice.range(0.7, 1.2);
+            let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(next));
+            let bulge = self.dice.range(0.0, 2.5);
+            let (from, to) = (a.beside(sign * (d + 3.0)), b.beside(sign * (d + 3.0 + bulge)));
+            let crosses = self.plan.side.iter().any(|street| street.covers(from, 3.0) || street.covers(to, 3.0));
+            if !crosses && self.stage.view.sees(from, 8.0) && self.has_room(from, 1.0) {
+                let points = [
+                    self.stage.over(from, -0.3),
+                    self.stage.over(to, -0.3),
+                    self.stage.over(to, next_height),
+                    self.stage.over(from, height),
+                ];
+                self.stage.solid.quad(points, leaves, 0);
+            }
+            if s < 90.0 && self.dice.chance(0.6) {
+                let point = a.beside(sign * (d + self.dice.range(-2.0, 2.5)));
+                if !self.plan.on_street(point, 0.5) {
+                    if self.dice.chance(0.6) {
+                        let height = tall * self.dice.range(0.6, 1.1);
+                        self.tree(point, height, 0.4);
+                    } else {
+                        self.bush(point);
+                    }
+                }
+            }
+            height = next_height;
+            s = next;
+        }
+    }
+
+    fn posts(&mut self, side: usize, lining: &Lining) {
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let edge = self.plan.main.edges[side];
+        let lamp_height = self.dice.range(4.5, 10.0);
+        let lamp_pitch = self.dice.range(18.0, 40.0);
+        let has_lamps = self.dice.chance(0.6);
+        let mut next_lamp = self.dice.range(0.0, lamp_pitch);
+        while has_lamps && next_lamp < 110.0 {
+            let node = self.plan.main.path.at(next_lamp);
+            let point = node.beside(edge + sign * 0.6);
+            if !self.blocked(point, 0.1) && self.stage.view.sees(point, lamp_height) {
+                // Leans over the road: local +z points to it.
+                let yaw = node.yaw() + if side == 1 { 0.0 } else { std::f64::consts::PI };
+                let at = self.stage.over(point, 0.0);
+                let mut dice = self.dice.fork();
+                props::street_lamp(self.stage, at, yaw, lamp_height as f32, &self.stock, &mut dice);
+            }
+            next_lamp += lamp_pitch;
+        }
+        let count = (lining.posts * self.dice.range(0.3, 1.2)) as usize;
+        for _ in 0..count {
+            let s = self.dice.range(4.0, 80.0);
+            let node = self.plan.main.path.at(s);
+            let point = node.beside(edge + sign * self.dice.range(0.4, 1.6));
+            let mut dice = self.dice.fork();
+            if self.blocked(point, 0.2) || !self.stage.view.sees(point, 3.0) {
+                continue;
+            }
+            let facing = node.yaw() + if side == 1 { 0.0 } else { std::f64::consts::PI } + dice.normal(0.0, 0.15);
+            let mesh = match dice.weighted(&[(0, 3.0), (1, 1.0), (2, 2.0), (3, 1.0)]) {
+                0 => props::sign(self.stage, &self.stock, &mut dice),
+                1 => props::traffic_light(self.stage, &self.stock, &mut dice),
+                2 => props::post(&self.stock, &mut dice),
+                _ => props::bin(self.stage, &mut dice),
+            };
+            let at = self.stage.over(point, self.plan.main.borders[side].kerb);
+            self.stage.solid.place(&mesh, facing, at);
+        }
+    }
+
+    fn guard_rail(&mut self, side: usize) {
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let d = self.plan.main.edges[side] + sign * 0.8;
+        let metal = self.stock.metal;
+        let mut s = -10.0;
+        while s < 120.0 {
+            let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(s + 4.0));
+            if !self.blocked(a.beside(d), 0.3) && self.stage.view.sees(a.beside(d), 5.0) {
+                let at = |node: &super::path::Node, up: f64| self.stage.over(node.beside(d), up);
+                let points = [at(&a, 0.45), at(&b, 0.45), at(&b, 0.78), at(&a, 0.78)];
+                let post = [self.stage.over(a.beside(d), -0.1), self.stage.over(a.beside(d), 0.7)];
+                self.stage.solid.quad(points, metal, 0);
+                self.stage.solid.tube(post[0], post[1], [0.05; 2], 4, metal);
+            }
+            s += 4.0;
+        }
+    }
+
+    /// Hills, woods or a town far away.
+    fn horizon(&mut self) {
+        let wooded = self.dice.chance(0.75);
+        let color = if wooded {
+            varied(&mut self.dice, [0.04, 0.06, 0.025], 0.4)
+        } else {
+            varied(&mut self.dice, [0.25, 0.25, 0.26], 0.4)
+        };
+        let material = self.stage.palette.noise(color, color.map(|c| c * 0.5), 14.0, self.dice.seed());
+        let (low, high) = if self.dice.chance(0.3) { (20.0, 70.0) } else { (5.0, 22.0) };
+        let radius = 420.0;
+        let mut height = self.dice.range(low, high);
+        for k in 0..48 {
+            let angle = |k: f64| (k / 48.0 - 0.5) * 3.6;
+            let next = if wooded {
+                (height + self.dice.symmetric(0.2) * high).clamp(low, high)
+            } else {
+                self.dice.range(low, high)
+            };
+            let end = if wooded { next } else { height };
+            let at = |k: f64, up: f64| {
+                let point = [radius * libm::sin(angle(k)), radius * libm::cos(angle(k))];
+                self.stage.over(point, up)
+            };
+            let points = [
+                at(f64::from(k), -20.0),
+                at(f64::from(k) + 1.0, -20.0),
+                at(f64::from(k) + 1.0, end),
+                at(f64::from(k), height),
+            ];
+            self.stage.flat.quad(points, material, 0);
+            height = next;
+        }
+    }
+}
