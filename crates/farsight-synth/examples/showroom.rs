@@ -4,6 +4,7 @@
 #![allow(missing_docs, clippy::print_stdout)]
 
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
+use farsight_synth::photo::PhotoSettings;
 use farsight_synth::sizes::SizeStatistics;
 use farsight_synth::{render, scene_from_labels};
 use image::{RgbImage, imageops};
@@ -32,8 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let triangles: usize = drawn.scene.objects[2..].iter().map(|o| o.mesh.triangles.len()).sum();
         println!("{class}: {} triangles each", triangles / labels.len());
         let rendered = render::render(&drawn.scene);
-        let bytes = rendered.color.iter().flatten().map(|&c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0) as u8);
-        let picture = RgbImage::from_raw(1242, 375, bytes.collect()).ok_or("no picture")?;
+        let picture = PhotoSettings::PLAIN.develop(&rendered);
         imageops::replace(&mut sheet, &picture, 0, 375 * row as i64);
     }
     sheet.save(path)?;

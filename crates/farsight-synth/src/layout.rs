@@ -50,7 +50,8 @@ pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 
 /// What the vehicles say about the road.
 fn found(objects: &[&Label]) -> Found {
     let mut turns: Vec<f64> = Vec::new();
-    let along: Vec<&Box3d> = objects.iter().map(|l| &l.box3d).filter(|b| b.dimensions.length > 2.5 && is_along(b)).collect();
+    let along: Vec<&Box3d> =
+        objects.iter().map(|l| &l.box3d).filter(|b| b.dimensions.length > 2.5 && is_along(b)).collect();
     turns.extend(along.iter().map(|b| askew(b.yaw)));
     turns.sort_by(f64::total_cmp);
     // Half of them are straighter and half more askew; few vehicles say little.

@@ -5,8 +5,10 @@
 
 mod actors;
 mod dice;
+pub mod labels;
 pub mod layout;
 mod palette;
+pub mod photo;
 pub mod render;
 pub mod scene;
 mod shape;

@@ -167,9 +167,16 @@ impl Shape {
     /// Wrapped around a ball a pattern would be drawn out into streaks.
     pub(crate) fn project_patterns(&mut self, first: usize) {
         for corners in self.mesh.vertices[first..].chunks_exact_mut(4) {
-            let normal = cross(sub(corners[2].position, corners[0].position), sub(corners[3].position, corners[1].position));
+            let normal =
+                cross(sub(corners[2].position, corners[0].position), sub(corners[3].position, corners[1].position));
             let [x, y, z] = normal.map(f32::abs);
-            let axes = if x > y && x > z { [2, 1] } else if y > z { [0, 2] } else { [0, 1] };
+            let axes = if x > y && x > z {
+                [2, 1]
+            } else if y > z {
+                [0, 2]
+            } else {
+                [0, 1]
+            };
             for corner in corners {
                 corner.uv = axes.map(|axis| corner.position[axis]);
             }

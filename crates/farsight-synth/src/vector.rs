@@ -71,6 +71,13 @@ pub(crate) fn reflected(d: Vec3, n: Vec3) -> Vec3 {
     add_scaled(d, n, -2.0 * dot(d, n))
 }
 
+/// The largest whole number not above `x`, for numbers below two thousand million: much faster than the standard library's on old processors.
+#[inline]
+pub(crate) fn floor(x: f32) -> i32 {
+    let towards_zero = x as i32;
+    towards_zero - i32::from(towards_zero as f32 > x)
+}
+
 /// 0 up to `from`, 1 from `to` on, smooth between.
 #[inline]
 pub(crate) fn smooth_step(from: f32, to: f32, x: f32) -> f32 {
@@ -85,12 +92,12 @@ pub(crate) fn exp2(x: f32) -> f32 {
         return 0.0;
     }
     let x = x.min(127.0);
-    let whole = x.floor();
-    let t = (x - whole) * std::f32::consts::LN_2;
+    let whole = floor(x);
+    let t = (x - whole as f32) * std::f32::consts::LN_2;
     // Taylor's series of e^t up to ln 2.
     let series =
         1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t * (1.0 / 120.0 + t * (1.0 / 720.0))))));
-    series * f32::from_bits(((whole as i32 + 127) as u32) << 23)
+    series * f32::from_bits(((whole + 127) as u32) << 23)
 }
 
 /// e to the power `x`.

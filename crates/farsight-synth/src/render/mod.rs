@@ -12,17 +12,23 @@
 //!
 //! # How
 //! 1. [`visibility`]: which triangle each of a pixel's four samples sees, with 1/w as depth.
-//! 2. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`shade`], [`sky`].
+//! 2. [`shadow`]: depth maps from the sun (near and far) and from above, for the shade beneath and beside things. [`lamps`]: which lamps to ask.
+//! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`pattern`], [`shade`], [`sky`].
 
+mod lamps;
 mod noise;
 mod pattern;
 mod raster;
 mod shade;
+mod shadow;
 mod sky;
 mod surface;
-mod view;
-mod visibility;
+pub(crate) mod view;
+pub(crate) mod visibility;
 
+use lamps::Lamps;
+use shade::Light;
+use shadow::Shadows;
 use surface::{Weights, vertices};
 use view::View;
 use visibility::{Drawn, NOTHING, OFFSETS, SAMPLES, Visibility};
@@ -37,7 +43,7 @@ pub struct Rendered {
     pub size: [usize; 2],
     /// Colour, linear light, not limited to 1.
     pub color: Vec<Color>,
-    /// z of what most of the pixel shows, metres; infinite for the sky.
+    /// z of what most of the pixel shows, metres; infinite for the sky. At the pixel's centre, or amid the samples that see it.
     pub depth_m: Vec<f32>,
     /// Instance that most of the pixel shows; 0 for the world and the sky.
     pub instance: Vec<InstanceId>,
@@ -64,7 +70,8 @@ pub fn render(scene: &Scene) -> Rendered {
         visible: vec![0; alone.len()],
         alone,
     };
-    let mut shader = Shader { scene, view: &view, seen: &seen, last: None };
+    let (shadows, lamps) = (Shadows::of(scene, &view), Lamps::of(scene, &view));
+    let mut shader = Shader { scene, view: &view, seen: &seen, shadows: &shadows, lamps: &lamps, last: None };
     for y in 0..height {
         for x in 0..width {
             rendered.push(&shader.pixel(x, y));
@@ -110,6 +117,8 @@ struct Shader<'a> {
     scene: &'a Scene,
     view: &'a View,
     seen: &'a Visibility,
+    shadows: &'a Shadows,
+    lamps: &'a Lamps<'a>,
     last: Option<(u32, Face<'a>)>,
 }
 
@@ -133,7 +142,8 @@ impl<'a> Shader<'a> {
                 continue;
             }
             let (samples, [dx, dy]) = centroid(&numbers, number);
-            let share = self.share(number, x as f32 + dx, y as f32 + dy);
+            let light = Light { scene: self.scene, shadows: self.shadows, lamps: self.lamps.at(x, y) };
+            let share = self.share(number, &light, [x as f32 + dx, y as f32 + dy]);
             pixel.shares[pixel.count] = Share { samples, ..share };
             pixel.count += 1;
         }
@@ -141,7 +151,7 @@ impl<'a> Shader<'a> {
     }
 
     /// What the triangle looks like at a place in the image.
-    fn share(&mut self, number: u32, u: f32, v: f32) -> Share {
+    fn share(&mut self, number: u32, light: &Light, [u, v]: [f32; 2]) -> Share {
         if number == NOTHING {
             let direction = normalized(self.view.direction(u, v));
             let color = sky::color(self.scene, direction);
@@ -155,7 +165,7 @@ impl<'a> Shader<'a> {
         let normal = if dot(normal, towards_eye) < 0.0 { scale(normal, -1.0) } else { normal };
         let (uv, footprint) = at.uv(face.uv);
         let fragment = shade::Fragment { position, normal, uv, footprint, material: face.material };
-        let color = shade::color(self.scene, self.view.eye, &fragment);
+        let color = shade::color(light, self.view.eye, &fragment);
         Share { samples: 0, color, depth_m: position[2], instance: face.instance }
     }
 

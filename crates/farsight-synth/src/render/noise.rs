@@ -1,6 +1,6 @@
 //! Value noise from hashed whole numbers: the same bits everywhere.
 
-use crate::vector::exp;
+use crate::vector::{exp, floor};
 
 /// Noise in the plane.
 #[derive(Debug, Clone, Copy)]
@@ -35,10 +35,9 @@ pub(crate) fn unit(hash: u32) -> f32 {
 /// One octave with cells of size 1, in `[0, 1]`.
 #[inline]
 fn octave(x: f32, y: f32, seed: u32) -> f32 {
-    let (cell_x, cell_y) = (x.floor(), y.floor());
-    let (fx, fy) = (x - cell_x, y - cell_y);
+    let (ix, iy) = (floor(x), floor(y));
+    let (fx, fy) = (x - ix as f32, y - iy as f32);
     let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
-    let (ix, iy) = (cell_x as i32, cell_y as i32);
     let at = |dx: i32, dy: i32| unit(hash(ix.wrapping_add(dx), iy.wrapping_add(dy), seed));
     let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
     let (top, bottom) = (a + (b - a) * sx, c + (d - c) * sx);

@@ -2,7 +2,7 @@
 
 use super::noise::{Noise, hash, unit};
 use crate::scene::{Color, Material, Pattern};
-use crate::vector::{add, exp2, mix, scale, smooth_step};
+use crate::vector::{add, exp2, floor, mix, scale, smooth_step};
 
 /// How much of the pattern one pixel covers, along u and v.
 pub(crate) type Footprint = [f32; 2];
@@ -106,15 +106,15 @@ struct Cells {
 impl Cells {
     /// Every other row moved by half a cell.
     fn in_running_bond(mut self) -> Self {
-        let row = (self.uv[1] / self.size[1]).floor() as i32;
+        let row = floor(self.uv[1] / self.size[1]);
         self.uv[0] += 0.5 * self.size[0] * (row & 1) as f32;
         self
     }
 
     /// A number of the cell at this place.
     fn hash(&self, which: u32) -> u32 {
-        let cell = [0, 1].map(|axis| (self.uv[axis] / self.size[axis]).floor() as i32);
-        hash(cell[0], cell[1], self.seed.wrapping_add(which))
+        let cell = |axis: usize| floor(self.uv[axis] / self.size[axis]);
+        hash(cell(0), cell(1), self.seed.wrapping_add(which))
     }
 
     /// 1 where single cells can be told apart, 0 where a pixel covers several.
@@ -146,8 +146,11 @@ fn widest(footprint: Footprint) -> f32 {
 /// Mean, over `width` around `x`, of the function that is 1 in the first `share` of every unit and 0 in the rest.
 fn pulse(x: f32, share: f32, width: f32) -> f32 {
     let width = width.max(1e-3);
-    let x = x - x.floor();
-    let integral = |x: f32| x.floor() * share + (x - x.floor()).min(share);
+    let x = x - floor(x) as f32;
+    let integral = |x: f32| {
+        let whole = floor(x) as f32;
+        whole * share + (x - whole).min(share)
+    };
     (integral(x + 0.5 * width) - integral(x - 0.5 * width)) / width
 }
 

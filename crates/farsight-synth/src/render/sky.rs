@@ -13,6 +13,20 @@ pub(crate) fn color(scene: &Scene, d: Vec3) -> Color {
     mix(scene.air.fog_color, mix(clear, cloud(scene, d), cover), fog)
 }
 
+/// What a smooth surface mirrors in unit direction `d`: the sky, a line of roofs and trees, the ground.
+pub(crate) fn mirrored(scene: &Scene, d: Vec3) -> Color {
+    let up = -d[1];
+    let cover = 0.85 * scene.sky.clouds;
+    let sky = mix(gradient(scene, up.max(0.0)), scene.sky.cloud_color, cover);
+    let roofs = Noise { scale: 0.35, octaves: 3, seed: scene.sky.seed };
+    let roof = SKYLINE + 0.3 * roofs.at([d[0], d[2]], 0.0);
+    let below = scale(scene.sky.ground, 0.6);
+    mix(below, sky, smooth_step(roof - 0.03, roof + 0.03, up))
+}
+
+/// Sine of the elevation up to which roofs and trees hide the sky, on average.
+const SKYLINE: f32 = 0.13;
+
 /// How far one looks through the fog straight up, metres.
 const FOG_THICKNESS_M: f32 = 60.0;
 

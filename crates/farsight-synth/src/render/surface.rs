@@ -102,6 +102,11 @@ impl Cutout {
     }
 }
 
+/// Share of a triangle that is no hole, in all: what a shadow needs to know.
+pub(crate) fn solid_share(pattern: &Pattern, corners: &[&Vertex; 3]) -> f32 {
+    if pattern::has_holes(pattern) { pattern::cover(pattern, corners[0].uv, [f32::MAX; 2]) } else { 1.0 }
+}
+
 /// The corners of a triangle.
 #[inline]
 pub(crate) fn vertices<'a>(object: &'a Object, triangle: &Triangle) -> [&'a Vertex; 3] {

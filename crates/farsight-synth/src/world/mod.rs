@@ -77,7 +77,12 @@ fn surfaces(stage: &mut Stage, dice: &mut Dice) -> Surfaces {
     let pavement = paved(stage, dice);
     let stone = dice.range32(0.2, 0.5);
     let kerb = noise(stage, grey(stone), grey(stone * 0.7), 1.0, 0.7, dice);
-    let green = dice.weighted(&[([0.05, 0.1, 0.018], 4.0), ([0.12, 0.13, 0.03], 2.0), ([0.2, 0.17, 0.07], 1.0), ([0.16, 0.12, 0.08], 0.7)]);
+    let green = dice.weighted(&[
+        ([0.05, 0.1, 0.018], 4.0),
+        ([0.12, 0.13, 0.03], 2.0),
+        ([0.2, 0.17, 0.07], 1.0),
+        ([0.16, 0.12, 0.08], 0.7),
+    ]);
     let green = varied(dice, green, 0.3);
     let grass = noise(stage, green, green.map(|c| c * 0.45), dice.range32(0.3, 2.5), 1.0, dice);
     let wear = Pattern::Worn { scale: dice.range32(0.1, 0.6), wear: dice.range32(0.0, 0.45), seed: dice.seed() };
@@ -99,7 +104,13 @@ fn paved(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
     let seed = dice.seed();
     let pattern = if dice.chance(0.6) {
         let side = dice.log_range(0.1, 0.6) as f32;
-        Pattern::Bricks { other: color.map(|c| c * 0.5), size: [side * dice.range32(1.0, 2.0), side], joint: 0.012, variation: 0.2, seed }
+        Pattern::Bricks {
+            other: color.map(|c| c * 0.5),
+            size: [side * dice.range32(1.0, 2.0), side],
+            joint: 0.012,
+            variation: 0.2,
+            seed,
+        }
     } else {
         Pattern::Noise { other: color.map(|c| c * 0.7), scale: 1.5, amount: 0.8, seed }
     };

@@ -86,7 +86,8 @@ pub(crate) fn tree(height: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> M
         }
     }
     for _ in 0..if fine { dice.whole(1, 3) } else { 0 } {
-        let to = [dice.range32(-0.5, 0.5) * wide, -trunk - crown * dice.range32(0.4, 1.0), dice.range32(-0.5, 0.5) * wide];
+        let to =
+            [dice.range32(-0.5, 0.5) * wide, -trunk - crown * dice.range32(0.4, 1.0), dice.range32(-0.5, 0.5) * wide];
         shape.tube([lean[0] * 0.8, lean[1] * 0.9, lean[2] * 0.8], to, [radius * 0.6, 0.03], 5, stock.bark);
     }
     shape.mesh
@@ -162,13 +163,25 @@ impl HouseLook {
             1 => palette.noise(grey(dice.range32(0.1, 0.4)), grey(0.1), 0.6, dice.seed()),
             _ => {
                 let color = any_color(dice);
-                let shop = Pattern::Windows { other: grey(0.03), pitch: [3.5, 3.4], fill: [0.8, 0.7], lit: lit * 2.0, seed: dice.seed() };
+                let shop = Pattern::Windows {
+                    other: grey(0.03),
+                    pitch: [3.5, 3.4],
+                    fill: [0.8, 0.7],
+                    lit: lit * 2.0,
+                    seed: dice.seed(),
+                };
                 palette.add(Material { pattern: shop, ..matte(color) })
             }
         };
         let roof = dice.weighted(&[([0.25, 0.075, 0.04], 3.0), ([0.06, 0.055, 0.055], 2.0), ([0.16, 0.1, 0.07], 1.0)]);
         let roof = varied(dice, roof, 0.3);
-        let tiles = Pattern::Bricks { other: roof.map(|c| c * 0.5), size: [0.3, 0.35], joint: 0.04, variation: 0.3, seed: dice.seed() };
+        let tiles = Pattern::Bricks {
+            other: roof.map(|c| c * 0.5),
+            size: [0.3, 0.35],
+            joint: 0.04,
+            variation: 0.3,
+            seed: dice.seed(),
+        };
         let roof = palette.add(Material { pattern: tiles, ..matte(roof) });
         Self { front, side, roof, ground_floor, pitched: dice.chance(0.65) }
     }
@@ -194,9 +207,20 @@ fn wall_color(unusual: bool, dice: &mut Dice) -> Color {
 pub(crate) fn plain_wall(color: Color, dice: &mut Dice) -> Material {
     let seed = dice.seed();
     let pattern = if dice.chance(0.35) {
-        Pattern::Bricks { other: color.map(|c| (c * 1.4).min(0.8)), size: [0.26, 0.085], joint: 0.012, variation: 0.35, seed }
+        Pattern::Bricks {
+            other: color.map(|c| (c * 1.4).min(0.8)),
+            size: [0.26, 0.085],
+            joint: 0.012,
+            variation: 0.35,
+            seed,
+        }
     } else {
-        Pattern::Noise { other: color.map(|c| c * 0.75), scale: dice.range32(0.5, 4.0), amount: dice.range32(0.2, 1.0), seed }
+        Pattern::Noise {
+            other: color.map(|c| c * 0.75),
+            scale: dice.range32(0.5, 4.0),
+            amount: dice.range32(0.2, 1.0),
+            seed,
+        }
     };
     Material { pattern, ..matte(color) }
 }
@@ -207,14 +231,26 @@ pub(crate) fn house(width: f32, depth: f32, height: f32, look: &HouseLook, dice:
     let half = width / 2.0;
     let floor = (height * 0.3).min(3.4);
     let base = 0.6;
-    shape.block_of([-half, -floor, -depth], [half, base, 0.0], [Some(look.side), Some(look.side), None, None, Some(look.front), Some(look.ground_floor)]);
-    shape.block_of([-half, -height, -depth], [half, -floor, 0.0], [Some(look.side), Some(look.side), Some(look.roof), None, Some(look.front), Some(look.front)]);
+    shape.block_of(
+        [-half, -floor, -depth],
+        [half, base, 0.0],
+        [Some(look.side), Some(look.side), None, None, Some(look.front), Some(look.ground_floor)],
+    );
+    shape.block_of(
+        [-half, -height, -depth],
+        [half, -floor, 0.0],
+        [Some(look.side), Some(look.side), Some(look.roof), None, Some(look.front), Some(look.front)],
+    );
     if look.pitched {
         gable_roof(&mut shape, half, depth, height, look, dice);
     }
     if dice.chance(0.5) {
         let x = dice.range32(-half * 0.7, half * 0.7);
-        shape.block([x - 0.4, -height - depth * 0.45, -depth * 0.6], [x + 0.4, -height + 0.5, -depth * 0.45], look.side);
+        shape.block(
+            [x - 0.4, -height - depth * 0.45, -depth * 0.6],
+            [x + 0.4, -height + 0.5, -depth * 0.45],
+            look.side,
+        );
     }
     if dice.chance(0.3) {
         // A bay or balconies.
@@ -233,7 +269,8 @@ fn gable_roof(shape: &mut Shape, half: f32, depth: f32, height: f32, look: &Hous
     let y = -height + 0.1;
     let top = y - rise;
     // The ridge runs along x, or along z.
-    let at = |x: f32, y: f32, z: f32| if along_street { [x, y, center + z] } else { [z * a / b, y, center + x * b / a] };
+    let at =
+        |x: f32, y: f32, z: f32| if along_street { [x, y, center + z] } else { [z * a / b, y, center + x * b / a] };
     shape.quad([at(-a, y, b), at(a, y, b), at(a, top, 0.0), at(-a, top, 0.0)], look.roof, 0);
     shape.quad([at(a, y, -b), at(-a, y, -b), at(-a, top, 0.0), at(a, top, 0.0)], look.roof, 0);
     for x in [-a + 0.3, a - 0.3] {
@@ -250,7 +287,11 @@ pub(crate) fn street_lamp(stage: &mut Stage, at: Vec3, yaw: f64, height: f32, st
     shape.tube([0.0, -height, 0.0], [0.0, -height - 0.15, reach], [0.05, 0.04], 5, stock.metal);
     let on = stage.light.lamps_on;
     let head = stage.palette.glowing(grey(0.3), if on { [4.0, 3.2, 2.0] } else { [0.0; 3] });
-    shape.block([-0.12, -height - 0.22, reach - 0.1], [0.12, -height - 0.1, reach + 0.5], if on { head } else { stock.metal });
+    shape.block(
+        [-0.12, -height - 0.22, reach - 0.1],
+        [0.12, -height - 0.1, reach + 0.5],
+        if on { head } else { stock.metal },
+    );
     stage.solid.place(&shape.mesh, yaw, at);
     if on && stage.lamps.len() < 24 {
         let out = crate::shape::Turn::new(yaw).apply([0.0, -height - 0.05, reach + 0.2]);
@@ -266,7 +307,8 @@ pub(crate) fn sign(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Mesh {
     let mut shape = Shape::default();
     let height = dice.range32(2.0, 3.0);
     shape.tube([0.0, 0.1, 0.0], [0.0, -height, 0.0], [0.035; 2], 6, stock.metal);
-    let colors: [Color; 5] = [[0.5, 0.02, 0.02], [0.02, 0.08, 0.5], [0.75, 0.75, 0.72], [0.75, 0.5, 0.02], [0.02, 0.2, 0.08]];
+    let colors: [Color; 5] =
+        [[0.5, 0.02, 0.02], [0.02, 0.08, 0.5], [0.75, 0.75, 0.72], [0.75, 0.5, 0.02], [0.02, 0.2, 0.08]];
     let (rim, face) = (dice.pick(&colors), dice.pick(&colors));
     let (rim, face) = (stage.palette.matte(rim), stage.palette.matte(face));
     let radius = dice.range32(0.25, 0.42);

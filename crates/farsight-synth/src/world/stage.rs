@@ -91,7 +91,8 @@ impl Stage {
     pub(crate) fn hides(&self, [x, z]: [f64; 2], radius: f64) -> bool {
         let near = (z - radius).max(0.3);
         let (low, high) = ((x - radius) / near, (x + radius) / near);
-        let (low, high) = (low.min((x - radius) / (z + radius).max(0.3)), high.max((x + radius) / (z + radius).max(0.3)));
+        let (low, high) =
+            (low.min((x - radius) / (z + radius).max(0.3)), high.max((x + radius) / (z + radius).max(0.3)));
         let covers = |line: &Sightline| near < line.depth_m && low < line.tangents[1] && high > line.tangents[0];
         z + radius > 0.0 && self.sightlines.iter().any(covers)
     }

@@ -61,7 +61,8 @@ impl Surroundings<'_> {
             return;
         }
         let lit = if self.stage.light.lamps_on { 0.25 } else { 0.01 };
-        let looks: Vec<HouseLook> = (0..self.dice.whole(2, 5)).map(|_| HouseLook::draw(self.stage, lit, &mut self.dice)).collect();
+        let looks: Vec<HouseLook> =
+            (0..self.dice.whole(2, 5)).map(|_| HouseLook::draw(self.stage, lit, &mut self.dice)).collect();
         let mut s = -10.0;
         while s < FAR_M {
             let width = self.dice.range(lining.house_width[0], lining.house_width[1]);
@@ -151,9 +152,19 @@ impl Surroundings<'_> {
                 let corner = |node: &super::path::Node, d: f64, up: f64| self.stage.over(node.beside(d), up);
                 let (near, far) = (d, d + thick);
                 let faces = [
-                    [corner(&a, near, -0.1), corner(&b, near, -0.1), corner(&b, near, height), corner(&a, near, height)],
+                    [
+                        corner(&a, near, -0.1),
+                        corner(&b, near, -0.1),
+                        corner(&b, near, height),
+                        corner(&a, near, height),
+                    ],
                     [corner(&a, far, -0.1), corner(&b, far, -0.1), corner(&b, far, height), corner(&a, far, height)],
-                    [corner(&a, near, height), corner(&b, near, height), corner(&b, far, height), corner(&a, far, height)],
+                    [
+                        corner(&a, near, height),
+                        corner(&b, near, height),
+                        corner(&b, far, height),
+                        corner(&a, far, height),
+                    ],
                     [corner(&a, near, -0.1), corner(&a, far, -0.1), corner(&a, far, height), corner(&a, near, height)],
                 ];
                 let along = |s: f64| s as f32;
@@ -201,7 +212,11 @@ impl Surroundings<'_> {
         let mut dice = self.dice.fork();
         let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
         let crown = height * 0.33;
-        if distance < 4.0 || self.blocked(point, room) || self.stage.hides(point, crown) || !self.stage.view.sees(point, height) {
+        if distance < 4.0
+            || self.blocked(point, room)
+            || self.stage.hides(point, crown)
+            || !self.stage.view.sees(point, height)
+        {
             return;
         }
         let mesh = props::tree(height as f32, &self.stock, distance < 45.0, &mut dice);
@@ -233,7 +248,11 @@ impl Surroundings<'_> {
         let mut dice = self.dice.fork();
         let (height, wide) = (dice.log_range(0.5, 3.5), dice.log_range(0.8, 4.0));
         let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
-        if distance < 4.0 || self.blocked(point, wide / 2.0) || self.stage.hides(point, wide * 0.6) || !self.stage.view.sees(point, 5.0) {
+        if distance < 4.0
+            || self.blocked(point, wide / 2.0)
+            || self.stage.hides(point, wide * 0.6)
+            || !self.stage.view.sees(point, 5.0)
+        {
             return;
         }
         let mesh = props::bush(height as f32, wide as f32, &self.stock, distance < 40.0, &mut dice);
@@ -332,7 +351,10 @@ impl Surroundings<'_> {
         let mut s = -10.0;
         while s < 120.0 {
             let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(s + 4.0));
-            if !self.blocked(a.beside(d), 0.3) && !self.stage.hides(a.beside(d), 4.0) && self.stage.view.sees(a.beside(d), 5.0) {
+            if !self.blocked(a.beside(d), 0.3)
+                && !self.stage.hides(a.beside(d), 4.0)
+                && self.stage.view.sees(a.beside(d), 5.0)
+            {
                 let at = |node: &super::path::Node, up: f64| self.stage.over(node.beside(d), up);
                 let points = [at(&a, 0.45), at(&b, 0.45), at(&b, 0.78), at(&a, 0.78)];
                 let post = [self.stage.over(a.beside(d), -0.1), self.stage.over(a.beside(d), 0.7)];
@@ -346,7 +368,11 @@ impl Surroundings<'_> {
     /// Hills, woods or a town far away.
     fn horizon(&mut self) {
         let wooded = self.dice.chance(0.75);
-        let color = if wooded { varied(&mut self.dice, [0.04, 0.06, 0.025], 0.4) } else { varied(&mut self.dice, [0.25, 0.25, 0.26], 0.4) };
+        let color = if wooded {
+            varied(&mut self.dice, [0.04, 0.06, 0.025], 0.4)
+        } else {
+            varied(&mut self.dice, [0.25, 0.25, 0.26], 0.4)
+        };
         let material = self.stage.palette.noise(color, color.map(|c| c * 0.5), 14.0, self.dice.seed());
         let (low, high) = if self.dice.chance(0.3) { (20.0, 70.0) } else { (5.0, 22.0) };
         let radius = 420.0;
@@ -363,7 +389,12 @@ impl Surroundings<'_> {
                 let point = [radius * libm::sin(angle(k)), radius * libm::cos(angle(k))];
                 self.stage.over(point, up)
             };
-            let points = [at(f64::from(k), -20.0), at(f64::from(k) + 1.0, -20.0), at(f64::from(k) + 1.0, end), at(f64::from(k), height)];
+            let points = [
+                at(f64::from(k), -20.0),
+                at(f64::from(k) + 1.0, -20.0),
+                at(f64::from(k) + 1.0, end),
+                at(f64::from(k), height),
+            ];
             self.stage.flat.quad(points, material, 0);
             height = next;
         }

@@ -1,0 +1,103 @@
+//! KITTI labels from the scene and from what the image shows of it.
+//!
+//! Boxes are exact: the 3D box is the actor's own, the 2D box is that of the projected corners of its mesh, truncation is the share of the 2D box
+//! outside the image, and occlusion follows from counted samples. KITTI's annotators judged all these by eye.
+
+use farsight_core::{Box2d, Box3d, Dimensions, Label, ObjectClass};
+
+use crate::render::Rendered;
+use crate::render::view::View;
+use crate::render::visibility::{clipped, project};
+use crate::scene::{Actor, InstanceId, Object, Scene};
+
+/// When an actor is labelled, and how its occlusion is graded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LabelRules {
+    /// Boxes lower than this in the image are `DontCare`, pixels. KITTI's lowest labelled vehicles have 15.
+    pub least_height_px: f64,
+    /// Boxes lower than this are left out altogether, pixels. KITTI's lowest `DontCare` boxes have 4.6.
+    pub least_dont_care_px: f64,
+    /// Actors farther than this are `DontCare`, metres of depth.
+    pub farthest_m: f64,
+    /// Visible shares from which on an actor is not occluded (0), partly (1) and largely (2); `DontCare` below the last.
+    pub visible_shares: [f64; 3],
+}
+
+impl Default for LabelRules {
+    fn default() -> Self {
+        Self { least_height_px: 12.0, least_dont_care_px: 4.0, farthest_m: 100.0, visible_shares: [0.8, 0.4, 0.1] }
+    }
+}
+
+impl LabelRules {
+    /// The labels of the actors that the image shows, in their order. Actors of whom nothing is seen have none.
+    pub fn labels(&self, scene: &Scene, actors: &[Actor], rendered: &Rendered) -> Vec<Label> {
+        let view = View::new(&scene.camera);
+        let [width, height] = scene.image_size.map(|s| s as f64);
+        let labels = actors.iter().filter_map(|actor| {
+            let visible = share_visible(rendered, actor.instance)?;
+            let whole = projected_extent(scene, &view, actor.instance)?;
+            let box2d = whole.clamped(width - 1.0, height - 1.0);
+            let truncation = if whole.area() > 0.0 { 1.0 - box2d.area() / whole.area() } else { 0.0 };
+            self.label(actor, box2d, truncation, visible)
+        });
+        labels.collect()
+    }
+
+    fn label(&self, actor: &Actor, box2d: Box2d, truncation: f64, visible: f64) -> Option<Label> {
+        if box2d.height() < self.least_dont_care_px {
+            return None;
+        }
+        let hidden = self.visible_shares.iter().position(|&least| visible >= least);
+        let clear = box2d.height() >= self.least_height_px && actor.box3d.depth_m() <= self.farthest_m;
+        let Some(occlusion) = hidden.filter(|_| clear) else { return Some(dont_care(box2d)) };
+        Some(Label {
+            class: actor.class.clone(),
+            truncation,
+            occlusion: occlusion as i32,
+            alpha: actor.box3d.alpha(),
+            box2d,
+            box3d: actor.box3d,
+        })
+    }
+}
+
+/// Share of an actor's part of the image that nothing hides; none when nothing of it is seen.
+fn share_visible(rendered: &Rendered, instance: InstanceId) -> Option<f64> {
+    let count = |counts: &[u32]| counts.get(usize::from(instance)).copied().filter(|&samples| samples > 0);
+    Some(f64::from(count(&rendered.visible)?) / f64::from(count(&rendered.alone)?))
+}
+
+/// The box around the projections of all corners of an instance, not clipped to the image.
+fn projected_extent(scene: &Scene, view: &View, instance: InstanceId) -> Option<Box2d> {
+    let mut pixels = Vec::new();
+    let mut corners = Vec::new();
+    for object in scene.objects.iter().filter(|object| object.instance == instance) {
+        project(view, object, &mut corners);
+        push_pixels(object, &corners, &mut pixels);
+    }
+    Box2d::around(pixels)
+}
+
+fn push_pixels(object: &Object, corners: &[[f64; 3]], pixels: &mut Vec<[f64; 2]>) {
+    for triangle in &object.mesh.triangles {
+        let (kept, count) = clipped(triangle.vertices.map(|v| corners[v as usize]));
+        pixels.extend(kept[..count].iter().map(|[u, v, w]| [u / w, v / w]));
+    }
+}
+
+/// A region without a label, with KITTI's marks for "no value".
+fn dont_care(box2d: Box2d) -> Label {
+    Label {
+        class: ObjectClass::DontCare,
+        truncation: -1.0,
+        occlusion: -1,
+        alpha: -10.0,
+        box2d,
+        box3d: Box3d {
+            dimensions: Dimensions { height: -1.0, width: -1.0, length: -1.0 },
+            location: [-1000.0; 3],
+            yaw: -10.0,
+        },
+    }
+}

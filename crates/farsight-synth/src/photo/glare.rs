@@ -1,0 +1,88 @@
+//! Glare: bright lights spread over their surroundings.
+
+use crate::scene::Color;
+use crate::vector::{add, add_scaled, mix, scale};
+
+/// Side of the squares that glare is computed in, pixels.
+const SQUARE: usize = 8;
+
+/// Half width of the glare's box, squares; three boxes after each other are close to a Gaussian.
+const REACH: usize = 3;
+
+/// The most of one pixel's light that is spread, so that the sun does not drown the picture.
+const MOST: f32 = 30.0;
+
+/// Adds `share` of the light above white, spread widely, to all pixels.
+pub(super) fn spread(light: &mut [Color], size: [usize; 2], exposure: f32, share: f32) {
+    if share <= 0.0 {
+        return;
+    }
+    let grid = size.map(|s| s.div_ceil(SQUARE));
+    let mut squares = excess(light, size, grid, exposure);
+    if squares.iter().all(|square| *square == [0.0; 3]) {
+        return;
+    }
+    for _ in 0..3 {
+        squares = boxed(&squares, grid, 1, grid[0]);
+        squares = boxed(&squares, grid, grid[0], grid[1]);
+    }
+    let share = share / exposure;
+    for (y, row) in light.chunks_exact_mut(size[0]).enumerate() {
+        let line = Line::new(&squares, grid, y);
+        for (x, pixel) in row.iter_mut().enumerate() {
+            *pixel = add_scaled(*pixel, line.at(x), share);
+        }
+    }
+}
+
+/// Mean light above white of each square.
+fn excess(light: &[Color], size: [usize; 2], grid: [usize; 2], exposure: f32) -> Vec<Color> {
+    let mut squares = vec![[0.0; 3]; grid[0] * grid[1]];
+    for (y, row) in light.chunks_exact(size[0]).enumerate() {
+        for (x, pixel) in row.iter().enumerate() {
+            let above = pixel.map(|c| (c * exposure - 1.0).clamp(0.0, MOST));
+            let square = &mut squares[y / SQUARE * grid[0] + x / SQUARE];
+            *square = add_scaled(*square, above, 1.0 / (SQUARE * SQUARE) as f32);
+        }
+    }
+    squares
+}
+
+/// Mean over `2 * REACH + 1` squares along one axis; `step` from one to the next, `count` of them.
+fn boxed(squares: &[Color], grid: [usize; 2], step: usize, count: usize) -> Vec<Color> {
+    let mean = |index: usize| {
+        let place = index / step % count;
+        let from = place.saturating_sub(REACH);
+        let to = (place + REACH).min(count - 1);
+        let first = index - (place - from) * step;
+        let sum = (0..=to - from).fold([0.0; 3], |sum, i| add(sum, squares[first + i * step]));
+        scale(sum, 1.0 / (2 * REACH + 1) as f32)
+    };
+    (0..grid[0] * grid[1]).map(mean).collect()
+}
+
+/// The squares around one line of pixels, mixed into one row.
+struct Line {
+    squares: Vec<Color>,
+}
+
+impl Line {
+    fn new(squares: &[Color], [columns, rows]: [usize; 2], y: usize) -> Self {
+        let (row, share) = place(y);
+        let line = |row: usize| &squares[row.min(rows - 1) * columns..][..columns];
+        let mixed = line(row).iter().zip(line(row + 1)).map(|(&a, &b)| mix(a, b, share));
+        Self { squares: mixed.collect() }
+    }
+
+    fn at(&self, x: usize) -> Color {
+        let (column, share) = place(x);
+        let last = self.squares.len() - 1;
+        mix(self.squares[column.min(last)], self.squares[(column + 1).min(last)], share)
+    }
+}
+
+/// The square whose centre is before a pixel, and how far on to the next centre the pixel is.
+fn place(pixel: usize) -> (usize, f32) {
+    let at = ((pixel as f32 + 0.5) / SQUARE as f32 - 0.5).max(0.0);
+    (at as usize, at - (at as usize) as f32)
+}

@@ -1,0 +1,241 @@
+//! What stands between a surface and the light: depth maps seen from the sun and from straight above.
+
+use wide::f32x4;
+
+use super::noise::{hash, unit};
+use super::raster::{Grid, Target, fill};
+use super::surface::{solid_share, vertices};
+use super::view::View;
+use crate::scene::{Material, Object, Scene, Vec3};
+use crate::vector::{add_scaled, cross, dot, floor, normalized};
+
+/// Samples of four neighbouring texels: the rasteriser takes four at a time.
+const TEXELS: [[f32; 2]; 4] = [[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [0.75, 0.0]];
+
+/// Position of "nothing there" along the light.
+const NOTHING_M: f32 = -1e6;
+
+/// What is nearest to a light that is infinitely far away.
+struct DepthMap {
+    /// Texels across (a multiple of 4) and down.
+    size: [usize; 2],
+    /// Size of a texel, metres.
+    texel_m: f32,
+    /// Unit vectors across, down, and towards the light.
+    axes: [Vec3; 3],
+    /// Position of texel (0, 0) along the first two axes, metres.
+    origin: [f32; 2],
+    /// Position of the nearest surface along the third axis, metres.
+    nearest: Vec<f32>,
+}
+
+/// How wide a region is in the map's axes.
+struct Region {
+    axes: [Vec3; 3],
+    least: [f32; 2],
+    most: [f32; 2],
+}
+
+impl Region {
+    /// Around `points`.
+    fn around(axes: [Vec3; 3], points: &[Vec3]) -> Self {
+        let mut region = Self { axes, least: [f32::INFINITY; 2], most: [f32::NEG_INFINITY; 2] };
+        for &point in points {
+            for axis in 0..2 {
+                let at = dot(point, axes[axis]);
+                region.least[axis] = region.least[axis].min(at);
+                region.most[axis] = region.most[axis].max(at);
+            }
+        }
+        region
+    }
+}
+
+impl DepthMap {
+    fn new(scene: &Scene, region: &Region, texel_m: f32) -> Self {
+        let texels =
+            [0, 1].map(|axis| ((region.most[axis] - region.least[axis]) / texel_m).clamp(4.0, 2044.0) as usize + 4);
+        let size = [texels[0].next_multiple_of(4), texels[1]];
+        let nearest = vec![NOTHING_M; size[0] * size[1]];
+        let mut map = Self { size, texel_m, axes: region.axes, origin: region.least, nearest };
+        let mut corners = Vec::new();
+        for object in scene.objects.iter().filter(|object| object.casts_shadow) {
+            map.draw(object, &scene.materials, &mut corners);
+        }
+        map
+    }
+
+    fn draw(&mut self, object: &Object, materials: &[Material], corners: &mut Vec<[f64; 3]>) {
+        corners.clear();
+        corners.extend(object.mesh.vertices.iter().map(|vertex| {
+            let [across, down] = self.texel(vertex.position);
+            [f64::from(across) * 0.25, f64::from(down), f64::from(dot(vertex.position, self.axes[2]))]
+        }));
+        let grid = Grid { size: [self.size[0] / 4, self.size[1]], samples: TEXELS };
+        let outside = |axis: usize| {
+            let (least, most) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), corner| {
+                (least.min(corner[axis]), most.max(corner[axis]))
+            });
+            most < -1.0 || least > grid.size[axis] as f64
+        };
+        if outside(0) || outside(1) {
+            return;
+        }
+        for triangle in &object.mesh.triangles {
+            let solid = solid_share(&materials[usize::from(triangle.material)].pattern, &vertices(object, triangle));
+            let places = triangle.vertices.map(|v| corners[v as usize]);
+            fill(&grid, places, 1.0, &mut Nearest { width: self.size[0], nearest: &mut self.nearest, solid });
+        }
+    }
+
+    /// Column and row of a point, in texels.
+    #[inline]
+    fn texel(&self, point: Vec3) -> [f32; 2] {
+        let at = |axis: usize| (dot(point, self.axes[axis]) - self.origin[axis]) / self.texel_m;
+        [at(0), at(1)]
+    }
+
+    /// Weighted mean of `hidden` over the three texels square around `point`; 0 outside the map.
+    ///
+    /// `hidden` is given how far the nearest surface lies before the point, metres.
+    #[inline]
+    fn mean(&self, point: Vec3, hidden: impl Fn(f32x4) -> f32x4) -> f32 {
+        let [across, down] = self.texel(point);
+        let (column, row) = (floor(across - 1.0), floor(down - 1.0));
+        if column < 0 || row < 0 || column + 4 > self.size[0] as i32 || row + 4 > self.size[1] as i32 {
+            return 0.0;
+        }
+        let (fx, fy) = (across - 1.0 - column as f32, down - 1.0 - row as f32);
+        let columns = f32x4::from([1.0 - fx, 1.0, 1.0, fx]);
+        let own = f32x4::splat(dot(point, self.axes[2]));
+        let mut sum = f32x4::splat(0.0);
+        for (number, weight) in [1.0 - fy, 1.0, 1.0, fy].into_iter().enumerate() {
+            let start = (row as usize + number) * self.size[0] + column as usize;
+            let &[a, b, c, d] = &self.nearest[start..start + 4] else { return 0.0 };
+            sum += hidden(f32x4::from([a, b, c, d]) - own) * columns * f32x4::splat(weight);
+        }
+        let [a, b, c, d] = sum.to_array();
+        (a + b + c + d) * (1.0 / 9.0)
+    }
+}
+
+/// Keeps what is nearest to the light.
+struct Nearest<'a> {
+    width: usize,
+    nearest: &'a mut [f32],
+    /// Share of the surface that is no hole.
+    solid: f32,
+}
+
+impl Target for Nearest<'_> {
+    #[inline]
+    fn put(&mut self, x: usize, y: usize, inside: f32x4, nearness: f32x4) {
+        let start = y * self.width + 4 * x;
+        let Some(texels) = self.nearest.get_mut(start..start + 4) else { return };
+        let before = f32x4::from([texels[0], texels[1], texels[2], texels[3]]);
+        let mut nearer = inside & nearness.simd_gt(before);
+        if self.solid < 1.0 {
+            nearer &= speckles(x, y, self.solid);
+        }
+        texels.copy_from_slice(&nearer.bitselect(nearness, before).to_array());
+    }
+}
+
+/// A mask that is set in a share of all squares of 4x4 texels, without order.
+fn speckles(x: usize, y: usize, share: f32) -> f32x4 {
+    let solid = unit(hash(x as i32, (y / 4) as i32, 77)) < share;
+    f32x4::splat(f32::from_bits(if solid { u32::MAX } else { 0 }))
+}
+
+/// The part of the scene, ahead of the camera, that a map covers, metres: nearest and farthest depth.
+type Reach = [f32; 2];
+
+/// The two maps of the sun: a fine one for what is near and a coarse one.
+const SUN_REACH_M: [Reach; 2] = [[0.5, 24.0], [20.0, 85.0]];
+
+/// Size of their texels, metres.
+const SUN_TEXEL_M: [f32; 2] = [0.045, 0.16];
+
+/// Heights between which shadows are looked for, metres below the camera (y): from the eaves of a low house to a dip in the road.
+const HEIGHTS_M: [f32; 2] = [-7.0, 3.5];
+
+/// Reach, half width and texel of the map from above, metres.
+const ABOVE_REACH_M: Reach = [-4.0, 105.0];
+const ABOVE_HALF_WIDTH_M: f32 = 40.0;
+const ABOVE_TEXEL_M: f32 = 0.25;
+
+/// What hides the sun and the sky.
+pub(crate) struct Shadows {
+    sun: Vec<DepthMap>,
+    above: DepthMap,
+    strength: f32,
+}
+
+impl Shadows {
+    /// The shadows of a scene.
+    pub(crate) fn of(scene: &Scene, view: &View) -> Self {
+        let needed = scene.sun.shadow > 0.0 && scene.sun.color.iter().any(|&c| c > 0.0);
+        let sun = SUN_REACH_M.iter().zip(SUN_TEXEL_M).filter(|_| needed);
+        Self {
+            sun: sun.map(|(&reach, texel_m)| sun_map(scene, view, reach, texel_m)).collect(),
+            above: map_from_above(scene, view),
+            strength: scene.sun.shadow,
+        }
+    }
+
+    /// Share of the sun's light that reaches a surface, 0 to 1.
+    #[inline]
+    pub(crate) fn sunlight(&self, position: Vec3, normal: Vec3) -> f32 {
+        let map = if position[2] < SUN_REACH_M[0][1] - 1.0 { self.sun.first() } else { self.sun.get(1) };
+        let Some(map) = map else { return 1.0 };
+        // Off the surface by its own texels, so that it does not shade itself.
+        let point = add_scaled(position, normal, 1.6 * map.texel_m);
+        let margin = f32x4::splat(0.4 * map.texel_m);
+        let one = f32x4::splat(1.0);
+        1.0 - self.strength * map.mean(point, |before| before.simd_gt(margin) & one)
+    }
+
+    /// Share of the sky's light that reaches a surface, 0 to 1: less beneath and beside things.
+    #[inline]
+    pub(crate) fn skylight(&self, position: Vec3, normal: Vec3) -> f32 {
+        let point = add_scaled(position, normal, 0.3);
+        let (zero, one) = (f32x4::splat(0.0), f32x4::splat(1.0));
+        let hidden = self.above.mean(point, |above| {
+            // What hangs high leaves light from the sides.
+            let low = (one - above * f32x4::splat(1.0 / 7.0)).fast_max(f32x4::splat(0.3)).fast_min(one);
+            let there = (above * f32x4::splat(4.0)).fast_max(zero).fast_min(one);
+            there * low
+        });
+        1.0 - 0.85 * hidden
+    }
+}
+
+fn sun_map(scene: &Scene, view: &View, reach: Reach, texel_m: f32) -> DepthMap {
+    let towards = normalized(scene.sun.direction);
+    let ahead = if towards[2].abs() < 0.99 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
+    let across = normalized(cross(ahead, towards));
+    let axes = [across, cross(towards, across), towards];
+    DepthMap::new(scene, &Region::around(axes, &seen_corners(scene, view, reach)), texel_m)
+}
+
+fn map_from_above(scene: &Scene, view: &View) -> DepthMap {
+    let axes = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]];
+    let [x, _, z] = view.eye;
+    let corners = ABOVE_REACH_M.map(|ahead| [x, 0.0, z + ahead]);
+    let wide = corners.map(|c| [-1.0, 1.0].map(|side| add_scaled(c, axes[0], side * ABOVE_HALF_WIDTH_M)));
+    DepthMap::new(scene, &Region::around(axes, wide.as_flattened()), ABOVE_TEXEL_M)
+}
+
+/// Corners of what the camera sees between two depths.
+fn seen_corners(scene: &Scene, view: &View, reach: Reach) -> Vec<Vec3> {
+    let [width, height] = scene.image_size.map(|s| s as f32);
+    let sides = [view.direction(0.0, height / 2.0), view.direction(width, height / 2.0)];
+    let mut corners = Vec::new();
+    for depth in reach {
+        for side in sides {
+            let [x, _, z] = add_scaled(view.eye, side, depth);
+            corners.extend(HEIGHTS_M.map(|y| [x, y, z]));
+        }
+    }
+    corners
+}
