@@ -88,7 +88,7 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
     Livery {
         body: palette.glossy(color, body_gloss, body_shine, body_mirror),
         second: palette.glossy(second, body_gloss, body_shine, body_mirror),
-        glass: palette.glossy(tinted(dice, glass_tone), 0.9, 250.0, dice.range32(0.06, 0.22)),
+        glass: palette.glossy(tinted(dice, glass_tone), 0.9, 250.0, dice.range32(0.03, 0.12)),
         trim: palette.glossy(grey(dice.range32(0.012, 0.05)), 0.15, 12.0, 0.01),
         gap: palette.matte(grey(0.006)),
         under: palette.matte(grey(0.01)),

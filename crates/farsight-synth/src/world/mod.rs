@@ -69,7 +69,7 @@ fn surfaces(stage: &mut Stage, dice: &mut Dice) -> Surfaces {
         let pattern = Pattern::Noise { other, scale, amount, seed: dice.seed() };
         stage.palette.add(Material { pattern, ..matte(color) })
     };
-    let worn = times(asphalt, dice.range32(0.6, 0.9));
+    let worn = times(asphalt, dice.range32(0.35, 0.85));
     let road = noise(stage, asphalt, worn, dice.log_range(0.3, 6.0) as f32, dice.range32(0.3, 1.0), dice);
     let dark = times(asphalt, dice.range32(0.5, 1.3));
     let patch = noise(stage, dark, dark.map(|c| c * 0.8), 0.5, 0.6, dice);
@@ -84,7 +84,11 @@ fn surfaces(stage: &mut Stage, dice: &mut Dice) -> Surfaces {
         ([0.16, 0.12, 0.08], 0.7),
     ]);
     let green = varied(dice, green, 0.3);
-    let grass = noise(stage, green, green.map(|c| c * 0.45), dice.range32(0.3, 2.5), 1.0, dice);
+    let dry = varied(dice, [0.14, 0.11, 0.05], 0.4);
+    let dull = times(green, dice.range32(0.1, 0.4));
+    let other = if dice.chance(0.4) { dry } else { dull };
+    let green = times(green, dice.range32(1.0, 2.2));
+    let grass = noise(stage, green, other, dice.range32(0.2, 2.0), 1.0, dice);
     let wear = Pattern::Worn { scale: dice.range32(0.1, 0.6), wear: dice.range32(0.0, 0.45), seed: dice.seed() };
     let tone = dice.range32(0.45, 0.8);
     let paint = if dice.chance(0.07) { [tone, tone * 0.7, tone * 0.12] } else { grey(tone) };

@@ -9,8 +9,8 @@ use super::view::View;
 use crate::Drawn;
 use crate::actors::{self, Conduct, Detail, Workshop};
 use crate::dice::Dice;
-use crate::palette::{Palette, grey, matte};
-use crate::scene::{Actor, Lamp, Material, MaterialId, Object, Pattern, Scene, Vec3};
+use crate::palette::{Palette, grey};
+use crate::scene::{Actor, Lamp, MaterialId, Object, Scene, Vec3};
 use crate::shape::Shape;
 
 /// Layers of paint on the ground, from below.
@@ -46,15 +46,13 @@ pub(crate) struct Stage {
     actors: Vec<Actor>,
     objects: Vec<Object>,
     taken: Vec<Block>,
-    stain: [MaterialId; 2],
+    stain: MaterialId,
 }
 
 impl Stage {
     pub(crate) fn new(view: View, ground: Ground, light: Light, unusual: bool) -> Self {
         let mut palette = Palette::default();
-        let dark = palette.matte(grey(0.008));
-        let worn = Pattern::Worn { scale: 0.05, wear: 0.55, seed: 1 };
-        let edge = palette.add(Material { pattern: worn, ..matte(grey(0.012)) });
+        let stain = palette.matte(grey(0.01));
         let mut stage = Self {
             palette,
             view,
@@ -68,7 +66,7 @@ impl Stage {
             actors: Vec::new(),
             objects: Vec::new(),
             taken: Vec::new(),
-            stain: [dark, edge],
+            stain,
         };
         stage.take_room_for_camera();
         stage
@@ -126,14 +124,14 @@ impl Stage {
         self.actors.push(Actor { class, box3d, instance });
     }
 
-    /// The ground under a vehicle, where no light of the sky comes.
+    /// The ground under a vehicle, where hardly any light comes.
     fn add_stain(&mut self, box3d: &Box3d) {
-        for (part, (material, reach)) in self.stain.into_iter().zip([0.97, 1.06]).enumerate() {
-            let half = [box3d.dimensions.length, box3d.dimensions.width].map(|v| (v / 2.0 * reach) as f32);
-            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-            let lift = 0.012 - 0.003 * part as f32;
-            let points = corners.map(|[a, b]| actors::point_of(box3d, [a * half[0], -lift, b * half[1]]));
-            self.flat.quad(points, material, layer::STAIN);
+        let half = [box3d.dimensions.length * 0.47, box3d.dimensions.width * 0.45].map(|v| v as f32);
+        let corners =
+            [[-1.0, -0.8], [-0.9, -1.0], [0.9, -1.0], [1.0, -0.8], [1.0, 0.8], [0.9, 1.0], [-0.9, 1.0], [-1.0, 0.8]];
+        let points = corners.map(|[a, b]| actors::point_of(box3d, [a * half[0], -0.012, b * half[1]]));
+        for quad in [[0, 1, 2, 3], [0, 3, 4, 7], [7, 4, 5, 6]] {
+            self.flat.quad(quad.map(|i| points[i]), self.stain, layer::STAIN);
         }
     }
 

@@ -246,7 +246,8 @@ impl Surroundings<'_> {
 
     fn bush(&mut self, point: [f64; 2]) {
         let mut dice = self.dice.fork();
-        let (height, wide) = (dice.log_range(0.5, 3.5), dice.log_range(0.8, 4.0));
+        let height = dice.log_range(0.5, 3.5);
+        let wide = height * dice.range(0.8, 2.0);
         let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
         if distance < 4.0
             || self.blocked(point, wide / 2.0)
@@ -367,7 +368,7 @@ impl Surroundings<'_> {
 
     /// Hills, woods or a town far away.
     fn horizon(&mut self) {
-        let wooded = self.dice.chance(0.75);
+        let wooded = self.dice.chance(0.88);
         let color = if wooded {
             varied(&mut self.dice, [0.04, 0.06, 0.025], 0.4)
         } else {
