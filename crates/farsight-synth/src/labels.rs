@@ -7,7 +7,7 @@ use farsight_core::{Box2d, Box3d, Dimensions, Label, ObjectClass};
 
 use crate::render::Rendered;
 use crate::render::view::View;
-use crate::render::visibility::{clipped, project};
+use crate::render::visibility::{Projected, clipped, project};
 use crate::scene::{Actor, InstanceId, Object, Scene};
 
 /// When an actor is labelled, and how its occlusion is graded.
@@ -93,9 +93,9 @@ fn projected_extent(scene: &Scene, view: &View, instance: InstanceId) -> Option<
     Box2d::around(pixels)
 }
 
-fn push_pixels(object: &Object, corners: &[[f64; 3]], pixels: &mut Vec<[f64; 2]>) {
+fn push_pixels(object: &Object, corners: &[Projected], pixels: &mut Vec<[f64; 2]>) {
     for triangle in &object.mesh.triangles {
-        let (kept, count) = clipped(triangle.vertices.map(|v| corners[v as usize]));
+        let (kept, count) = clipped(triangle.vertices.map(|v| corners[v as usize].homogeneous));
         pixels.extend(kept[..count].iter().map(|[u, v, w]| [u / w, v / w]));
     }
 }

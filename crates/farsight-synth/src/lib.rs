@@ -6,6 +6,7 @@
 mod actors;
 mod dice;
 pub mod labels;
+pub mod layout;
 mod palette;
 pub mod photo;
 pub mod render;
@@ -16,7 +17,8 @@ mod stream;
 pub(crate) mod vector;
 pub mod world;
 
-pub use stream::SceneStream;
+pub use layout::scene_from_labels;
+pub use stream::{SceneStream, twin};
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
 
 /// A scene and who is in it.

@@ -228,13 +228,13 @@ pub struct Scene {
     pub air: Air,
 }
 
-/// Someone in the scene who gets a label.
+/// Somebody in traffic: what the label of its instance says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Actor {
     /// What it is.
     pub class: ObjectClass,
-    /// Its true box.
+    /// Its box.
     pub box3d: Box3d,
-    /// The instance of its objects.
+    /// The instance of its triangles.
     pub instance: InstanceId,
 }

@@ -47,15 +47,23 @@ fn every_value_is_a_number() {
 
 #[test]
 fn the_ground_has_the_depth_that_its_plane_has() {
-    let rendered = render(&scene_of(vec![flat(ground(200.0, 1.0, 0))]));
-    for y in 90..160 {
-        let expected = CAMERA_HEIGHT_M * 200.0 / (y as f32 - 79.5);
-        for x in [3, 160, 300] {
-            let depth = rendered.depth_m[y * 320 + x];
-            assert!((depth / expected - 1.0).abs() < 1e-4, "row {y}, column {x}: {depth} m, expected {expected} m");
+    // In one piece, and in pieces smaller than pixels, whose depth is that of some point within the pixel.
+    for (step, within_px) in [(200.0, 0.0), (1.0, 0.376)] {
+        let rendered = render(&scene_of(vec![flat(ground(200.0, step, 0))]));
+        for y in 90..160 {
+            let depth_at = |row: f32| CAMERA_HEIGHT_M * 200.0 / (row - 79.5);
+            let nearest = depth_at(y as f32 + within_px) * (1.0 - 1e-4);
+            let farthest = depth_at(y as f32 - within_px) * (1.0 + 1e-4);
+            for x in [3, 100, 300] {
+                let depth = rendered.depth_m[y * 320 + x];
+                assert!(
+                    (nearest..=farthest).contains(&depth),
+                    "row {y}, column {x}: {depth} m, not {nearest} to {farthest} m"
+                );
+            }
         }
+        assert_eq!(rendered.depth_m[5 * 320 + 5], f32::INFINITY);
     }
-    assert_eq!(rendered.depth_m[5 * 320 + 5], f32::INFINITY);
 }
 
 #[test]

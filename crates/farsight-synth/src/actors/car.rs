@@ -3,7 +3,7 @@
 use super::body::{Body, Profile};
 use super::paint::{Livery, car_livery, fleet_livery};
 use super::wheels::Wheel;
-use super::{Detail, Workshop};
+use super::{Detail, Workshop, faces};
 use crate::dice::Dice;
 use crate::scene::Mesh;
 use crate::shape::Shape;
@@ -51,7 +51,8 @@ fn build(style: Style, hwl: [f32; 3], livery: Livery, workshop: &mut Workshop) -
     let mut shape = Shape::default();
     body.build(&mut shape, &livery);
     wheels(&mut shape, &body, hwl[1], &livery, workshop);
-    plates(&mut shape, &body, hwl, &livery);
+    faces::front(&mut shape, &body, hwl, &livery, workshop);
+    faces::rear(&mut shape, &body, hwl, &livery, workshop);
     mirrors(&mut shape, &body, hwl[1], &livery);
     if detail > Detail::Far {
         gaps(&mut shape, &body, &livery, detail);
@@ -198,14 +199,6 @@ fn wheels(shape: &mut Shape, body: &Body, width: f32, livery: &Livery, workshop:
     }
 }
 
-fn plates(shape: &mut Shape, body: &Body, [height, _, length]: [f32; 3], livery: &Livery) {
-    let half = 0.26;
-    for (x, level) in [(length / 2.0 + 0.004, 0.27), (-length / 2.0 - 0.004, if body.profile.upright_lamps { 0.46 } else { 0.3 })] {
-        let [low, high] = [-height * level + 0.055, -height * level - 0.055];
-        shape.quad([[x, low, -half], [x, low, half], [x, high, half], [x, high, -half]], livery.plate, 0);
-    }
-}
-
 fn mirrors(shape: &mut Shape, body: &Body, width: f32, livery: &Livery) {
     let p = &body.profile;
     let t = p.screen[0] + (p.screen[1] - p.screen[0]) * 0.55;
@@ -216,7 +209,18 @@ fn mirrors(shape: &mut Shape, body: &Body, width: f32, livery: &Livery) {
         let (inner, outer) = (side * half, side * (half + out.max(0.1)).min(width / 2.0));
         let low = [x - 0.06, -level - 0.15, inner.min(outer)];
         let high = [x + 0.06, -level - 0.01, inner.max(outer)];
-        shape.block_of(low, high, [Some(livery.glass), Some(livery.body), Some(livery.body), Some(livery.trim), Some(livery.body), Some(livery.body)]);
+        shape.block_of(
+            low,
+            high,
+            [
+                Some(livery.glass),
+                Some(livery.body),
+                Some(livery.body),
+                Some(livery.trim),
+                Some(livery.body),
+                Some(livery.body),
+            ],
+        );
     }
 }
 
@@ -233,7 +237,8 @@ fn gaps(shape: &mut Shape, body: &Body, livery: &Livery, detail: Detail) {
         for pair in flank.windows(2) {
             for side in [-1.0f32, 1.0] {
                 let at = |[z, h]: [f32; 2], offset: f32| [x + offset, -h, side * (z + 0.004)];
-                let points = [at(pair[0], -half_gap), at(pair[0], half_gap), at(pair[1], half_gap), at(pair[1], -half_gap)];
+                let points =
+                    [at(pair[0], -half_gap), at(pair[0], half_gap), at(pair[1], half_gap), at(pair[1], -half_gap)];
                 shape.quad(points, livery.gap, 0);
             }
         }
@@ -265,7 +270,11 @@ fn extras(shape: &mut Shape, body: &Body, [height, width, _]: [f32; 3], livery: 
         for side in [-1.0f32, 1.0] {
             let z = side * width / 2.0 * 1.002;
             let [a, b] = [body.x(p.axles[0] + 0.1), body.x(p.axles[1] - 0.1)];
-            shape.quad([[a, level + 0.03, z], [b, level + 0.03, z], [b, level - 0.03, z], [a, level - 0.03, z]], livery.trim, 0);
+            shape.quad(
+                [[a, level + 0.03, z], [b, level + 0.03, z], [b, level - 0.03, z], [a, level - 0.03, z]],
+                livery.trim,
+                0,
+            );
         }
     }
 }

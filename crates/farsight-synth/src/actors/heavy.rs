@@ -40,7 +40,11 @@ impl Hull {
             let half = self.half * narrow;
             let mut points: Vec<[f32; 2]> = vec![[0.0, self.floor]];
             points.extend(heights.map(|h| [half, h]));
-            points.extend([[half - 0.3 * self.round, self.roof - 0.3 * self.round], [half - self.round, self.roof], [0.0, self.roof]]);
+            points.extend([
+                [half - 0.3 * self.round, self.roof - 0.3 * self.round],
+                [half - self.round, self.roof],
+                [0.0, self.roof],
+            ]);
             let span = self.roof - self.floor;
             let at = |[z, h]: [f32; 2], side: f32| {
                 let up = ((h - windows[0]) / span).max(0.0);
@@ -90,7 +94,15 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
     let bed = 0.95f32.min(height * 0.35);
     let load_front = front - cab_length - dice.range32(0.1, 0.5);
     let mut shape = Shape::default();
-    let cab = Hull { rear: front - cab_length, front, floor: 0.4, roof: cab_height, half: width / 2.0 * 0.97, round: 0.18, rake: 0.35 };
+    let cab = Hull {
+        rear: front - cab_length,
+        front,
+        floor: 0.4,
+        roof: cab_height,
+        half: width / 2.0 * 0.97,
+        round: 0.18,
+        rake: 0.35,
+    };
     let sill = 0.4 + (cab_height - 0.4) * 0.5;
     cab.build(&mut shape, [sill, sill + (cab_height - 0.4) * 0.32], [livery.body, livery.glass, livery.under]);
     cab_face(&mut shape, &cab, sill, &livery);
@@ -98,7 +110,11 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
     shape.block([rear, -load_height, -width / 2.0], [load_front, -bed, width / 2.0], load);
     if !closed {
         // A headboard reaches to the top.
-        shape.block([load_front - 0.1, -height, -width / 2.0 * 0.95], [load_front, -bed, width / 2.0 * 0.95], livery.second);
+        shape.block(
+            [load_front - 0.1, -height, -width / 2.0 * 0.95],
+            [load_front, -bed, width / 2.0 * 0.95],
+            livery.second,
+        );
     }
     shape.block([rear + 0.1, -bed, -0.45], [front - 0.3, -0.5, 0.45], livery.under);
     for side in [-1.0f32, 1.0] {
@@ -108,7 +124,16 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
             shape.quad([[a, -0.45, z], [b, -0.45, z], [b, -bed, z], [a, -bed, z]], livery.trim, 0);
         }
         let [near, far] = [side * width / 2.0 * 0.55, side * width / 2.0 * 0.95];
-        shape.quad([[rear - 0.01, -0.75, near], [rear - 0.01, -0.75, far], [rear - 0.01, -0.9, far], [rear - 0.01, -0.9, near]], livery.brake_lamp, 0);
+        shape.quad(
+            [
+                [rear - 0.01, -0.75, near],
+                [rear - 0.01, -0.75, far],
+                [rear - 0.01, -0.9, far],
+                [rear - 0.01, -0.9, near],
+            ],
+            livery.brake_lamp,
+            0,
+        );
     }
     shape.block([rear, -0.6, -width / 2.0 * 0.9], [rear + 0.08, -0.45, width / 2.0 * 0.9], livery.trim);
     let axles: &[f32] = if length > 9.0 { &[0.14, 0.72, 0.84] } else { &[0.17, 0.78] };
@@ -146,7 +171,13 @@ fn cab_face(shape: &mut Shape, cab: &Hull, sill: f32, livery: &Livery) {
     panel(cab.floor + 0.05, cab.floor + 0.16, -0.26, 0.26, livery.plate);
 }
 
-fn axle_wheels(shape: &mut Shape, [height, width, length]: [f32; 3], axles: &[f32], livery: &Livery, workshop: &mut Workshop) {
+fn axle_wheels(
+    shape: &mut Shape,
+    [height, width, length]: [f32; 3],
+    axles: &[f32],
+    livery: &Livery,
+    workshop: &mut Workshop,
+) {
     let radius = 0.5f32.min(height * 0.16).min(length * 0.09);
     for &t in axles {
         for side in [-1.0f32, 1.0] {
@@ -160,7 +191,15 @@ fn bus(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let [height, width, length] = hwl;
     let livery = fleet_livery(workshop);
     let mut shape = Shape::default();
-    let hull = Hull { rear: -length / 2.0, front: length / 2.0, floor: 0.32, roof: height, half: width / 2.0, round: 0.2, rake: 0.25 };
+    let hull = Hull {
+        rear: -length / 2.0,
+        front: length / 2.0,
+        floor: 0.32,
+        roof: height,
+        half: width / 2.0,
+        round: 0.2,
+        rake: 0.25,
+    };
     let sill = height * workshop.dice.range32(0.36, 0.44);
     hull.build(&mut shape, [sill, height * 0.78], [livery.body, livery.glass, livery.under]);
     cab_face(&mut shape, &hull, sill, &livery);
@@ -177,7 +216,11 @@ fn pillars(shape: &mut Shape, [_, width, length]: [f32; 3], [low, high]: [f32; 2
         let x = length * (k as f32 / count as f32 - 0.5);
         for side in [-1.0f32, 1.0] {
             let z = side * (width / 2.0 + 0.004);
-            shape.quad([[x - 0.06, -low, z], [x + 0.06, -low, z], [x + 0.06, -high, z], [x - 0.06, -high, z]], material, 0);
+            shape.quad(
+                [[x - 0.06, -low, z], [x + 0.06, -low, z], [x + 0.06, -high, z], [x - 0.06, -high, z]],
+                material,
+                0,
+            );
         }
     }
 }
@@ -200,7 +243,15 @@ pub(super) fn tram(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let [height, width, length] = hwl;
     let livery = fleet_livery(workshop);
     let mut shape = Shape::default();
-    let hull = Hull { rear: -length / 2.0, front: length / 2.0, floor: 0.3, roof: height * 0.93, half: width / 2.0, round: 0.25, rake: 0.7 };
+    let hull = Hull {
+        rear: -length / 2.0,
+        front: length / 2.0,
+        floor: 0.3,
+        roof: height * 0.93,
+        half: width / 2.0,
+        round: 0.25,
+        rake: 0.7,
+    };
     let sill = height * workshop.dice.range32(0.32, 0.42);
     let top = height * 0.74;
     hull.build(&mut shape, [sill, top], [livery.body, livery.glass, livery.under]);
@@ -229,13 +280,27 @@ pub(super) fn trailer(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let floor = (height * 0.3).min(0.6);
     let draw_bar = (length * 0.2).min(1.2);
     shape.block([-length / 2.0, -height, -width / 2.0], [length / 2.0 - draw_bar, -floor, width / 2.0], load);
-    shape.block([-length / 2.0 + 0.05, -floor, -width * 0.4], [length / 2.0 - draw_bar, -floor * 0.7, width * 0.4], livery.under);
-    shape.tube([length / 2.0 - draw_bar, -floor * 0.8, 0.0], [length / 2.0, -floor * 0.8, 0.0], [0.05; 2], 6, livery.trim);
+    shape.block(
+        [-length / 2.0 + 0.05, -floor, -width * 0.4],
+        [length / 2.0 - draw_bar, -floor * 0.7, width * 0.4],
+        livery.under,
+    );
+    shape.tube(
+        [length / 2.0 - draw_bar, -floor * 0.8, 0.0],
+        [length / 2.0, -floor * 0.8, 0.0],
+        [0.05; 2],
+        6,
+        livery.trim,
+    );
     let x = -length / 2.0 - 0.004;
     let half = width / 2.0;
     for side in [-1.0f32, 1.0] {
         let [a, b] = [side * half * 0.7, side * half * 0.95];
-        shape.quad([[x, -floor - 0.05, a], [x, -floor - 0.05, b], [x, -floor - 0.18, b], [x, -floor - 0.18, a]], livery.brake_lamp, 0);
+        shape.quad(
+            [[x, -floor - 0.05, a], [x, -floor - 0.05, b], [x, -floor - 0.18, b], [x, -floor - 0.18, a]],
+            livery.brake_lamp,
+            0,
+        );
     }
     axle_wheels(&mut shape, [height.max(1.5), width, length], &[0.55], &livery, workshop);
     shape.mesh

@@ -47,7 +47,12 @@ impl Outfit {
         let skin = dice.weighted(&SKIN);
         let top = if dice.chance(0.2) { any_color(dice) } else { dice.weighted(&TOPS) };
         let trousers = dice.weighted(&TROUSERS);
-        let hair = dice.weighted(&[([0.012, 0.01, 0.01], 4.0), ([0.08, 0.05, 0.03], 3.0), (grey(0.4), 1.0), ([0.35, 0.24, 0.1], 1.0)]);
+        let hair = dice.weighted(&[
+            ([0.012, 0.01, 0.01], 4.0),
+            ([0.08, 0.05, 0.03], 3.0),
+            (grey(0.4), 1.0),
+            ([0.35, 0.24, 0.1], 1.0),
+        ]);
         Self {
             skin: palette.matte(varied(dice, skin, 0.15)),
             hair: palette.matte(varied(dice, hair, 0.3)),
@@ -141,7 +146,12 @@ pub(super) fn standing([_, width, length]: [f32; 3], workshop: &mut Workshop) ->
         let swing = -ahead * 0.35;
         let shoulder = [neck[0], -1.41, side * 0.2];
         let elbow = [swing * 0.5, -1.14, side * (0.24 + 0.5 * reach)];
-        figure.arm(shoulder, elbow, [swing + 0.08, -0.9 - 0.2 * stride * swing.max(0.0), side * (0.25 + reach)], &outfit);
+        figure.arm(
+            shoulder,
+            elbow,
+            [swing + 0.08, -0.9 - 0.2 * stride * swing.max(0.0), side * (0.25 + reach)],
+            &outfit,
+        );
     }
     figure.trunk(hips, neck, outfit.top);
     figure.head(neck, &outfit, None);

@@ -44,9 +44,8 @@ impl Wheel {
             let angle = std::f32::consts::TAU * spoke as f32 / self.spokes as f32;
             let (sin, cos) = crate::shape::sin_cos(angle);
             let half = rim_radius * if self.spokes > 7 { 0.09 } else { 0.16 };
-            let at = |along: f32, across: f32| {
-                add(center, [cos * along - sin * across, sin * along + cos * across, 0.0])
-            };
+            let at =
+                |along: f32, across: f32| add(center, [cos * along - sin * across, sin * along + cos * across, 0.0]);
             let end = rim_radius * 0.9;
             let points = [at(0.0, -half), at(end, -half), at(end, half), at(0.0, half)];
             shape.quad(points, livery.rim, 0);

@@ -13,12 +13,13 @@
 //! # How
 //! 1. [`visibility`]: which triangle each of a pixel's four samples sees, with 1/w as depth.
 //! 2. [`shadow`]: depth maps from the sun (near and far) and from above, for the shade beneath and beside things. [`lamps`]: which lamps to ask.
-//! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`pattern`], [`shade`], [`sky`].
+//! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`resolve`], [`pattern`], [`shade`], [`sky`].
 
 mod lamps;
 mod noise;
 mod pattern;
 mod raster;
+mod resolve;
 mod shade;
 mod shadow;
 mod sky;
@@ -27,14 +28,12 @@ pub(crate) mod view;
 pub(crate) mod visibility;
 
 use lamps::Lamps;
-use shade::Light;
+use resolve::Resolver;
 use shadow::Shadows;
-use surface::{Weights, vertices};
 use view::View;
-use visibility::{Drawn, NOTHING, OFFSETS, SAMPLES, Visibility};
+use visibility::Visibility;
 
-use crate::scene::{Color, InstanceId, Scene, Triangle, Vec3};
-use crate::vector::{add_scaled, dot, normalized, scale, sub};
+use crate::scene::{Color, InstanceId, Scene};
 
 /// A rendered scene. Images are row by row from the top left, `width * height` values.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +42,7 @@ pub struct Rendered {
     pub size: [usize; 2],
     /// Colour, linear light, not limited to 1.
     pub color: Vec<Color>,
-    /// z of what most of the pixel shows, metres; infinite for the sky.
+    /// z of what most of the pixel shows, metres; infinite for the sky. At the pixel's centre, or amid the samples that see it.
     pub depth_m: Vec<f32>,
     /// Instance that most of the pixel shows; 0 for the world and the sky.
     pub instance: Vec<InstanceId>,
@@ -71,147 +70,15 @@ pub fn render(scene: &Scene) -> Rendered {
         alone,
     };
     let (shadows, lamps) = (Shadows::of(scene, &view), Lamps::of(scene, &view));
-    let mut shader = Shader { scene, view: &view, seen: &seen, shadows: &shadows, lamps: &lamps, last: None };
-    for y in 0..height {
-        for x in 0..width {
-            rendered.push(&shader.pixel(x, y));
-        }
-    }
+    Resolver::new(scene, &view, &seen, &shadows, &lamps).resolve(&mut rendered);
     rendered
 }
 
 impl Rendered {
-    fn push(&mut self, pixel: &Pixel) {
-        let shares = &pixel.shares[..pixel.count];
-        let mut color = [0.0; 3];
-        for share in shares {
-            color = add_scaled(color, share.color, share.samples as f32 / SAMPLES as f32);
-            self.visible[usize::from(share.instance)] += share.samples;
-        }
-        let of_instance = |i: InstanceId| shares.iter().filter(|s| s.instance == i).map(|s| s.samples).sum::<u32>();
-        let most = shares.iter().rev().max_by_key(|s| (of_instance(s.instance), s.samples));
+    /// Adds the next pixel.
+    fn push(&mut self, color: Color, depth_m: f32, instance: InstanceId) {
         self.color.push(color);
-        self.depth_m.push(most.map_or(f32::INFINITY, |s| s.depth_m));
-        self.instance.push(most.map_or(0, |s| s.instance));
+        self.depth_m.push(depth_m);
+        self.instance.push(instance);
     }
-}
-
-/// What one triangle, or the sky, gives to a pixel.
-#[derive(Debug, Clone, Copy, Default)]
-struct Share {
-    samples: u32,
-    color: Color,
-    depth_m: f32,
-    instance: InstanceId,
-}
-
-/// What a pixel shows.
-#[derive(Default)]
-struct Pixel {
-    shares: [Share; SAMPLES],
-    count: usize,
-}
-
-/// Shades pixels; neighbours mostly show the same triangle, so the last one is kept.
-struct Shader<'a> {
-    scene: &'a Scene,
-    view: &'a View,
-    seen: &'a Visibility,
-    shadows: &'a Shadows,
-    lamps: &'a Lamps<'a>,
-    last: Option<(u32, Face<'a>)>,
-}
-
-/// A triangle prepared for shading.
-#[derive(Clone, Copy)]
-struct Face<'a> {
-    weights: Weights,
-    positions: [Vec3; 3],
-    normals: [Vec3; 3],
-    uv: [[f32; 2]; 3],
-    material: &'a crate::scene::Material,
-    instance: InstanceId,
-}
-
-impl Face<'_> {
-    /// Depth at a pixel's centre, also just beside the triangle.
-    fn depth_m(&self, u: f32, v: f32) -> f32 {
-        let corners = self.positions.map(|p| p[2]);
-        let (least, most) = corners.iter().fold((f32::MAX, f32::MIN), |(l, m), &z| (l.min(z), m.max(z)));
-        self.weights.at(u, v).vector(self.positions)[2].clamp(least, most)
-    }
-}
-
-impl<'a> Shader<'a> {
-    fn pixel(&mut self, x: usize, y: usize) -> Pixel {
-        let numbers = self.seen.numbers(y * self.scene.image_size[0] + x);
-        let mut pixel = Pixel::default();
-        for (sample, &number) in numbers.iter().enumerate() {
-            if numbers[..sample].contains(&number) {
-                continue;
-            }
-            let (samples, [dx, dy]) = centroid(&numbers, number);
-            let light = Light { scene: self.scene, shadows: self.shadows, lamps: self.lamps.at(x, y) };
-            let mut share = self.share(number, &light, [x as f32 + dx, y as f32 + dy]);
-            if samples < SAMPLES as u32 && number != NOTHING {
-                share.depth_m = self.face(number).depth_m(x as f32, y as f32);
-            }
-            pixel.shares[pixel.count] = Share { samples, ..share };
-            pixel.count += 1;
-        }
-        pixel
-    }
-
-    /// What the triangle looks like at a place in the image.
-    fn share(&mut self, number: u32, light: &Light, [u, v]: [f32; 2]) -> Share {
-        if number == NOTHING {
-            let direction = normalized(self.view.direction(u, v));
-            let color = sky::color(self.scene, direction);
-            return Share { color, depth_m: f32::INFINITY, ..Share::default() };
-        }
-        let face = self.face(number);
-        let at = face.weights.at(u, v);
-        let position = at.vector(face.positions);
-        let normal = normalized(at.vector(face.normals));
-        let towards_eye = sub(self.view.eye, position);
-        let normal = if dot(normal, towards_eye) < 0.0 { scale(normal, -1.0) } else { normal };
-        let (uv, footprint) = at.uv(face.uv);
-        let fragment = shade::Fragment { position, normal, uv, footprint, material: face.material };
-        let color = shade::color(light, self.view.eye, &fragment);
-        Share { samples: 0, color, depth_m: position[2], instance: face.instance }
-    }
-
-    fn face(&mut self, number: u32) -> Face<'a> {
-        if let Some((_, face)) = self.last.filter(|(last, _)| *last == number) {
-            return face;
-        }
-        let face = self.prepared(self.seen.drawn(number));
-        self.last = Some((number, face));
-        face
-    }
-
-    fn prepared(&self, drawn: Drawn) -> Face<'a> {
-        let object = &self.scene.objects[drawn.object as usize];
-        let triangle: &Triangle = &object.mesh.triangles[drawn.triangle as usize];
-        let corners = vertices(object, triangle);
-        Face {
-            weights: Weights::new(corners.map(|c| self.view.homogeneous(c.position))),
-            positions: corners.map(|c| c.position),
-            normals: corners.map(|c| c.normal),
-            uv: corners.map(|c| c.uv),
-            material: &self.scene.materials[usize::from(triangle.material)],
-            instance: object.instance,
-        }
-    }
-}
-
-/// How many samples see `number`, and the middle of them.
-fn centroid(numbers: &[u32; SAMPLES], number: u32) -> (u32, [f32; 2]) {
-    let mut sum = [0.0, 0.0];
-    let mut count = 0;
-    for (offset, _) in OFFSETS.iter().zip(numbers).filter(|(_, n)| **n == number) {
-        sum = [sum[0] + offset[0], sum[1] + offset[1]];
-        count += 1;
-    }
-    (count, sum.map(|s| s / count as f32))
 }

@@ -4,16 +4,49 @@
 
 use wide::f32x4;
 
+use crate::vector::floor;
+
 /// Added on both sides of a row's span against rounding, pixels.
 const SPAN_MARGIN_PX: f32 = 0.002;
 
-/// A picture element as the rasteriser sees it: where its four samples lie, relative to its centre, in pixels.
+/// Triangles with at most so many columns are not worth finding each row's span.
+const NARROW: usize = 3;
+
+/// A picture as the rasteriser sees it: where the four samples of each pixel lie.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Grid {
-    /// Number of columns and rows.
-    pub(crate) size: [usize; 2],
-    /// Offsets of the samples across and down.
-    pub(crate) samples: [[f32; 2]; 4],
+    size: [usize; 2],
+    /// Offsets of the samples from the pixel's centre, across and down, pixels.
+    samples: [f32x4; 2],
+    /// The least and the greatest of them.
+    reach: [[f32; 2]; 2],
+}
+
+impl Grid {
+    /// A picture of `size` pixels with samples at these offsets, pixels.
+    pub(crate) fn new(size: [usize; 2], samples: [[f32; 2]; 4]) -> Self {
+        let reach = |axis: usize| {
+            samples.iter().fold([f32::MAX, f32::MIN], |[least, most], s| [least.min(s[axis]), most.max(s[axis])])
+        };
+        let offsets = |axis: usize| f32x4::from(samples.map(|s| s[axis]));
+        Self { size, samples: [offsets(0), offsets(1)], reach: [reach(0), reach(1)] }
+    }
+
+    /// Width and height, pixels.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// First and last pixel along an axis with samples between two places; none when there are none.
+    #[inline]
+    fn pixels(&self, axis: usize, least: f32, most: f32) -> Option<[usize; 2]> {
+        let [before, after] = self.reach[axis];
+        // Cut to the picture before rounding: numbers that are too large for an integer, or none, end up at its edges.
+        let limit = self.size[axis] as f32;
+        let first = -floor(-(least - after - SPAN_MARGIN_PX).clamp(0.0, limit));
+        let last = floor((most - before + SPAN_MARGIN_PX).clamp(-1.0, limit - 1.0));
+        (first <= last).then_some([first as usize, last.max(0) as usize])
+    }
 }
 
 /// A corner in the image: column, row, and the quantity that is compared, larger is nearer; linear across the image.
@@ -33,67 +66,88 @@ struct Plane {
     c: f64,
 }
 
-/// A linear function in one row, on four samples.
-#[derive(Clone, Copy)]
-struct RowPlane {
-    slope: f32x4,
-    at_zero: f32x4,
-}
-
 impl Plane {
     /// Positive on one side of the line from `p` to `q`; exchanging them changes the sign and nothing else.
-    fn edge(p: Corner, q: Corner) -> Self {
-        let swapped = (q[1], q[0]) < (p[1], p[0]);
+    #[inline]
+    fn edge(p: &Corner, q: &Corner) -> Self {
+        let swapped = q[1] < p[1] || (q[1] == p[1] && q[0] < p[0]);
         let (first, second) = if swapped { (q, p) } else { (p, q) };
         let (a, b) = (first[1] - second[1], second[0] - first[0]);
         let plane = Self { a, b, c: -(a * first[0] + b * first[1]) };
         if swapped { plane.times(-1.0) } else { plane }
     }
 
+    #[inline]
     fn times(self, factor: f64) -> Self {
         Self { a: self.a * factor, b: self.b * factor, c: self.c * factor }
     }
 
-    fn offsets(self, grid: &Grid) -> [f32; 4] {
-        let (a, b) = (self.a as f32, self.b as f32);
-        grid.samples.map(|[dx, dy]| a * dx + b * dy)
+    /// How the samples of a pixel differ from its centre.
+    #[inline]
+    fn offsets(&self, grid: &Grid) -> f32x4 {
+        f32x4::splat(self.a as f32) * grid.samples[0] + f32x4::splat(self.b as f32) * grid.samples[1]
     }
 }
 
-impl RowPlane {
+/// A plane, prepared for going through rows.
+#[derive(Clone, Copy)]
+struct Slope {
+    plane: Plane,
+    across: f32x4,
+    offsets: f32x4,
+}
+
+/// A plane in one row, on four samples.
+#[derive(Clone, Copy)]
+struct Row {
+    across: f32x4,
+    at_zero: f32x4,
+}
+
+impl Slope {
+    #[inline]
+    fn new(plane: Plane, grid: &Grid) -> Self {
+        Self { plane, across: f32x4::splat(plane.a as f32), offsets: plane.offsets(grid) }
+    }
+
+    #[inline]
+    fn row(&self, y: f64) -> Row {
+        let at_zero = (self.plane.b * y + self.plane.c) as f32;
+        Row { across: self.across, at_zero: f32x4::splat(at_zero) + self.offsets }
+    }
+}
+
+impl Row {
     #[inline]
     fn at(self, x: f32x4) -> f32x4 {
-        self.at_zero + self.slope * x
+        self.at_zero + self.across * x
     }
 }
 
-/// One edge, prepared for going through rows.
+/// Where an edge crosses rows.
 #[derive(Clone, Copy)]
-struct Edge {
-    plane: Plane,
+struct Crossing {
     slope: f32,
-    /// -1 / slope, or 0 for a horizontal edge.
-    crossing: f32,
-    offsets: f32x4,
+    /// -1 / slope, or 0 for a level edge.
+    turned: f32,
     /// The most that any sample lies inside of the pixel's centre.
     reach: f32,
 }
 
-impl Edge {
-    fn new(plane: Plane, grid: &Grid) -> Self {
-        let slope = plane.a as f32;
-        let offsets = plane.offsets(grid);
-        let crossing = if slope == 0.0 { 0.0 } else { -1.0 / slope };
-        let reach = offsets.iter().fold(f32::NEG_INFINITY, |most, &o| most.max(o));
-        Self { plane, slope, crossing, offsets: f32x4::from(offsets), reach }
+impl Crossing {
+    #[inline]
+    fn new(edge: &Slope) -> Self {
+        let slope = edge.plane.a as f32;
+        let [a, b, c, d] = edge.offsets.to_array();
+        let turned = if slope == 0.0 { 0.0 } else { -1.0 / slope };
+        Self { slope, turned, reach: a.max(b).max(c.max(d)) }
     }
 
-    /// The edge in row `y`, and `span` cut to where it can be positive.
+    /// Cuts `span` to where the edge can be positive in row `y`.
     #[inline]
-    fn row(&self, y: f64, span: &mut [f32; 2]) -> RowPlane {
-        let at_zero = (self.plane.b * y + self.plane.c) as f32;
-        let reach = at_zero + self.reach;
-        let crossing = reach * self.crossing;
+    fn cut(&self, edge: &Slope, y: f64, span: &mut [f32; 2]) {
+        let reach = (edge.plane.b * y + edge.plane.c) as f32 + self.reach;
+        let crossing = reach * self.turned;
         if self.slope > 0.0 {
             span[0] = span[0].max(crossing - SPAN_MARGIN_PX);
         } else if self.slope < 0.0 {
@@ -101,41 +155,59 @@ impl Edge {
         } else if reach < 0.0 {
             *span = [1.0, 0.0];
         }
-        RowPlane { slope: f32x4::splat(self.slope), at_zero: f32x4::splat(at_zero) + self.offsets }
     }
 }
 
 /// Gives `target` the samples inside the triangle. `nearer` is a factor on the nearness, for paint on a surface.
-pub(crate) fn fill(grid: &Grid, corners: [Corner; 3], nearer: f32, target: &mut impl Target) {
-    let Some([x0, y0, x1, y1]) = bounds(grid, &corners) else { return };
-    let [p, q, r] = corners;
+#[inline]
+pub(crate) fn fill(grid: &Grid, corners: &[Corner; 3], nearer: f32, target: &mut impl Target) {
+    if let Some(bounds) = bounds(grid, corners) {
+        fill_within(grid, corners, bounds, nearer, target);
+    }
+}
+
+fn fill_within(
+    grid: &Grid,
+    [p, q, r]: &[Corner; 3],
+    [columns, rows]: [[usize; 2]; 2],
+    nearer: f32,
+    target: &mut impl Target,
+) {
     let area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
     if area == 0.0 || !area.is_finite() {
         return;
     }
     // Each edge is opposite to a corner: divided by the area it is that corner's weight.
     let planes = [Plane::edge(q, r), Plane::edge(r, p), Plane::edge(p, q)];
-    let edges = planes.map(|plane| Edge::new(plane.times(area.signum()), grid));
-    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area);
-    let nearness_offsets = f32x4::from(nearness.offsets(grid));
+    let inwards = if area < 0.0 { -1.0 } else { 1.0 };
+    let edge = |i: usize| Slope::new(planes[i].times(inwards), grid);
+    let edges = [edge(0), edge(1), edge(2)];
+    let nearness = Slope::new(nearness_plane(&planes, [p[2], q[2], r[2]], area), grid);
     let least = f32x4::splat(p[2].min(q[2]).min(r[2]) as f32);
     let most = f32x4::splat(p[2].max(q[2]).max(r[2]) as f32);
     let nearer = f32x4::splat(nearer);
-    let slope = f32x4::splat(nearness.a as f32);
-    let zero = f32x4::splat(0.0);
-    for y in y0..=y1 {
+    let narrow = columns[1] - columns[0] < NARROW;
+    let crossings = [Crossing::new(&edges[0]), Crossing::new(&edges[1]), Crossing::new(&edges[2])];
+    for y in rows[0]..=rows[1] {
         let row = y as f64;
-        let mut span = [x0 as f32, x1 as f32];
-        let [e0, e1, e2] = [0, 1, 2].map(|i| edges[i].row(row, &mut span));
-        let depth =
-            RowPlane { slope, at_zero: f32x4::splat((nearness.b * row + nearness.c) as f32) + nearness_offsets };
-        let (from, to) = (span[0].ceil() as usize, span[1].floor());
-        if to < span[0] {
-            continue;
+        let mut from_to = columns;
+        if !narrow {
+            let mut span = [columns[0] as f32, columns[1] as f32];
+            for (crossing, edge) in crossings.iter().zip(&edges) {
+                crossing.cut(edge, row, &mut span);
+            }
+            if span[1] < span[0] {
+                continue;
+            }
+            // Both lie within the picture: they were cut from its columns.
+            from_to = [(-floor(-span[0])) as usize, span[1] as usize];
         }
-        for x in from..=to as usize {
+        let [e0, e1, e2] = [edges[0].row(row), edges[1].row(row), edges[2].row(row)];
+        let depth = nearness.row(row);
+        for x in from_to[0]..=from_to[1] {
             let column = f32x4::splat(x as f32);
-            let inside = e0.at(column).simd_ge(zero) & e1.at(column).simd_ge(zero) & e2.at(column).simd_ge(zero);
+            // The sign of the least of the three is clear only where all are inside.
+            let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);
             if inside.to_bitmask() != 0 {
                 target.put(x, y, inside, depth.at(column).fast_max(least).fast_min(most) * nearer);
             }
@@ -143,24 +215,20 @@ pub(crate) fn fill(grid: &Grid, corners: [Corner; 3], nearer: f32, target: &mut 
     }
 }
 
-/// Columns and rows that the triangle may touch: first column, first row, last column, last row.
-fn bounds(grid: &Grid, corners: &[Corner; 3]) -> Option<[usize; 4]> {
-    let [p, q, r] = corners;
+/// Columns and rows that the triangle may touch, first and last of each.
+#[inline]
+fn bounds(grid: &Grid, [p, q, r]: &[Corner; 3]) -> Option<[[usize; 2]; 2]> {
     let range = |axis: usize| {
-        let least = p[axis].min(q[axis]).min(r[axis]);
-        let most = p[axis].max(q[axis]).max(r[axis]);
-        let reach = |sign: f32| f64::from(grid.samples.iter().fold(0.0_f32, |m, s| m.max(s[axis] * sign)));
-        let first = (least - reach(1.0)).ceil().max(0.0);
-        let last = (most + reach(-1.0)).floor().min(grid.size[axis] as f64 - 1.0);
-        // Also false when a value is not a number.
-        (first <= last).then_some([first as usize, last as usize])
+        let (a, b, c) = (p[axis] as f32, q[axis] as f32, r[axis] as f32);
+        grid.pixels(axis, a.min(b).min(c), a.max(b).max(c))
     };
-    let ([x0, x1], [y0, y1]) = (range(0)?, range(1)?);
-    Some([x0, y0, x1, y1])
+    Some([range(0)?, range(1)?])
 }
 
 /// The plane that takes `values` at the corners.
-fn nearness_plane(planes: &[Plane; 3], values: [f64; 3], area: f64) -> Plane {
-    let sum = |f: fn(&Plane) -> f64| (0..3).map(|i| f(&planes[i]) * values[i]).sum::<f64>() / area;
-    Plane { a: sum(|p| p.a), b: sum(|p| p.b), c: sum(|p| p.c) }
+#[inline]
+fn nearness_plane([e, f, g]: &[Plane; 3], [p, q, r]: [f64; 3], area: f64) -> Plane {
+    let scale = 1.0 / area;
+    let (p, q, r) = (p * scale, q * scale, r * scale);
+    Plane { a: e.a * p + f.a * q + g.a * r, b: e.b * p + f.b * q + g.b * r, c: e.c * p + f.c * q + g.c * r }
 }

@@ -33,6 +33,10 @@ pub(crate) struct Light<'a> {
     pub(crate) shadows: &'a Shadows,
     /// Lamps that may reach it.
     pub(crate) lamps: &'a [&'a Lamp],
+    /// Light from above and from below.
+    pub(crate) ambient: [Color; 2],
+    /// Where the camera is.
+    pub(crate) eye: Vec3,
 }
 
 /// How a surface answers light, besides its colour.
@@ -54,8 +58,8 @@ struct Lit {
 }
 
 /// Colour that the eye sees of a fragment, through the air.
-pub(crate) fn color(light: &Light, eye: Vec3, fragment: &Fragment) -> Color {
-    let ray = sub(fragment.position, eye);
+pub(crate) fn color(light: &Light, fragment: &Fragment) -> Color {
+    let ray = sub(fragment.position, light.eye);
     let distance_m = length(ray);
     let ray = scale(ray, 1.0 / distance_m);
     let look = pattern::look(fragment.material, fragment.uv, fragment.footprint);
@@ -105,8 +109,9 @@ fn fresnel(straight: f32, facing: f32) -> f32 {
 }
 
 fn lit(light: &Light, fragment: &Fragment, ray: Vec3, finish: &Finish, skylight: f32) -> Lit {
-    let Light { scene, shadows, lamps } = *light;
-    let mut lit = Lit { scattered: ambient(scene, fragment.normal, skylight), highlight: [0.0; 3] };
+    let Light { scene, shadows, lamps, ambient: [above, below], .. } = *light;
+    let scattered = scale(mix(below, above, 0.5 - 0.5 * fragment.normal[1]), skylight);
+    let mut lit = Lit { scattered, highlight: [0.0; 3] };
     let sun = scene.sun.direction;
     if dot(fragment.normal, sun) > 0.0 {
         let reaching = shadows.sunlight(fragment.position, fragment.normal);
@@ -138,12 +143,12 @@ impl Lit {
     }
 }
 
-/// Light of the sky and from the ground on a surface.
-fn ambient(scene: &Scene, normal: Vec3, skylight: f32) -> Color {
+/// Light on a surface that faces the sky, and on one that faces the ground.
+pub(crate) fn ambient(scene: &Scene) -> [Color; 2] {
     let sky = &scene.sky;
     let clear = mix(sky.zenith, sky.horizon, 0.5);
     let above = mix(clear, sky.cloud_color, 0.7 * sky.clouds);
-    scale(mix(sky.ground, above, 0.5 - 0.5 * normal[1]), sky.ambient * skylight)
+    [scale(above, sky.ambient), scale(sky.ground, sky.ambient)]
 }
 
 /// Unit direction to a lamp and its light on a surface that faces it, if it shines there.

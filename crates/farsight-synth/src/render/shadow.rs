@@ -7,10 +7,13 @@ use super::raster::{Grid, Target, fill};
 use super::surface::{solid_share, vertices};
 use super::view::View;
 use crate::scene::{Material, Object, Scene, Vec3};
-use crate::vector::{add_scaled, cross, dot, floor, normalized};
+use crate::vector::{add_scaled, cross, dot, floor, normalized, scale};
 
 /// Samples of four neighbouring texels: the rasteriser takes four at a time.
 const TEXELS: [[f32; 2]; 4] = [[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [0.75, 0.0]];
+
+/// Side of the blocks of texels in which a look at one number often spares the look at all, texels.
+const BLOCK: usize = 8;
 
 /// Position of "nothing there" along the light.
 const NOTHING_M: f32 = -1e6;
@@ -23,10 +26,13 @@ struct DepthMap {
     texel_m: f32,
     /// Unit vectors across, down, and towards the light.
     axes: [Vec3; 3],
-    /// Position of texel (0, 0) along the first two axes, metres.
-    origin: [f32; 2],
+    /// The first two axes in texels a metre, and the place of the origin of coordinates in texels.
+    texel_axes: [Vec3; 2],
+    texel_origin: [f32; 2],
     /// Position of the nearest surface along the third axis, metres.
     nearest: Vec<f32>,
+    /// The most of them in each block of texels and the blocks to the right and below it.
+    blocks: Vec<f32>,
 }
 
 /// How wide a region is in the map's axes.
@@ -57,57 +63,89 @@ impl DepthMap {
             [0, 1].map(|axis| ((region.most[axis] - region.least[axis]) / texel_m).clamp(4.0, 2044.0) as usize + 4);
         let size = [texels[0].next_multiple_of(4), texels[1]];
         let nearest = vec![NOTHING_M; size[0] * size[1]];
-        let mut map = Self { size, texel_m, axes: region.axes, origin: region.least, nearest };
+        let per_metre = 1.0 / texel_m;
+        let mut map = Self {
+            size,
+            texel_m,
+            axes: region.axes,
+            texel_axes: [scale(region.axes[0], per_metre), scale(region.axes[1], per_metre)],
+            texel_origin: [-region.least[0] * per_metre, -region.least[1] * per_metre],
+            nearest,
+            blocks: Vec::new(),
+        };
         let mut corners = Vec::new();
         for object in scene.objects.iter().filter(|object| object.casts_shadow) {
             map.draw(object, &scene.materials, &mut corners);
         }
+        map.sum_up_blocks();
         map
+    }
+
+    fn sum_up_blocks(&mut self) {
+        let [columns, rows] = self.block_counts();
+        let mut single = vec![NOTHING_M; columns * rows];
+        for (y, row) in self.nearest.chunks_exact(self.size[0]).enumerate() {
+            let blocks = &mut single[y / BLOCK * columns..][..columns];
+            for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
+                *block = texels.iter().fold(*block, |most, &texel| most.max(texel));
+            }
+        }
+        let at = |x: usize, y: usize| single[y.min(rows - 1) * columns + x.min(columns - 1)];
+        let most = |x: usize, y: usize| at(x, y).max(at(x + 1, y)).max(at(x, y + 1)).max(at(x + 1, y + 1));
+        self.blocks = (0..columns * rows).map(|i| most(i % columns, i / columns)).collect();
+    }
+
+    fn block_counts(&self) -> [usize; 2] {
+        [self.size[0].div_ceil(BLOCK), self.size[1].div_ceil(BLOCK)]
     }
 
     fn draw(&mut self, object: &Object, materials: &[Material], corners: &mut Vec<[f64; 3]>) {
         corners.clear();
-        corners.extend(object.mesh.vertices.iter().map(|vertex| {
+        let (mut least, mut most) = ([f32::MAX; 2], [f32::MIN; 2]);
+        for vertex in &object.mesh.vertices {
             let [across, down] = self.texel(vertex.position);
-            [f64::from(across) * 0.25, f64::from(down), f64::from(dot(vertex.position, self.axes[2]))]
-        }));
-        let grid = Grid { size: [self.size[0] / 4, self.size[1]], samples: TEXELS };
-        let outside = |axis: usize| {
-            let (least, most) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), corner| {
-                (least.min(corner[axis]), most.max(corner[axis]))
-            });
-            most < -1.0 || least > grid.size[axis] as f64
-        };
-        if outside(0) || outside(1) {
+            least = [least[0].min(across), least[1].min(down)];
+            most = [most[0].max(across), most[1].max(down)];
+            let nearness = dot(vertex.position, self.axes[2]);
+            corners.push([f64::from(across) * 0.25, f64::from(down), f64::from(nearness)]);
+        }
+        if (0..2).any(|axis| most[axis] < 0.0 || least[axis] > self.size[axis] as f32) {
             return;
         }
+        let grid = Grid::new([self.size[0] / 4, self.size[1]], TEXELS);
         for triangle in &object.mesh.triangles {
             let solid = solid_share(&materials[usize::from(triangle.material)].pattern, &vertices(object, triangle));
-            let places = triangle.vertices.map(|v| corners[v as usize]);
-            fill(&grid, places, 1.0, &mut Nearest { width: self.size[0], nearest: &mut self.nearest, solid });
+            let [a, b, c] = triangle.vertices;
+            let places = [corners[a as usize], corners[b as usize], corners[c as usize]];
+            fill(&grid, &places, 1.0, &mut Nearest { width: self.size[0], nearest: &mut self.nearest, solid });
         }
     }
 
     /// Column and row of a point, in texels.
     #[inline]
     fn texel(&self, point: Vec3) -> [f32; 2] {
-        let at = |axis: usize| (dot(point, self.axes[axis]) - self.origin[axis]) / self.texel_m;
+        let at = |axis: usize| dot(point, self.texel_axes[axis]) + self.texel_origin[axis];
         [at(0), at(1)]
     }
 
     /// Weighted mean of `hidden` over the three texels square around `point`; 0 outside the map.
     ///
-    /// `hidden` is given how far the nearest surface lies before the point, metres.
+    /// `hidden` is given how far the nearest surface lies before the point, metres; it must be 0 up to `margin_m`.
     #[inline]
-    fn mean(&self, point: Vec3, hidden: impl Fn(f32x4) -> f32x4) -> f32 {
+    fn mean(&self, point: Vec3, margin_m: f32, hidden: impl Fn(f32x4) -> f32x4) -> f32 {
         let [across, down] = self.texel(point);
         let (column, row) = (floor(across - 1.0), floor(down - 1.0));
         if column < 0 || row < 0 || column + 4 > self.size[0] as i32 || row + 4 > self.size[1] as i32 {
             return 0.0;
         }
+        let own = dot(point, self.axes[2]);
+        let block = row as usize / BLOCK * self.size[0].div_ceil(BLOCK) + column as usize / BLOCK;
+        if self.blocks[block] - own <= margin_m {
+            return 0.0;
+        }
         let (fx, fy) = (across - 1.0 - column as f32, down - 1.0 - row as f32);
         let columns = f32x4::from([1.0 - fx, 1.0, 1.0, fx]);
-        let own = f32x4::splat(dot(point, self.axes[2]));
+        let own = f32x4::splat(own);
         let mut sum = f32x4::splat(0.0);
         for (number, weight) in [1.0 - fy, 1.0, 1.0, fy].into_iter().enumerate() {
             let start = (row as usize + number) * self.size[0] + column as usize;
@@ -190,9 +228,9 @@ impl Shadows {
         let Some(map) = map else { return 1.0 };
         // Off the surface by its own texels, so that it does not shade itself.
         let point = add_scaled(position, normal, 1.6 * map.texel_m);
-        let margin = f32x4::splat(0.4 * map.texel_m);
-        let one = f32x4::splat(1.0);
-        1.0 - self.strength * map.mean(point, |before| before.simd_gt(margin) & one)
+        let margin_m = 0.4 * map.texel_m;
+        let (margin, one) = (f32x4::splat(margin_m), f32x4::splat(1.0));
+        1.0 - self.strength * map.mean(point, margin_m, |before| before.simd_gt(margin) & one)
     }
 
     /// Share of the sky's light that reaches a surface, 0 to 1: less beneath and beside things.
@@ -200,7 +238,7 @@ impl Shadows {
     pub(crate) fn skylight(&self, position: Vec3, normal: Vec3) -> f32 {
         let point = add_scaled(position, normal, 0.3);
         let (zero, one) = (f32x4::splat(0.0), f32x4::splat(1.0));
-        let hidden = self.above.mean(point, |above| {
+        let hidden = self.above.mean(point, 0.0, |above| {
             // What hangs high leaves light from the sides.
             let low = (one - above * f32x4::splat(1.0 / 7.0)).fast_max(f32x4::splat(0.3)).fast_min(one);
             let there = (above * f32x4::splat(4.0)).fast_max(zero).fast_min(one);

@@ -4,6 +4,7 @@ use wide::f32x4;
 
 use super::pattern::{self, Footprint};
 use super::view::inverted;
+use super::visibility::Projected;
 use crate::scene::{Object, Pattern, Scene, Triangle, Vec3, Vertex};
 
 /// Weights of the three corners as functions of the pixel, right in perspective.
@@ -12,6 +13,8 @@ use crate::scene::{Object, Pattern, Scene, Triangle, Vec3, Vertex};
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weights {
     rows: [[f64; 3]; 3],
+    /// Their sum: 1 / w.
+    sums: [f64; 3],
 }
 
 /// The weights at one pixel.
@@ -25,47 +28,43 @@ pub(crate) struct WeightsAt {
 
 impl Weights {
     /// From homogeneous pixels of the corners.
-    pub(crate) fn new(corners: [[f64; 3]; 3]) -> Self {
-        let columns = [0, 1, 2].map(|row| corners.map(|corner| corner[row]));
-        Self { rows: inverted(columns) }
+    #[inline]
+    pub(crate) fn new([a, b, c]: [[f64; 3]; 3]) -> Self {
+        let rows = inverted([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [a[2], b[2], c[2]]]);
+        let sum = |axis: usize| rows[0][axis] + rows[1][axis] + rows[2][axis];
+        Self { rows, sums: [sum(0), sum(1), sum(2)] }
     }
 
     #[inline]
     pub(crate) fn at(&self, u: f32, v: f32) -> WeightsAt {
         let (u, v) = (f64::from(u), f64::from(v));
-        let over_w = self.rows.map(|row| row[0] * u + row[1] * v + row[2]);
-        let w = 1.0 / (over_w[0] + over_w[1] + over_w[2]);
-        let weights = over_w.map(|value| value * w);
-        let slope = |axis: usize| {
-            let sum = self.rows[0][axis] + self.rows[1][axis] + self.rows[2][axis];
-            [0, 1, 2].map(|i| ((self.rows[i][axis] - weights[i] * sum) * w) as f32)
-        };
-        WeightsAt { weights: weights.map(|value| value as f32), slopes: [slope(0), slope(1)] }
+        let linear = |row: &[f64; 3]| row[0] * u + row[1] * v + row[2];
+        let w = 1.0 / linear(&self.sums);
+        let [a, b, c] = &self.rows;
+        let weights = [linear(a) * w, linear(b) * w, linear(c) * w];
+        let slope = |i: usize, axis: usize| ((self.rows[i][axis] - weights[i] * self.sums[axis]) * w) as f32;
+        WeightsAt {
+            weights: [weights[0] as f32, weights[1] as f32, weights[2] as f32],
+            slopes: [[slope(0, 0), slope(1, 0), slope(2, 0)], [slope(0, 1), slope(1, 1), slope(2, 1)]],
+        }
     }
 }
 
 impl WeightsAt {
     /// A vector that varies over the triangle.
     #[inline]
-    pub(crate) fn vector(&self, corners: [Vec3; 3]) -> Vec3 {
-        [0, 1, 2].map(|axis| self.value(corners.map(|corner| corner[axis])))
-    }
-
-    #[inline]
-    fn value(&self, corners: [f32; 3]) -> f32 {
+    pub(crate) fn vector(&self, [p, q, r]: &[Vec3; 3]) -> Vec3 {
         let [a, b, c] = self.weights;
-        a * corners[0] + b * corners[1] + c * corners[2]
+        let axis = |i: usize| a * p[i] + b * q[i] + c * r[i];
+        [axis(0), axis(1), axis(2)]
     }
 
     /// Pattern coordinates and how much of the pattern the pixel covers.
     #[inline]
-    pub(crate) fn uv(&self, corners: [[f32; 2]; 3]) -> ([f32; 2], Footprint) {
-        let by_axis = [0, 1].map(|axis| {
-            let values = corners.map(|corner| corner[axis]);
-            let change = |slope: [f32; 3]| slope[0] * values[0] + slope[1] * values[1] + slope[2] * values[2];
-            (self.value(values), change(self.slopes[0]).abs() + change(self.slopes[1]).abs())
-        });
-        (by_axis.map(|(value, _)| value), by_axis.map(|(_, extent)| extent))
+    pub(crate) fn uv(&self, [p, q, r]: &[[f32; 2]; 3]) -> ([f32; 2], Footprint) {
+        let sum = |weights: &[f32; 3], i: usize| weights[0] * p[i] + weights[1] * q[i] + weights[2] * r[i];
+        let extent = |i: usize| sum(&self.slopes[0], i).abs() + sum(&self.slopes[1], i).abs();
+        ([sum(&self.weights, 0), sum(&self.weights, 1)], [extent(0), extent(1)])
     }
 }
 
@@ -79,18 +78,18 @@ pub(crate) struct Cutout {
 
 impl Cutout {
     /// The holes of a triangle, if its material has any.
-    pub(crate) fn of(scene: &Scene, object: &Object, triangle: &Triangle, corners: &[[f64; 3]]) -> Option<Self> {
+    pub(crate) fn of(scene: &Scene, object: &Object, triangle: &Triangle, corners: &[Projected]) -> Option<Self> {
         let pattern = scene.materials[usize::from(triangle.material)].pattern;
         if !pattern::has_holes(&pattern) {
             return None;
         }
-        let weights = Weights::new(triangle.vertices.map(|v| corners[v as usize]));
+        let weights = Weights::new(triangle.vertices.map(|v| corners[v as usize].homogeneous));
         Some(Self { weights, uv: vertices(object, triangle).map(|v| v.uv), pattern })
     }
 
     /// The samples of a pixel that are no hole, as a mask.
     pub(crate) fn kept(&self, x: usize, y: usize) -> f32x4 {
-        let (uv, footprint) = self.weights.at(x as f32, y as f32).uv(self.uv);
+        let (uv, footprint) = self.weights.at(x as f32, y as f32).uv(&self.uv);
         let share = pattern::cover(&self.pattern, uv, footprint);
         // A quarter of the samples for each quarter of the share; which ones differs from pixel to pixel, so that no grain shows.
         let turn = (x + 3 * y) & 3;

@@ -30,26 +30,35 @@ impl View {
     /// Homogeneous pixel of a point: `[u * w, v * w, w]`, w in metres.
     #[inline]
     pub(crate) fn homogeneous(&self, point: Vec3) -> [f64; 3] {
-        let [x, y, z] = point.map(f64::from);
-        self.projection.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3])
+        let (x, y, z) = (f64::from(point[0]), f64::from(point[1]), f64::from(point[2]));
+        let row = |r: &[f64; 4]| r[0] * x + r[1] * y + r[2] * z + r[3];
+        let [first, second, third] = &self.projection;
+        [row(first), row(second), row(third)]
     }
 
     /// Direction of the ray through a pixel; its w is 1, so it is not of unit length.
     #[inline]
     pub(crate) fn direction(&self, u: f32, v: f32) -> Vec3 {
         let (u, v) = (f64::from(u), f64::from(v));
-        self.direction_from_pixel.map(|row| (row[0] * u + row[1] * v + row[2]) as f32)
+        let row = |r: &[f64; 3]| (r[0] * u + r[1] * v + r[2]) as f32;
+        let [first, second, third] = &self.direction_from_pixel;
+        [row(first), row(second), row(third)]
     }
 }
 
 /// The inverse of a 3x3 matrix; values that are not finite when it has none.
-pub(crate) fn inverted(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    let cofactor = |r: usize, c: usize| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
-    };
-    let scale = 1.0 / (m[0][0] * cofactor(0, 0) + m[0][1] * cofactor(0, 1) + m[0][2] * cofactor(0, 2));
-    [0, 1, 2].map(|r| [0, 1, 2].map(|c| cofactor(c, r) * scale))
+#[inline]
+pub(crate) fn inverted([a, b, c]: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let cross =
+        |p: [f64; 3], q: [f64; 3]| [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+    // The columns of the inverse are the rows' vector products over the determinant.
+    let (x, y, z) = (cross(b, c), cross(c, a), cross(a, b));
+    let scale = 1.0 / (a[0] * x[0] + a[1] * x[1] + a[2] * x[2]);
+    [
+        [x[0] * scale, y[0] * scale, z[0] * scale],
+        [x[1] * scale, y[1] * scale, z[1] * scale],
+        [x[2] * scale, y[2] * scale, z[2] * scale],
+    ]
 }
 
 #[cfg(test)]

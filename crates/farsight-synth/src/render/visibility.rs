@@ -5,7 +5,7 @@ use wide::{bytemuck::cast, f32x4, u32x4};
 use super::raster::{Corner, Grid, Target, fill};
 use super::surface::Cutout;
 use super::view::{NEAR_M, View};
-use crate::scene::{Object, Scene, Triangle};
+use crate::scene::{InstanceId, Object, Scene, Triangle};
 
 /// Samples a pixel.
 pub(crate) const SAMPLES: usize = 4;
@@ -39,7 +39,6 @@ pub(crate) struct Samples {
 
 /// What every sample of the image sees.
 pub(crate) struct Visibility {
-    grid: Grid,
     pixels: Vec<Samples>,
     drawn: Vec<Drawn>,
 }
@@ -48,28 +47,21 @@ impl Visibility {
     /// Draws all triangles of the scene.
     pub(crate) fn of(scene: &Scene, view: &View) -> Self {
         let [width, height] = scene.image_size;
-        let empty = Samples { nearness: f32x4::splat(0.0), numbers: u32x4::splat(NOTHING) };
-        let grid = Grid { size: scene.image_size, samples: OFFSETS };
-        let mut seen = Self { grid, pixels: vec![empty; width * height], drawn: Vec::new() };
+        let empty = Samples { nearness: f32x4::ZERO, numbers: u32x4::splat(NOTHING) };
+        let mut seen = Self { pixels: vec![empty; width * height], drawn: Vec::new() };
+        let grid = Grid::new(scene.image_size, OFFSETS);
         let mut corners = Vec::new();
         for (number, object) in scene.objects.iter().enumerate() {
-            seen.draw_object(scene, view, number as u32, object, &mut corners);
+            project(view, object, &mut corners);
+            for (index, triangle) in object.mesh.triangles.iter().enumerate() {
+                seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
+                let number = seen.drawn.len() as u32;
+                let cutout = Cutout::of(scene, object, triangle, &corners);
+                let mut layer = Layer { width, pixels: &mut seen.pixels, number, cutout };
+                draw(&grid, triangle, &corners, &mut layer);
+            }
         }
         seen
-    }
-
-    fn draw_object(&mut self, scene: &Scene, view: &View, number: u32, object: &Object, corners: &mut Vec<[f64; 3]>) {
-        project(view, object, corners);
-        for (index, triangle) in object.mesh.triangles.iter().enumerate() {
-            self.drawn.push(Drawn { object: number, triangle: index as u32 });
-            let mut layer = Layer {
-                width: self.grid.size[0],
-                pixels: &mut self.pixels,
-                number: self.drawn.len() as u32,
-                cutout: Cutout::of(scene, object, triangle, corners),
-            };
-            draw(&self.grid, triangle, corners, &mut layer);
-        }
     }
 
     /// The numbers of the triangles that the samples of a pixel see.
@@ -85,23 +77,19 @@ impl Visibility {
     }
 }
 
-/// Homogeneous pixels of all the object's corners.
-pub(crate) fn project(view: &View, object: &Object, corners: &mut Vec<[f64; 3]>) {
-    corners.clear();
-    corners.extend(object.mesh.vertices.iter().map(|vertex| view.homogeneous(vertex.position)));
+/// A corner of a mesh as the camera sees it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Projected {
+    /// Homogeneous pixel.
+    pub(crate) homogeneous: [f64; 3],
+    /// Pixel and nearness, if the corner lies beyond the near plane.
+    place: Option<Corner>,
 }
 
-/// Gives `target` what the camera sees of a triangle, were it alone.
-pub(crate) fn draw(grid: &Grid, triangle: &Triangle, corners: &[[f64; 3]], target: &mut impl Target) {
-    let nearer = 1.0 + NEARER_PER_LAYER * f32::from(triangle.layer);
-    let corners = triangle.vertices.map(|v| corners[v as usize]);
-    if corners.iter().all(|c| c[2] >= NEAR_M) {
-        fill(grid, corners.map(divided), nearer, target);
-        return;
-    }
-    let (clipped, count) = clipped(corners);
-    for i in 2..count {
-        fill(grid, [clipped[0], clipped[i - 1], clipped[i]].map(divided), nearer, target);
+impl Projected {
+    #[inline]
+    fn new(homogeneous: [f64; 3]) -> Self {
+        Self { homogeneous, place: (homogeneous[2] >= NEAR_M).then(|| divided(homogeneous)) }
     }
 }
 
@@ -109,6 +97,30 @@ pub(crate) fn draw(grid: &Grid, triangle: &Triangle, corners: &[[f64; 3]], targe
 fn divided([u, v, w]: [f64; 3]) -> Corner {
     let nearness = 1.0 / w;
     [u * nearness, v * nearness, nearness]
+}
+
+/// All the object's corners as the camera sees them.
+pub(crate) fn project(view: &View, object: &Object, corners: &mut Vec<Projected>) {
+    corners.clear();
+    corners.extend(object.mesh.vertices.iter().map(|vertex| Projected::new(view.homogeneous(vertex.position))));
+}
+
+/// Gives `target` what the camera sees of a triangle, were it alone.
+#[inline]
+fn draw(grid: &Grid, triangle: &Triangle, corners: &[Projected], target: &mut impl Target) {
+    let nearer = 1.0 + NEARER_PER_LAYER * f32::from(triangle.layer);
+    let [a, b, c] = triangle.vertices;
+    let [a, b, c] = [&corners[a as usize], &corners[b as usize], &corners[c as usize]];
+    match (a.place, b.place, c.place) {
+        (Some(a), Some(b), Some(c)) => fill(grid, &[a, b, c], nearer, target),
+        (None, None, None) => {}
+        _ => {
+            let (kept, count) = clipped([a.homogeneous, b.homogeneous, c.homogeneous]);
+            for i in 2..count {
+                fill(grid, &[divided(kept[0]), divided(kept[i - 1]), divided(kept[i])], nearer, target);
+            }
+        }
+    }
 }
 
 /// The part of a triangle beyond the near plane: up to four corners, and how many.
@@ -165,22 +177,23 @@ impl Target for Layer<'_> {
 
 /// How many samples of the image each instance would fill if nothing hid it.
 pub(crate) fn alone(scene: &Scene, view: &View) -> Vec<u32> {
-    let instances = scene.objects.iter().map(|o| usize::from(o.instance)).max().unwrap_or(0);
-    let grid = Grid { size: scene.image_size, samples: OFFSETS };
+    let instances = scene.objects.iter().map(|o| o.instance).max().unwrap_or(0);
+    let grid = Grid::new(scene.image_size, OFFSETS);
+    let [width, height] = scene.image_size;
+    let mut mask = Mask { width, owners: vec![(0, 0); width * height], instance: 0, cutout: None, count: 0 };
     let mut corners = Vec::new();
-    let mut mask = Mask { width: grid.size[0], samples: vec![0; grid.size[0] * grid.size[1]], cutout: None, count: 0 };
-    let mut counts = vec![0; instances + 1];
+    let mut counts = vec![0; usize::from(instances) + 1];
     for instance in 1..=instances {
+        mask.instance = instance;
         mask.count = 0;
-        for object in scene.objects.iter().filter(|o| usize::from(o.instance) == instance) {
+        for object in scene.objects.iter().filter(|o| o.instance == instance) {
             project(view, object, &mut corners);
             for triangle in &object.mesh.triangles {
                 mask.cutout = Cutout::of(scene, object, triangle, &corners);
                 draw(&grid, triangle, &corners, &mut mask);
             }
         }
-        counts[instance] = mask.count;
-        mask.samples.fill(0);
+        counts[usize::from(instance)] = mask.count;
     }
     counts
 }
@@ -188,8 +201,9 @@ pub(crate) fn alone(scene: &Scene, view: &View) -> Vec<u32> {
 /// Samples covered so far by one instance.
 struct Mask {
     width: usize,
-    /// One bit a sample.
-    samples: Vec<u8>,
+    /// The last instance that covered each pixel, and which samples: one bit each. Never cleared between instances.
+    owners: Vec<(InstanceId, u16)>,
+    instance: InstanceId,
     cutout: Option<Cutout>,
     count: u32,
 }
@@ -198,9 +212,10 @@ impl Target for Mask {
     #[inline]
     fn put(&mut self, x: usize, y: usize, inside: f32x4, _: f32x4) {
         let kept = self.cutout.as_ref().map_or(inside, |cutout| inside & cutout.kept(x, y));
-        let covered = &mut self.samples[y * self.width + x];
-        let new = kept.to_bitmask() as u8 & !*covered;
-        self.count += new.count_ones();
-        *covered |= new;
+        let (owner, covered) = &mut self.owners[y * self.width + x];
+        let before = if *owner == self.instance { *covered } else { 0 };
+        let bits = kept.to_bitmask() as u16;
+        self.count += (bits & !before).count_ones();
+        (*owner, *covered) = (self.instance, before | bits);
     }
 }

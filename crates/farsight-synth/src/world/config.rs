@@ -150,8 +150,9 @@ impl CameraRanges {
     fn problem(&self, index: usize) -> Option<String> {
         let at = |message: String| format!("cameras[{index}].{message}");
         let range = |name: &str, [low, high]: [f64; 2], least: f64, most: f64| {
-            (!(least <= low && low <= high && high <= most))
-                .then(|| format!("{name} is [{low}, {high}]; expected two numbers from {least} to {most} in rising order"))
+            (!(least <= low && low <= high && high <= most)).then(|| {
+                format!("{name} is [{low}, {high}]; expected two numbers from {least} to {most} in rising order")
+            })
         };
         let number = |name: &str, value: f64, most: f64| {
             (!(0.0..=most).contains(&value)).then(|| format!("{name} is {value}; expected a number from 0 to {most}"))
@@ -209,7 +210,8 @@ impl Default for WeatherWeights {
 impl WorldConfig {
     /// Worlds for any camera: KITTI's, others in cars, and on masts.
     pub fn generic() -> Self {
-        let cameras = [CameraRanges::kitti(), CameraRanges::varied(), CameraRanges::generic(), CameraRanges::roadside()];
+        let cameras =
+            [CameraRanges::kitti(), CameraRanges::varied(), CameraRanges::generic(), CameraRanges::roadside()];
         Self { cameras: cameras.to_vec(), ..Self::default() }
     }
 

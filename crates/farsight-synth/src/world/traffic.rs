@@ -146,7 +146,8 @@ impl Traffic<'_> {
         for side in [-1.0, 1.0] {
             let edge = if side < 0.0 { main.edges[0] } else { main.edges[1] };
             for row in 0..self.dice.whole(0, 3) {
-                let offset = edge + side * (2.6 + 11.0 * f64::from((row as u32).div_ceil(2)) + 5.2 * f64::from((row % 2) as u32));
+                let offset = edge
+                    + side * (2.6 + 11.0 * f64::from((row as u32).div_ceil(2)) + 5.2 * f64::from((row % 2) as u32));
                 let mut s = -10.0;
                 while s < 80.0 {
                     let node = main.path.at(s);
@@ -229,11 +230,20 @@ impl Traffic<'_> {
     }
 
     /// Places an actor where it can be seen and touches nobody.
-    fn try_place(&mut self, class: ObjectClass, size: Dimensions, point: [f64; 2], yaw: f64, lift: f64, conduct: Conduct) {
+    fn try_place(
+        &mut self,
+        class: ObjectClass,
+        size: Dimensions,
+        point: [f64; 2],
+        yaw: f64,
+        lift: f64,
+        conduct: Conduct,
+    ) {
         // Drawn always, so that what cannot be placed changes nothing for those after it.
         let dice = self.dice.fork();
         let y = self.stage.ground.y(point) - lift;
-        let box3d = Box3d { dimensions: size, location: [point[0], y, point[1]], yaw: farsight_core::wrapped_angle(yaw) };
+        let box3d =
+            Box3d { dimensions: size, location: [point[0], y, point[1]], yaw: farsight_core::wrapped_angle(yaw) };
         let far = box3d.ground_distance_m() > self.farthest_m;
         let room = if class == ObjectClass::Pedestrian { 0.02 } else { ROOM_M };
         if far || !self.stage.view.sees(point, size.length / 2.0 + 1.0) || !self.stage.is_free(&box3d, room) {
