@@ -5,8 +5,10 @@
 
 use std::time::Instant;
 
+use farsight_synth::photo::PhotoSettings;
 use farsight_synth::{WorldConfig, draw_scene, render};
 use image::{RgbImage, imageops};
+use rand_pcg::Pcg64;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -22,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let start = Instant::now();
         let drawn = draw_scene(&config, seed, first + u64::from(cell));
         let built = start.elapsed();
-        let picture = picture(&drawn)?;
+        let picture = picture(&drawn, first + u64::from(cell));
         let triangles: usize = drawn.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum();
         println!(
             "{}: {} actors, {triangles} triangles, built in {:.1} ms, all in {:.0} ms",
@@ -39,9 +41,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn picture(drawn: &farsight_synth::Drawn) -> Result<RgbImage, &'static str> {
+fn picture(drawn: &farsight_synth::Drawn, index: u64) -> RgbImage {
     let rendered = render::render(&drawn.scene);
-    let bytes = rendered.color.iter().flatten().map(|&c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0) as u8);
-    let [width, height] = rendered.size.map(|s| s as u32);
-    RgbImage::from_raw(width, height, bytes.collect()).ok_or("the picture has no pixels")
+    let mut rng = Pcg64::new(7, u128::from(index));
+    PhotoSettings::draw(&drawn.scene.air, &mut rng).develop(&rendered)
 }

@@ -6,6 +6,7 @@
 mod actors;
 mod dice;
 pub mod labels;
+pub mod layout;
 mod palette;
 pub mod photo;
 pub mod render;
@@ -15,6 +16,7 @@ pub mod sizes;
 pub(crate) mod vector;
 pub mod world;
 
+pub use layout::scene_from_labels;
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
 
 /// A scene and who is in it.

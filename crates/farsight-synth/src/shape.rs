@@ -157,7 +157,30 @@ impl Shape {
             (0..=sides).map(|side| point(side, &bumps)).collect::<Vec<_>>()
         };
         let sections: Vec<Vec<Vec3>> = (0..=rings).map(section).collect();
+        let first = self.mesh.vertices.len();
         self.skin(&sections, |_, _| Some(material));
+        self.project_patterns(first);
+    }
+
+    /// Lays the patterns of the four-cornered faces from vertex `first` on straight, along the axes that each face looks least along.
+    ///
+    /// Wrapped around a ball a pattern would be drawn out into streaks.
+    pub(crate) fn project_patterns(&mut self, first: usize) {
+        for corners in self.mesh.vertices[first..].chunks_exact_mut(4) {
+            let normal =
+                cross(sub(corners[2].position, corners[0].position), sub(corners[3].position, corners[1].position));
+            let [x, y, z] = normal.map(f32::abs);
+            let axes = if x > y && x > z {
+                [2, 1]
+            } else if y > z {
+                [0, 2]
+            } else {
+                [0, 1]
+            };
+            for corner in corners {
+                corner.uv = axes.map(|axis| corner.position[axis]);
+            }
+        }
     }
 
     /// A skin over cross-sections of equally many points, smooth except over creases.

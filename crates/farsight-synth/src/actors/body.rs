@@ -74,6 +74,16 @@ impl Profile {
         }
     }
 
+    /// Where the glass of the windscreen ends, below the edge of the roof.
+    fn screen_top(&self) -> f32 {
+        lerp(self.screen[0], self.screen[1], 0.93)
+    }
+
+    /// Where the glass of the rear window starts.
+    fn rear_top(&self) -> f32 {
+        lerp(self.rear[0], self.rear[1], 0.16)
+    }
+
     /// Height of the shoulder, under the windows.
     fn belt(&self, t: f32) -> f32 {
         let [start, end] = [self.screen[0], self.rear[1]];
@@ -127,7 +137,7 @@ impl Body {
     fn stations(&self, detail: Detail) -> Vec<f32> {
         let p = &self.profile;
         let mut stations = vec![0.0, 0.03, 0.09, p.screen[0], p.screen[1], p.rear[0], p.rear[1], 0.92, 0.975, 1.0];
-        stations.extend([p.pillar - 0.012, p.pillar + 0.012, p.window_end]);
+        stations.extend([p.pillar - 0.012, p.pillar + 0.012, p.window_end, p.screen_top(), p.rear_top()]);
         if detail > Detail::Far {
             stations.extend([0.01, 0.18, 0.99, f32::midpoint(p.screen[1], p.rear[0])]);
             stations.extend([lerp(p.screen[0], p.screen[1], 0.5), lerp(p.rear[0], p.rear[1], 0.5)]);
@@ -180,7 +190,7 @@ impl Body {
             [(shoulder + 0.02) * half, edge],
             [shoulder * half, belt.max(edge + 0.005)],
             [roof * half, belt + rise * 0.86],
-            [roof * 0.93 * half, belt + rise * 0.95],
+            [roof * 0.89 * half, belt + rise * 0.955],
             [roof * 0.62 * half, belt + rise * 0.99],
             [0.0, top],
         ]
@@ -207,8 +217,8 @@ impl Body {
         // Both halves alike, counted from the floor.
         let band = if point < HALF - 1 { point } else { 2 * (HALF - 1) - 1 - point };
         let t = f32::midpoint(self.stations[station], self.stations[station + 1]);
-        let in_screen = p.screen[0] < t && t < p.screen[1];
-        let in_rear = p.rear[0] < t && t < p.rear[1];
+        let in_screen = p.screen[0] < t && t < p.screen_top();
+        let in_rear = p.rear_top() < t && t < p.rear[1];
         match band {
             0 | 1 => livery.under,
             2 if p.black_sill => livery.trim,
@@ -235,27 +245,15 @@ impl Body {
         }
     }
 
-    /// Closes the front (`t` 0) or the rear (1) in bands across.
+    /// Closes the front (`t` 0) or the rear (1).
     fn end(&self, shape: &mut Shape, t: f32, livery: &Livery) {
         let half = self.half_section(t);
         let x = self.x(t);
         for (band, pair) in half.windows(2).enumerate().skip(1) {
             let [[z0, h0], [z1, h1]] = [pair[0], pair[1]];
-            for part in 0..3 {
-                let [a, b] = [[-1.0, -0.52], [-0.52, 0.52], [0.52, 1.0]][part];
-                let points = [[x, -h0, z0 * a], [x, -h0, z0 * b], [x, -h1, z1 * b], [x, -h1, z1 * a]];
-                let material = if t < 0.5 { front(band, part, livery) } else { self.back(band, part, livery) };
-                shape.quad(points, material, 0);
-            }
-        }
-    }
-
-    fn back(&self, band: usize, part: usize, livery: &Livery) -> MaterialId {
-        match (band, part) {
-            (2, _) if self.profile.black_sill => livery.trim,
-            (3 | 4, 0 | 2) => livery.brake_lamp,
-            (3, 0 | 2) if self.profile.upright_lamps => livery.tail_lamp,
-            _ => livery.body,
+            let points = [[x, -h0, -z0], [x, -h0, z0], [x, -h1, z1], [x, -h1, -z1]];
+            let material = if band == 2 && self.profile.black_sill { livery.trim } else { livery.body };
+            shape.quad(points, material, 0);
         }
     }
 
@@ -268,16 +266,13 @@ impl Body {
         self.profile.top(t) * self.height
     }
 
+    /// Half width and height of the end at `t` (0 front, 1 rear): lower edge, widest place, shoulder.
+    pub(super) fn end_frame(&self, t: f32) -> [[f32; 2]; 3] {
+        let half = self.half_section(t);
+        [half[2], half[3], half[5]]
+    }
+
     pub(super) fn shoulder(&self, t: f32) -> [f32; 2] {
         self.half_section(t)[5]
-    }
-}
-
-fn front(band: usize, part: usize, livery: &Livery) -> MaterialId {
-    match (band, part) {
-        (2 | 3, 1) => livery.trim,
-        (4, 0 | 2) => livery.head_lamp,
-        (4, 1) => livery.trim,
-        _ => livery.body,
     }
 }

@@ -3,7 +3,7 @@
 use super::body::{Body, Profile};
 use super::paint::{Livery, car_livery, fleet_livery};
 use super::wheels::Wheel;
-use super::{Detail, Workshop};
+use super::{Detail, Workshop, faces};
 use crate::dice::Dice;
 use crate::scene::Mesh;
 use crate::shape::Shape;
@@ -51,7 +51,8 @@ fn build(style: Style, hwl: [f32; 3], livery: Livery, workshop: &mut Workshop) -
     let mut shape = Shape::default();
     body.build(&mut shape, &livery);
     wheels(&mut shape, &body, hwl[1], &livery, workshop);
-    plates(&mut shape, &body, hwl, &livery);
+    faces::front(&mut shape, &body, hwl, &livery, workshop);
+    faces::rear(&mut shape, &body, hwl, &livery, workshop);
     mirrors(&mut shape, &body, hwl[1], &livery);
     if detail > Detail::Far {
         gaps(&mut shape, &body, &livery, detail);
@@ -195,16 +196,6 @@ fn wheels(shape: &mut Shape, body: &Body, width: f32, livery: &Livery, workshop:
             let wheel = Wheel { center, radius: body.wheel_radius(), width: 0.2, rim, spokes };
             wheel.build(shape, livery, workshop.detail);
         }
-    }
-}
-
-fn plates(shape: &mut Shape, body: &Body, [height, _, length]: [f32; 3], livery: &Livery) {
-    let half = 0.26;
-    for (x, level) in
-        [(length / 2.0 + 0.004, 0.27), (-length / 2.0 - 0.004, if body.profile.upright_lamps { 0.46 } else { 0.3 })]
-    {
-        let [low, high] = [-height * level + 0.055, -height * level - 0.055];
-        shape.quad([[x, low, -half], [x, low, half], [x, high, half], [x, high, -half]], livery.plate, 0);
     }
 }
 

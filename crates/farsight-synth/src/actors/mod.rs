@@ -4,6 +4,7 @@
 
 mod body;
 mod car;
+mod faces;
 mod heavy;
 mod paint;
 mod person;

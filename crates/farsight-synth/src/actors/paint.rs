@@ -51,7 +51,6 @@ pub(super) struct Livery {
     pub(super) head_lamp: MaterialId,
     pub(super) tail_lamp: MaterialId,
     pub(super) brake_lamp: MaterialId,
-    pub(super) indicator: MaterialId,
 }
 
 /// Paint of a private car.
@@ -89,7 +88,7 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
     Livery {
         body: palette.glossy(color, body_gloss, body_shine, body_mirror),
         second: palette.glossy(second, body_gloss, body_shine, body_mirror),
-        glass: palette.glossy(tinted(dice, glass_tone), 0.9, 250.0, dice.range32(0.06, 0.22)),
+        glass: palette.glossy(tinted(dice, glass_tone), 0.9, 250.0, dice.range32(0.03, 0.12)),
         trim: palette.glossy(grey(dice.range32(0.012, 0.05)), 0.15, 12.0, 0.01),
         gap: palette.matte(grey(0.006)),
         under: palette.matte(grey(0.01)),
@@ -100,7 +99,6 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
         head_lamp: head_lamp(palette, dice, conduct.lights_on),
         tail_lamp: palette.glowing([0.28, 0.012, 0.012], lit([1.2, 0.05, 0.03], conduct.lights_on)),
         brake_lamp: palette.glowing([0.3, 0.012, 0.012], lit([3.0, 0.12, 0.06], conduct.braking)),
-        indicator: palette.glowing([0.55, 0.22, 0.04], [0.0; 3]),
     }
 }
 

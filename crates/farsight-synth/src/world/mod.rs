@@ -3,22 +3,22 @@
 //! First the place, the light and the camera are drawn; then the streets with what lines them; then the things and the traffic along them.
 
 pub mod config;
-mod ground;
-mod light;
+pub(crate) mod ground;
+pub(crate) mod light;
 mod path;
-mod plan;
+pub(crate) mod plan;
 mod props;
-mod stage;
+pub(crate) mod stage;
 mod street;
 mod surroundings;
 mod traffic;
-mod view;
+pub(crate) mod view;
 
 pub use config::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig};
 
 use crate::Drawn;
 use crate::dice::Dice;
-use crate::palette::{any_color, grey, matte, varied};
+use crate::palette::{any_color, grey, matte, times, varied};
 use crate::scene::{Material, MaterialId, Pattern};
 use ground::Ground;
 use light::Light;
@@ -43,17 +43,22 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
     let ground = Ground::draw(view.height_m, &mut dice);
     let plan = Plan::draw(place, view.lateral_m, &mut dice);
     let mut stage = Stage::new(view, ground, light, unusual);
-    let surfaces = surfaces(&mut stage, &mut dice);
-    for street in plan.streets() {
-        street.build(&mut stage, &surfaces, &mut dice);
-    }
     let density = dice.range(config.density[0], config.density[1]);
     let traffic_dice = dice.fork();
     Traffic { stage: &mut stage, plan: &plan, density, farthest_m: config.farthest_m, dice: traffic_dice }.place_all();
-    let stock = Stock::draw(&mut stage, &mut dice);
-    let dice = dice.fork();
-    Surroundings { stage: &mut stage, plan: &plan, stock, dice }.build_all(surfaces.grass);
+    furnish(&mut stage, &plan, &mut dice);
     stage.into_drawn()
+}
+
+/// Builds the streets and what is beside them around the actors.
+pub(crate) fn furnish(stage: &mut Stage, plan: &Plan, dice: &mut Dice) {
+    let surfaces = surfaces(stage, dice);
+    for street in plan.streets() {
+        street.build(stage, &surfaces, dice);
+    }
+    let stock = Stock::draw(stage, dice);
+    let dice = dice.fork();
+    Surroundings { stage, plan, stock, dice }.build_all(surfaces.grass);
 }
 
 /// Draws what the ground is made of.
@@ -64,9 +69,9 @@ fn surfaces(stage: &mut Stage, dice: &mut Dice) -> Surfaces {
         let pattern = Pattern::Noise { other, scale, amount, seed: dice.seed() };
         stage.palette.add(Material { pattern, ..matte(color) })
     };
-    let worn = asphalt.map(|c| c * dice.range32(0.6, 0.9));
+    let worn = times(asphalt, dice.range32(0.35, 0.85));
     let road = noise(stage, asphalt, worn, dice.log_range(0.3, 6.0) as f32, dice.range32(0.3, 1.0), dice);
-    let dark = asphalt.map(|c| c * dice.range32(0.5, 1.3));
+    let dark = times(asphalt, dice.range32(0.5, 1.3));
     let patch = noise(stage, dark, dark.map(|c| c * 0.8), 0.5, 0.6, dice);
     let bay = if dice.chance(0.5) { road } else { paved(stage, dice) };
     let pavement = paved(stage, dice);
@@ -79,7 +84,11 @@ fn surfaces(stage: &mut Stage, dice: &mut Dice) -> Surfaces {
         ([0.16, 0.12, 0.08], 0.7),
     ]);
     let green = varied(dice, green, 0.3);
-    let grass = noise(stage, green, green.map(|c| c * 0.45), dice.range32(0.3, 2.5), 1.0, dice);
+    let dry = varied(dice, [0.14, 0.11, 0.05], 0.4);
+    let dull = times(green, dice.range32(0.1, 0.4));
+    let other = if dice.chance(0.4) { dry } else { dull };
+    let green = times(green, dice.range32(1.0, 2.2));
+    let grass = noise(stage, green, other, dice.range32(0.2, 2.0), 1.0, dice);
     let wear = Pattern::Worn { scale: dice.range32(0.1, 0.6), wear: dice.range32(0.0, 0.45), seed: dice.seed() };
     let tone = dice.range32(0.45, 0.8);
     let paint = if dice.chance(0.07) { [tone, tone * 0.7, tone * 0.12] } else { grey(tone) };

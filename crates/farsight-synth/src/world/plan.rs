@@ -25,6 +25,18 @@ pub(crate) struct Plan {
     pub(crate) lining: [Lining; 2],
 }
 
+/// What is known of the road of a real frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Found {
+    /// Its direction, radians to the right of straight ahead.
+    pub(crate) turn: f64,
+    /// Its left and right edge, metres to the right of the camera.
+    pub(crate) edges: [f64; 2],
+    /// People on foot, and vehicles along the road.
+    pub(crate) people: usize,
+    pub(crate) vehicles: usize,
+}
+
 /// What lines one side of a street.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lining {
@@ -189,6 +201,33 @@ impl Plan {
             s += dice.range(45.0, 80.0);
         }
         plan
+    }
+
+    /// A plan that fits what was found in a real frame.
+    pub(crate) fn around(found: &Found, dice: &mut Dice) -> Self {
+        let people = found.people as f64;
+        let place = dice.weighted(&[
+            (Place::City, 0.25 + 0.3 * people),
+            (Place::Residential, 0.3 + 0.05 * found.vehicles as f64),
+            (Place::Suburban, 0.3),
+            (Place::Rural, if people > 0.0 { 0.05 } else { 0.35 }),
+        ]);
+        let [left, right] = found.edges;
+        let count = ((right - left) / 3.2).round().max(1.0);
+        let width = (right - left) / count;
+        let lane = |k: usize| {
+            let center = left + width * (k as f64 + 0.5);
+            let direction = if center < -width / 2.0 { -1.0 } else { 1.0 };
+            Lane { center, width, direction, used_for: LaneUse::Drive }
+        };
+        let yaw = -std::f64::consts::FRAC_PI_2 + found.turn;
+        let path = Path::new([0.0, 0.0], yaw, [-16.0, 170.0], |_| 0.0);
+        let borders = [border(place, dice), border(place, dice)];
+        let markings = markings(place, dice);
+        let lanes = (0..count as usize).map(lane).collect();
+        let main = Street { path, lanes, edges: found.edges, borders, markings, openings: Vec::new() };
+        let lining = [lining(place, dice), lining(place, dice)];
+        Self { place, main, side: Vec::new(), parked: 0.0, gap: 0.0, queue: false, people: 0.0, cyclists: 0.0, lining }
     }
 
     /// A road that crosses the main one at `s`.

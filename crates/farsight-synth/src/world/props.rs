@@ -9,14 +9,14 @@ use crate::shape::Shape;
 /// Materials of plants and street furniture, drawn once a scene so that a place has its own look.
 #[derive(Debug, Clone)]
 pub(crate) struct Stock {
-    pub(crate) leaves: Vec<MaterialId>,
+    /// Leaves with gaps, and the dark inside of the same crown.
+    pub(crate) leaves: Vec<[MaterialId; 2]>,
     pub(crate) hedges: Vec<MaterialId>,
     pub(crate) bark: MaterialId,
     pub(crate) metal: MaterialId,
     pub(crate) dark: MaterialId,
     pub(crate) wood: MaterialId,
     pub(crate) stone: MaterialId,
-    pub(crate) glass: MaterialId,
 }
 
 const GREENS: [(Color, f64); 6] = [
@@ -30,17 +30,26 @@ const GREENS: [(Color, f64); 6] = [
 
 impl Stock {
     pub(crate) fn draw(stage: &mut Stage, dice: &mut Dice) -> Self {
-        let mut foliage = |dice: &mut Dice, dense: bool| {
+        let mut foliage = |dice: &mut Dice, density: f32| {
             let color = if stage.unusual && dice.chance(0.5) { any_color(dice) } else { dice.weighted(&GREENS) };
-            let color = varied(dice, color, 0.35);
-            let density = if dense { 1.0 } else { dice.range32(0.55, 0.9) };
-            let other = color.map(|c| c * dice.range32(0.15, 0.45));
-            let scale = dice.range32(0.12, 0.5);
-            let pattern = Pattern::Leaves { other, scale, density, seed: dice.seed() };
-            stage.palette.add(Material { pattern, ..matte(color) })
+            let bright = dice.range32(1.2, 2.6);
+            let color = crate::palette::times(varied(dice, color, 0.35), bright);
+            let other = crate::palette::times(color, dice.range32(0.0, 0.15));
+            let scale = dice.log_range(0.08, 0.4) as f32;
+            let mut layer = |density: f32, dark: f32| {
+                let [color, other] = [color, other].map(|c| crate::palette::times(c, dark));
+                let pattern = Pattern::Leaves { other, scale, density, seed: dice.seed() };
+                stage.palette.add(Material { pattern, ..matte(color) })
+            };
+            [layer(density, 1.0), layer(1.0, 0.45)]
         };
-        let leaves = (0..4).map(|_| foliage(dice, false)).collect();
-        let hedges = (0..2).map(|_| foliage(dice, true)).collect();
+        let leaves = (0..4)
+            .map(|_| {
+                let density = dice.range32(0.45, 0.75);
+                foliage(dice, density)
+            })
+            .collect();
+        let hedges = (0..2).map(|_| foliage(dice, 1.0)[0]).collect();
         let palette = &mut stage.palette;
         let bark = varied(dice, [0.09, 0.065, 0.045], 0.4);
         let wood = varied(dice, [0.2, 0.13, 0.08], 0.5);
@@ -53,7 +62,6 @@ impl Stock {
             dark: palette.glossy(grey(0.02), 0.2, 20.0, 0.02),
             wood: palette.noise(wood, wood.map(|c| c * 0.6), 0.3, dice.seed()),
             stone: palette.noise(grey(dice.range32(0.2, 0.45)), grey(0.15), 0.5, dice.seed()),
-            glass: palette.glossy([0.02, 0.025, 0.03], 0.9, 200.0, 0.25),
         }
     }
 }
@@ -82,7 +90,10 @@ pub(crate) fn tree(height: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> M
         let center = [lean[0] + cos * out, -trunk - crown + up, lean[2] + sin * out];
         let grow = dice.range32(0.45, 0.75);
         let radii = [wide * grow, crown * grow * 0.9, wide * grow];
-        shape.ball(center, radii, sides, leaves, || dice.range32(-0.25, 0.25));
+        leafy_ball(&mut shape, center, radii, sides, leaves, dice);
+        if fine {
+            sprays(&mut shape, center, radii, 8, leaves[0], dice);
+        }
     }
     for _ in 0..if fine { dice.whole(1, 3) } else { 0 } {
         let to =
@@ -92,26 +103,71 @@ pub(crate) fn tree(height: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> M
     shape.mesh
 }
 
-fn conifer(shape: &mut Shape, height: f32, stock: &Stock, leaves: MaterialId, dice: &mut Dice) {
+fn conifer(shape: &mut Shape, height: f32, stock: &Stock, leaves: [MaterialId; 2], dice: &mut Dice) {
     shape.tube([0.0, 0.2, 0.0], [0.0, -height * 0.3, 0.0], [0.18, 0.15], 6, stock.bark);
     let wide = height * dice.range32(0.16, 0.28);
     for k in 0..4 {
         let low = height * (0.12 + 0.2 * k as f32);
         let radius = wide * (1.0 - 0.22 * k as f32);
-        shape.tube([0.0, -low, 0.0], [0.0, -(low + height * 0.3).min(height), 0.0], [radius, radius * 0.1], 8, leaves);
+        let first = shape.mesh.vertices.len();
+        shape.tube(
+            [0.0, -low, 0.0],
+            [0.0, -(low + height * 0.3).min(height), 0.0],
+            [radius, radius * 0.1],
+            8,
+            leaves[0],
+        );
+        shape.tube(
+            [0.0, -low, 0.0],
+            [0.0, -(low + height * 0.26).min(height), 0.0],
+            [radius * 0.8, radius * 0.05],
+            7,
+            leaves[1],
+        );
+        shape.project_patterns(first);
+        sprays(shape, [0.0, -low - height * 0.1, 0.0], [radius, height * 0.1, radius], 6, leaves[0], dice);
+    }
+}
+
+/// Part of a crown: leaves with gaps around a dark inside.
+fn leafy_ball(
+    shape: &mut Shape,
+    center: Vec3,
+    radii: Vec3,
+    sides: [usize; 2],
+    leaves: [MaterialId; 2],
+    dice: &mut Dice,
+) {
+    shape.ball(center, radii, sides, leaves[0], || dice.range32(-0.25, 0.25));
+    shape.ball(center, radii.map(|r| r * 0.8), [3, 6], leaves[1], || dice.range32(-0.2, 0.2));
+}
+
+/// Single boughs that stick out of a crown, so that its outline is ragged.
+fn sprays(shape: &mut Shape, center: Vec3, radii: Vec3, count: usize, leaves: MaterialId, dice: &mut Dice) {
+    for _ in 0..count {
+        let out = crate::shape::unit([dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0)]);
+        let from = [0, 1, 2].map(|i| center[i] + out[i] * radii[i] * 0.8);
+        let reach = radii[0] * dice.range32(0.25, 0.5);
+        let side = crate::shape::unit([out[2], dice.range32(-0.4, 0.4), -out[0]]);
+        let corner = |a: f32, b: f32| [0, 1, 2].map(|i| from[i] + (out[i] * a + side[i] * b) * reach);
+        let first = shape.mesh.vertices.len();
+        shape.quad([corner(-0.3, -0.7), corner(0.0, 0.8), corner(1.1, 0.4), corner(0.8, -0.6)], leaves, 0);
+        shape.project_patterns(first);
     }
 }
 
 /// A bush of a size.
 pub(crate) fn bush(height: f32, wide: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> Mesh {
     let mut shape = Shape::default();
-    let leaves = if dice.chance(0.5) { dice.pick(&stock.leaves) } else { dice.pick(&stock.hedges) };
+    let leaves = dice.pick(&stock.leaves);
     for _ in 0..if fine { 3 } else { 1 } {
         let center = [dice.range32(-0.3, 0.3) * wide, -height * 0.45, dice.range32(-0.3, 0.3) * wide];
         let grow = dice.range32(0.7, 1.0);
-        shape.ball(center, [wide / 2.0 * grow, height * 0.55, wide / 2.0 * grow], [4, 7], leaves, || {
-            dice.range32(-0.2, 0.2)
-        });
+        let radii = [wide / 2.0 * grow, height * 0.55, wide / 2.0 * grow];
+        leafy_ball(&mut shape, center, radii, [4, 7], leaves, dice);
+        if fine {
+            sprays(&mut shape, center, radii, 6, leaves[0], dice);
+        }
     }
     shape.mesh
 }

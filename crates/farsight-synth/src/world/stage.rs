@@ -9,8 +9,8 @@ use super::view::View;
 use crate::Drawn;
 use crate::actors::{self, Conduct, Detail, Workshop};
 use crate::dice::Dice;
-use crate::palette::{Palette, grey, matte};
-use crate::scene::{Actor, Lamp, Material, MaterialId, Object, Pattern, Scene, Vec3};
+use crate::palette::{Palette, grey};
+use crate::scene::{Actor, Lamp, MaterialId, Object, Scene, Vec3};
 use crate::shape::Shape;
 
 /// Layers of paint on the ground, from below.
@@ -22,8 +22,12 @@ pub(crate) mod layer {
     pub(crate) const STAIN: u8 = 4;
 }
 
-/// Paint lies this much higher than the layer below it, metres.
-const LAYER_LIFT_M: f64 = 0.004;
+/// A view that must stay free: between two directions (x over z), up to a depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sightline {
+    pub(crate) tangents: [f64; 2],
+    pub(crate) depth_m: f64,
+}
 
 /// Collects what a scene consists of.
 pub(crate) struct Stage {
@@ -37,18 +41,18 @@ pub(crate) struct Stage {
     /// What stands on it.
     pub(crate) solid: Shape,
     pub(crate) lamps: Vec<Lamp>,
+    /// What props must not hide.
+    pub(crate) sightlines: Vec<Sightline>,
     actors: Vec<Actor>,
     objects: Vec<Object>,
     taken: Vec<Block>,
-    stain: [MaterialId; 2],
+    stain: MaterialId,
 }
 
 impl Stage {
     pub(crate) fn new(view: View, ground: Ground, light: Light, unusual: bool) -> Self {
         let mut palette = Palette::default();
-        let dark = palette.matte(grey(0.008));
-        let worn = Pattern::Worn { scale: 0.05, wear: 0.55, seed: 1 };
-        let edge = palette.add(Material { pattern: worn, ..matte(grey(0.012)) });
+        let stain = palette.matte(grey(0.01));
         let mut stage = Self {
             palette,
             view,
@@ -58,10 +62,11 @@ impl Stage {
             flat: Shape::default(),
             solid: Shape::default(),
             lamps: Vec::new(),
+            sightlines: Vec::new(),
             actors: Vec::new(),
             objects: Vec::new(),
             taken: Vec::new(),
-            stain: [dark, edge],
+            stain,
         };
         stage.take_room_for_camera();
         stage
@@ -80,9 +85,14 @@ impl Stage {
         [point[0], self.ground.y(point) - lift, point[1]].map(|v| v as f32)
     }
 
-    /// A point of a layer of paint.
-    pub(crate) fn painted(&self, point: [f64; 2], layer: u8) -> Vec3 {
-        self.over(point, f64::from(layer) * LAYER_LIFT_M)
+    /// Whether something of this radius would hide what must be seen.
+    pub(crate) fn hides(&self, [x, z]: [f64; 2], radius: f64) -> bool {
+        let near = (z - radius).max(0.3);
+        let (low, high) = ((x - radius) / near, (x + radius) / near);
+        let (low, high) =
+            (low.min((x - radius) / (z + radius).max(0.3)), high.max((x + radius) / (z + radius).max(0.3)));
+        let covers = |line: &Sightline| near < line.depth_m && low < line.tangents[1] && high > line.tangents[0];
+        z + radius > 0.0 && self.sightlines.iter().any(covers)
     }
 
     /// Whether a box with `room` around it touches nothing that has been placed.
@@ -114,14 +124,14 @@ impl Stage {
         self.actors.push(Actor { class, box3d, instance });
     }
 
-    /// The ground under a vehicle, where no light of the sky comes.
+    /// The ground under a vehicle, where hardly any light comes.
     fn add_stain(&mut self, box3d: &Box3d) {
-        for (part, (material, reach)) in self.stain.into_iter().zip([0.97, 1.06]).enumerate() {
-            let half = [box3d.dimensions.length, box3d.dimensions.width].map(|v| (v / 2.0 * reach) as f32);
-            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-            let lift = 0.012 - 0.003 * part as f32;
-            let points = corners.map(|[a, b]| actors::point_of(box3d, [a * half[0], -lift, b * half[1]]));
-            self.flat.quad(points, material, layer::STAIN);
+        let half = [box3d.dimensions.length * 0.47, box3d.dimensions.width * 0.45].map(|v| v as f32);
+        let corners =
+            [[-1.0, -0.8], [-0.9, -1.0], [0.9, -1.0], [1.0, -0.8], [1.0, 0.8], [0.9, 1.0], [-0.9, 1.0], [-1.0, 0.8]];
+        let points = corners.map(|[a, b]| actors::point_of(box3d, [a * half[0], -0.012, b * half[1]]));
+        for quad in [[0, 1, 2, 3], [0, 3, 4, 7], [7, 4, 5, 6]] {
+            self.flat.quad(quad.map(|i| points[i]), self.stain, layer::STAIN);
         }
     }
 
@@ -137,10 +147,6 @@ impl Stage {
             let direction = crate::shape::unit(crate::shape::sub(ahead, position));
             self.lamps.push(Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 });
         }
-    }
-
-    pub(crate) fn actor_boxes(&self) -> impl Iterator<Item = &Box3d> {
-        self.actors.iter().map(|actor| &actor.box3d)
     }
 
     pub(crate) fn into_drawn(self) -> Drawn {

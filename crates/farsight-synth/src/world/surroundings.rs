@@ -92,7 +92,8 @@ impl Surroundings<'_> {
             self.plan.on_street([f64::from(at[0]), f64::from(at[2])], 0.0)
         });
         let reach = f64::midpoint(width, depth) + 15.0;
-        if blocked || !self.stage.view.sees(center, reach) || !self.stage.is_free(&box3d, 0.3) {
+        let hides = self.stage.hides(center, f64::midpoint(width, depth) * 0.75);
+        if blocked || hides || !self.stage.view.sees(center, reach) || !self.stage.is_free(&box3d, 0.3) {
             return;
         }
         let mesh = props::house(width as f32, depth as f32, height as f32, &look, &mut dice);
@@ -147,7 +148,7 @@ impl Surroundings<'_> {
             let next = (s + 3.0).min(to);
             let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(next));
             let middle = a.beside(d + thick / 2.0);
-            if !self.blocked(middle, 0.6) && self.stage.view.sees(middle, 6.0) {
+            if !self.blocked(middle, 0.6) && !self.stage.hides(middle, 3.2) && self.stage.view.sees(middle, 6.0) {
                 let corner = |node: &super::path::Node, d: f64, up: f64| self.stage.over(node.beside(d), up);
                 let (near, far) = (d, d + thick);
                 let faces = [
@@ -210,7 +211,12 @@ impl Surroundings<'_> {
     fn tree(&mut self, point: [f64; 2], height: f64, room: f64) {
         let mut dice = self.dice.fork();
         let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
-        if distance < 4.0 || self.blocked(point, room) || !self.stage.view.sees(point, height) {
+        let crown = height * 0.33;
+        if distance < 4.0
+            || self.blocked(point, room)
+            || self.stage.hides(point, crown)
+            || !self.stage.view.sees(point, height)
+        {
             return;
         }
         let mesh = props::tree(height as f32, &self.stock, distance < 45.0, &mut dice);
@@ -240,9 +246,14 @@ impl Surroundings<'_> {
 
     fn bush(&mut self, point: [f64; 2]) {
         let mut dice = self.dice.fork();
-        let (height, wide) = (dice.log_range(0.5, 3.5), dice.log_range(0.8, 4.0));
+        let height = dice.log_range(0.5, 3.5);
+        let wide = height * dice.range(0.8, 2.0);
         let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
-        if distance < 4.0 || self.blocked(point, wide / 2.0) || !self.stage.view.sees(point, 5.0) {
+        if distance < 4.0
+            || self.blocked(point, wide / 2.0)
+            || self.stage.hides(point, wide * 0.6)
+            || !self.stage.view.sees(point, 5.0)
+        {
             return;
         }
         let mesh = props::bush(height as f32, wide as f32, &self.stock, distance < 40.0, &mut dice);
@@ -261,14 +272,15 @@ impl Surroundings<'_> {
         let d = self.plan.main.outer(side) + lining.wood;
         let mut s = -14.0;
         let mut height = tall;
+        let mut bulge = 0.0;
         while s < 170.0 {
             let next = s + 4.0;
             let next_height = tall * self.dice.range(0.7, 1.2);
             let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(next));
-            let bulge = self.dice.range(0.0, 2.5);
-            let (from, to) = (a.beside(sign * (d + 3.0)), b.beside(sign * (d + 3.0 + bulge)));
+            let next_bulge = self.dice.range(0.0, 2.5);
+            let (from, to) = (a.beside(sign * (d + 3.0 + bulge)), b.beside(sign * (d + 3.0 + next_bulge)));
             let crosses = self.plan.side.iter().any(|street| street.covers(from, 3.0) || street.covers(to, 3.0));
-            if !crosses && self.stage.view.sees(from, 8.0) && self.has_room(from, 1.0) {
+            if !crosses && !self.stage.hides(from, 4.0) && self.stage.view.sees(from, 8.0) && self.has_room(from, 1.0) {
                 let points = [
                     self.stage.over(from, -0.3),
                     self.stage.over(to, -0.3),
@@ -288,7 +300,7 @@ impl Surroundings<'_> {
                     }
                 }
             }
-            height = next_height;
+            (height, bulge) = (next_height, next_bulge);
             s = next;
         }
     }
@@ -303,7 +315,7 @@ impl Surroundings<'_> {
         while has_lamps && next_lamp < 110.0 {
             let node = self.plan.main.path.at(next_lamp);
             let point = node.beside(edge + sign * 0.6);
-            if !self.blocked(point, 0.1) && self.stage.view.sees(point, lamp_height) {
+            if !self.blocked(point, 0.1) && !self.stage.hides(point, 0.3) && self.stage.view.sees(point, lamp_height) {
                 // Leans over the road: local +z points to it.
                 let yaw = node.yaw() + if side == 1 { 0.0 } else { std::f64::consts::PI };
                 let at = self.stage.over(point, 0.0);
@@ -318,7 +330,7 @@ impl Surroundings<'_> {
             let node = self.plan.main.path.at(s);
             let point = node.beside(edge + sign * self.dice.range(0.4, 1.6));
             let mut dice = self.dice.fork();
-            if self.blocked(point, 0.2) || !self.stage.view.sees(point, 3.0) {
+            if self.blocked(point, 0.2) || self.stage.hides(point, 0.5) || !self.stage.view.sees(point, 3.0) {
                 continue;
             }
             let facing = node.yaw() + if side == 1 { 0.0 } else { std::f64::consts::PI } + dice.normal(0.0, 0.15);
@@ -340,7 +352,10 @@ impl Surroundings<'_> {
         let mut s = -10.0;
         while s < 120.0 {
             let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(s + 4.0));
-            if !self.blocked(a.beside(d), 0.3) && self.stage.view.sees(a.beside(d), 5.0) {
+            if !self.blocked(a.beside(d), 0.3)
+                && !self.stage.hides(a.beside(d), 4.0)
+                && self.stage.view.sees(a.beside(d), 5.0)
+            {
                 let at = |node: &super::path::Node, up: f64| self.stage.over(node.beside(d), up);
                 let points = [at(&a, 0.45), at(&b, 0.45), at(&b, 0.78), at(&a, 0.78)];
                 let post = [self.stage.over(a.beside(d), -0.1), self.stage.over(a.beside(d), 0.7)];
@@ -353,7 +368,7 @@ impl Surroundings<'_> {
 
     /// Hills, woods or a town far away.
     fn horizon(&mut self) {
-        let wooded = self.dice.chance(0.75);
+        let wooded = self.dice.chance(0.88);
         let color = if wooded {
             varied(&mut self.dice, [0.04, 0.06, 0.025], 0.4)
         } else {

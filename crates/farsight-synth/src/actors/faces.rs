@@ -1,0 +1,125 @@
+//! The front and the rear of cars: lamps, grille, plates, bumpers.
+
+use super::body::Body;
+use super::paint::Livery;
+use super::{Detail, Workshop};
+use crate::scene::MaterialId;
+use crate::shape::Shape;
+
+/// Paints flat parts on one end of a body. Heights are shares of the space between bumper and shoulder, offsets shares of the half width.
+struct Panel<'a> {
+    shape: &'a mut Shape,
+    x: f32,
+    /// Half width and height of the lower edge, the widest place and the shoulder.
+    frame: [[f32; 2]; 3],
+}
+
+impl Panel<'_> {
+    fn half_width(&self, height: f32) -> f32 {
+        let [low, middle, high] = self.frame;
+        let (a, b) = if height < middle[1] { (low, middle) } else { (middle, high) };
+        let share = ((height - a[1]) / (b[1] - a[1]).max(1e-3)).clamp(0.0, 1.0);
+        a[0] + (b[0] - a[0]) * share
+    }
+
+    /// A piece between two heights (metres) and two offsets at its lower and its upper edge; `rank` lifts it over pieces below.
+    fn piece(&mut self, [low, high]: [f32; 2], lower: [f32; 2], upper: [f32; 2], rank: f32, material: MaterialId) {
+        let x = self.x + self.x.signum() * 0.003 * rank;
+        let at = |height: f32, share: f32| [x, -height, share * self.half_width(height)];
+        let points = [at(low, lower[0]), at(low, lower[1]), at(high, upper[1]), at(high, upper[0])];
+        self.shape.quad(points, material, 0);
+    }
+
+    /// The same on both sides.
+    fn pair(&mut self, heights: [f32; 2], lower: [f32; 2], upper: [f32; 2], rank: f32, material: MaterialId) {
+        self.piece(heights, lower, upper, rank, material);
+        self.piece(heights, [-lower[1], -lower[0]], [-upper[1], -upper[0]], rank, material);
+    }
+
+    /// A number plate 0.52 m wide around a height.
+    fn plate(&mut self, height: f32, livery: &Livery) {
+        let half = (0.26 / self.half_width(height).max(0.3)).min(0.9);
+        self.piece([height - 0.055, height + 0.055], [-half, half], [-half, half], 3.0, livery.plate);
+    }
+}
+
+/// Headlamps, grille, air intake, plate.
+pub(super) fn front(shape: &mut Shape, body: &Body, hwl: [f32; 3], livery: &Livery, workshop: &mut Workshop) {
+    let frame = body.end_frame(0.0);
+    let [_, bulge, shoulder] = frame;
+    let mut panel = Panel { shape, x: hwl[2] / 2.0, frame };
+    let dice = &mut workshop.dice;
+    let top = shoulder[1];
+    let bottom = frame[0][1];
+    let span = top - bottom;
+    // Air intake in the bumper.
+    let intake = dice.range32(0.3, 0.75);
+    panel.piece(
+        [bottom + 0.06 * span, bottom + 0.3 * span],
+        [-intake, intake],
+        [-intake * 1.05, intake * 1.05],
+        1.0,
+        livery.trim,
+    );
+    // Grille between the lamps.
+    let (wide, tall) = (dice.range32(0.25, 0.52), dice.range32(0.14, 0.36));
+    let grille = if dice.chance(0.75) { livery.trim } else { livery.chrome };
+    let taper = dice.range32(0.8, 1.2);
+    panel.piece([top - 0.06 - tall * span, top - 0.05], [-wide * taper, wide * taper], [-wide, wide], 1.0, grille);
+    if workshop.detail == Detail::Near {
+        panel.piece([top - 0.14, top - 0.06], [-0.06, 0.06], [-0.06, 0.06], 3.0, livery.chrome);
+    }
+    // Lamps at the corners; they go on around the side.
+    let (inner, low) = (dice.range32(0.48, 0.66), dice.range32(0.18, 0.36));
+    let slant = dice.range32(-0.06, 0.12);
+    let heights = [(top - low * span).max(bulge[1] - 0.1), top - 0.01];
+    panel.pair(heights, [inner + slant, 0.99], [inner - slant, 0.98], 2.0, livery.head_lamp);
+    if workshop.detail == Detail::Near {
+        let middle = [heights[0] + 0.25 * (heights[1] - heights[0]), heights[1] - 0.02];
+        panel.pair(middle, [inner + 0.12, 0.86], [inner + 0.12, 0.86], 3.0, livery.chrome);
+    }
+    if dice.chance(0.4) {
+        panel.pair([bottom + 0.12 * span, bottom + 0.24 * span], [0.78, 0.93], [0.78, 0.93], 2.0, livery.chrome);
+    }
+    let level = bottom + span * dice.range32(0.28, 0.42);
+    panel.plate(level, livery);
+}
+
+/// Rear lamps, plate, bumper.
+pub(super) fn rear(shape: &mut Shape, body: &Body, hwl: [f32; 3], livery: &Livery, workshop: &mut Workshop) {
+    let frame = body.end_frame(1.0);
+    let mut panel = Panel { shape, x: -hwl[2] / 2.0, frame };
+    let dice = &mut workshop.dice;
+    let (bottom, top) = (frame[0][1], frame[2][1]);
+    let span = top - bottom;
+    if body.profile.upright_lamps {
+        let (inner, low) = (dice.range32(0.74, 0.88), dice.range32(0.4, 0.62));
+        let split = top - 0.45 * low * span;
+        panel.pair([top - low * span, split], [inner, 0.99], [inner, 0.99], 2.0, livery.tail_lamp);
+        panel.pair([split, top], [inner, 0.99], [inner, 0.98], 2.0, livery.brake_lamp);
+    } else {
+        let (inner, low) = (dice.range32(0.5, 0.74), dice.range32(0.2, 0.36));
+        let outer = dice.range32(0.8, 0.9);
+        let heights = [top - low * span, top - 0.03];
+        panel.pair(heights, [inner, outer], [inner, outer], 2.0, livery.brake_lamp);
+        panel.pair(heights, [outer, 0.99], [outer, 0.99], 2.0, livery.tail_lamp);
+    }
+    // The bumper: a seam over it, often black below.
+    let seam = bottom + span * dice.range32(0.3, 0.42);
+    panel.piece([seam, seam + 0.014], [-0.98, 0.98], [-0.98, 0.98], 1.0, livery.gap);
+    if dice.chance(0.5) {
+        let apron = bottom + span * dice.range32(0.08, 0.24);
+        panel.piece([bottom, apron], [-0.97, 0.97], [-0.97, 0.97], 1.0, livery.trim);
+    }
+    if dice.chance(0.3) {
+        panel.piece([seam - 0.06, seam - 0.01], [-0.95, 0.95], [-0.95, 0.95], 1.0, livery.trim);
+    }
+    panel.pair([bottom + 0.1 * span, bottom + 0.16 * span], [0.7, 0.85], [0.7, 0.85], 2.0, livery.tail_lamp);
+    let on_bumper = dice.chance(0.3);
+    let level = if on_bumper { bottom + 0.22 * span } else { seam + dice.range32(0.1, 0.22) };
+    panel.plate(level.min(top - 0.1), livery);
+    if workshop.detail == Detail::Near {
+        let level = (level + 0.1).min(top - 0.03);
+        panel.piece([level, level + 0.025], [-0.3, 0.3], [-0.3, 0.3], 2.0, livery.chrome);
+    }
+}
