@@ -34,6 +34,8 @@ Commands:
   eval    Judge result files as KITTI does, and their errors of distance
   train   Train a model
   import  Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
+  export  Write a model as an ONNX file, checked before it is kept
+  parity  Compare an engine's answers with stored reference tensors
   info    Show what a model is made of and what it costs
   help    Print this message or the help of the given subcommand(s)
 
@@ -106,8 +108,7 @@ fn a_calibration_that_is_none() {
 
 #[test]
 fn no_model() {
-    let expected =
-        "error: m.safetensors: no such file; expected a model that `farsight train` or `farsight import` wrote\n";
+    let expected = "error: m.safetensors: no such file; expected a model that `farsight train`, `farsight import` or `farsight export` wrote\n";
     assert_eq!(refusal(&["range", "a.png", "--hfov", "80", "--model", "m.safetensors"]), expected);
 }
 
@@ -117,7 +118,7 @@ fn what_needs_libtorch_says_so() {
     let expected = "\
 error: this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it
 ";
-    assert_eq!(refusal(&["range", "a.png", "--hfov", "80", "--model", "model"]), expected);
+    assert_eq!(refusal(&["range", "a.png", "--hfov", "80", "--model", "model", "--engine", "libtorch"]), expected);
     let expected = "\
 error: this farsight was built without training, which needs libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run train ...` builds and trains with it
 ";
@@ -137,4 +138,68 @@ fn info_reads_the_model_part_of_a_config() {
     let (status, _, err) = farsight_in(folder.path(), &["info", "run.toml"]);
     let expected = "error: run.toml: model.input is 640x191; expected multiples of 32 pixels\n";
     assert_eq!((status, err.as_str()), (2, expected));
+}
+
+/// Writes a small model with fresh weights to `folder` and returns its path.
+fn small_model(folder: &Path) -> std::path::PathBuf {
+    let config = farsight_net::config::ModelConfig {
+        input: [96, 64],
+        width: 0.25,
+        norm: farsight_net::config::NormKind::Batch,
+        msfe: farsight_net::config::Msfe::A,
+        ..farsight_net::config::ModelConfig::default()
+    };
+    let weights = farsight_net::init::initial_weights(&farsight_net::build::network(&config), 1);
+    let path = folder.join("m.safetensors");
+    farsight_net::model::Model::new(config, weights).unwrap().write(&path).unwrap();
+    path
+}
+
+#[test]
+fn a_model_that_is_none() {
+    let expected =
+        "error: model: no \"farsight.model\" in its metadata; expected a file written by `farsight export`\n";
+    let message = refusal(&["range", "a.png", "--hfov", "80", "--model", "model"]);
+    assert!(message == expected || message.starts_with("error: model: not a whole ONNX file: byte "), "{message}");
+}
+
+#[test]
+fn export_and_range_with_the_model_and_with_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    small_model(folder.path());
+    let run = |arguments: &[&str]| farsight_in(folder.path(), arguments);
+    let (status, out, err) = run(&[
+        "export",
+        "--model",
+        "m.safetensors",
+        "--out",
+        "m.onnx",
+        "--training-data",
+        "noise",
+        "--training-data-licence",
+        "CC0",
+    ]);
+    assert_eq!(status, 0, "{err}");
+    let names: Vec<&str> = out.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
+    assert_eq!(names, ["cls_logits", "reg_raw", "m.onnx:"], "{out}");
+
+    let (status, out, err) = run(&["info", "m.onnx"]);
+    assert_eq!(status, 0, "{err}");
+    for fact in ["trained on      noise", "its licence     CC0", "weights SHA-256 "] {
+        assert!(out.contains(fact), "{fact} is not in {out}");
+    }
+
+    image::RgbImage::from_fn(96, 64, |x, y| image::Rgb([x as u8, y as u8, 90]))
+        .save(folder.path().join("a.png"))
+        .unwrap();
+    let answer = |model: &str| {
+        let json = format!("{model}.json");
+        let arguments = ["range", "a.png", "--hfov", "80", "--min-score", "0.01", "--model", model, "--json", &json];
+        let (status, _, err) = run(&arguments);
+        assert_eq!(status, 0, "{err}");
+        std::fs::read_to_string(folder.path().join(json)).unwrap()
+    };
+    let from_file = answer("m.onnx");
+    assert!(from_file.contains("range_m"));
+    assert_eq!(from_file, answer("m.safetensors"));
 }

@@ -84,7 +84,9 @@ fn scale_kernel(graph: &Graph, weights: &mut Weights, kernel: ParameterId, line:
     let Some(tensor) = weights.tensors.get_mut(&graph.parameters[kernel].name) else { return };
     let fan_in = tensor.values.len() / line.scale.len().max(1);
     for (row, scale) in tensor.values.chunks_exact_mut(fan_in.max(1)).zip(&line.scale) {
-        row.iter_mut().for_each(|value| *value = (f64::from(*value) * scale) as f32);
+        for value in row {
+            *value = (f64::from(*value) * scale) as f32;
+        }
     }
 }
 

@@ -45,9 +45,9 @@ pub(crate) struct ExportArgs {
 /// See [`Target`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum TargetName {
-    /// GridSample: every engine runs it
+    /// Sums of samples: every engine runs it
     Portable,
-    /// DeformConv: ONNX Runtime runs it, and faster
+    /// ONNX's own operator: ONNX Runtime runs it, and faster
     Onnxruntime,
 }
 
@@ -81,7 +81,9 @@ fn facts(args: &ExportArgs, model: &Model, target: Target) -> Result<Facts> {
     let mut facts = Facts::new(model, target);
     let told = [(key::TRAINING_DATA, &args.training_data), (key::TRAINING_DATA_LICENCE, &args.training_data_licence)];
     for (key, text) in told {
-        text.iter().for_each(|text| facts.set(key, text.clone()));
+        if let Some(text) = text {
+            facts.set(key, text.clone());
+        }
     }
     if let Some(path) = &args.evaluation {
         let text = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;

@@ -8,7 +8,7 @@ use clap::Args;
 use farsight_net::build::network;
 use farsight_net::config::ModelConfig;
 use farsight_net::count::{StageCount, count, total};
-use farsight_net::model::Model;
+use farsight_net::onnx::{Facts, OnnxModel, Target, key};
 use serde::Deserialize;
 
 use super::Outcome;
@@ -17,7 +17,7 @@ use crate::printer::Printer;
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model (.safetensors), or the config of a training (.toml)
+    /// A model (.safetensors, .onnx), or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
 }
@@ -31,12 +31,12 @@ struct RunFile {
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
-    let config = read_config(&args.model)?;
+    let (config, told) = read(&args.model)?;
     let [width, height] = config.input;
     let stages = count(&network(&config), width, height).with_context(|| {
         format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
     })?;
-    for (name, fact) in facts(&config) {
+    for (name, fact) in facts(&config).into_iter().chain(told) {
         printer.line(&format!("{name:15} {fact}"));
     }
     printer.line("");
@@ -47,10 +47,29 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn read_config(path: &Path) -> Result<ModelConfig> {
-    if path.extension().is_none_or(|extension| extension != "toml") {
-        return Ok(Model::read(path)?.config);
+/// The description, and what else the file tells about the model.
+fn read(path: &Path) -> Result<(ModelConfig, Vec<(&'static str, String)>)> {
+    if path.extension().is_some_and(|extension| extension == "toml") {
+        return Ok((read_config(path)?, Vec::new()));
     }
+    let file = OnnxModel::read_any(path, Target::default())?;
+    Ok((file.config().clone(), told(file.facts())))
+}
+
+/// Facts that only the one who trained the model knows, and the hash that tells two models apart.
+fn told(facts: &Facts) -> Vec<(&'static str, String)> {
+    let names = [
+        ("training", key::TRAINING),
+        ("trained on", key::TRAINING_DATA),
+        ("its licence", key::TRAINING_DATA_LICENCE),
+        ("camera", key::CAMERA),
+        ("evaluation", key::EVALUATION),
+        ("weights SHA-256", key::WEIGHTS_SHA256),
+    ];
+    names.into_iter().filter_map(|(name, key)| Some((name, facts.get(key)?.to_owned()))).collect()
+}
+
+fn read_config(path: &Path) -> Result<ModelConfig> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let run: RunFile = toml::from_str(&text).with_context(|| path.display().to_string())?;
     run.model.validate().with_context(|| path.display().to_string())?;

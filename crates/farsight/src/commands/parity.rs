@@ -1,6 +1,5 @@
 //! `farsight parity`: an engine's answers against stored reference tensors.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
