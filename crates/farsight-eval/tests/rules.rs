@@ -231,7 +231,7 @@ fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
             ],
         ),
         // The last score is always a limit, however far its recall is from the one aimed at.
-        (100, 3, &[0, 2]),
+        (300, 4, &[0, 3]),
         (20, 5, &[0, 1, 2, 3, 4]),
         (1, 1, &[0]),
     ];
