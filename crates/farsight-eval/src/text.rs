@@ -42,7 +42,8 @@ pub fn notes(report: &Report) -> Vec<String> {
             match curve.map(|curve| curve.objects) {
                 Some(0) => notes.push(format!("{class} {level}: no object counts; its AP means nothing")),
                 Some(objects) if objects < OBJECTS_FOR_100 => notes.push(format!(
-                    "{class} {level}: {objects} objects; with fewer than {OBJECTS_FOR_100} AP (R40) cannot exceed {:.1}",
+                    "{class} {level}: {objects} object{}; with fewer than {OBJECTS_FOR_100} AP (R40) cannot exceed {:.1}",
+                    if objects == 1 { "" } else { "s" },
                     2.5 * (objects - 1) as f64
                 )),
                 _ => {}
@@ -84,7 +85,9 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
     let mut lines = Vec::new();
     for class in report.classes.iter().filter(|class| class.groups.iter().any(|group| group.whole.found > 0)) {
         lines.push(String::new());
-        lines.push(format!("distance of {}s, metres; 95% intervals", class.class));
+        let has_intervals = class.groups.iter().any(|group| group.whole.intervals.is_some());
+        let intervals = if has_intervals { "; 95% intervals over frames" } else { "" };
+        lines.push(format!("distance of {}s, metres{intervals}", class.class));
         lines.push(format!(
             "{:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
             "", "objects", "found", "share", "  MAE z", "  RMSE z", "bias z", "AbsRel", "MAE gr."
