@@ -55,7 +55,7 @@ fn push_notes(html: &mut String, page: &Page) {
     let notes: Vec<_> =
         text::notes(page.report).into_iter().chain(page.findings.iter().map(ToString::to_string)).collect();
     if !notes.is_empty() {
-        html.push_str("<h2>To be known</h2>\n<ul class=\"note\">\n");
+        html.push_str("<h2>Notes</h2>\n<ul class=\"note\">\n");
         for note in notes {
             let _ = writeln!(html, "<li>{}</li>", escaped(&note));
         }
