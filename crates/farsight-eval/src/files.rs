@@ -22,6 +22,7 @@ const USUAL_PLACES: [&str; 4] = ["training/label_2", "label_2", "data", "results
 
 /// Kinds of findings about whole files.
 const NOT_IN_SPLIT: &str = "result files of frames that are not in the split, left out";
+const NOT_COMPARED: &str = "result files of frames that are not compared, left out";
 const WITHOUT_LABELS: &str = "result files without a label file, left out";
 const WITHOUT_RESULTS: &str =
     "frames without a result file, left out (their objects do not count as missed; give --split to demand all)";
@@ -34,6 +35,8 @@ pub struct FrameFiles {
     ids: Vec<String>,
     /// Frames that have files but take no part.
     left_out: Findings,
+    /// Whether to tell what is odd about the labels.
+    tell_labels: bool,
 }
 
 /// Folders or files that cannot be evaluated.
@@ -81,9 +84,19 @@ pub enum FilesError {
         /// The result folder.
         results: PathBuf,
     },
-    /// Frames of the split lack a file.
-    #[error("{count} of {total} frames of the split have no {what} file; the first is {}{}", expected.display(), remedy(what))]
+    /// Something that is no folder.
+    #[error("{}: this is a file; expected a folder of {what} files such as 000007.txt", path.display())]
+    NotAFolder {
+        /// What was given.
+        path: PathBuf,
+        /// `label` or `result`.
+        what: &'static str,
+    },
+    /// Frames that must be evaluated lack a file.
+    #[error("{count} of {total} frames of the {wanted_by} have no {what} file; the first is {}{}", expected.display(), remedy(what))]
     Incomplete {
+        /// Who wants them: the `split` or the `comparison`.
+        wanted_by: &'static str,
         /// `label` or `result`.
         what: &'static str,
         /// How many.
@@ -120,12 +133,9 @@ impl FrameFiles {
         let (labels, results) = (labels.to_owned(), results.to_owned());
         let mut left_out = Findings::default();
         let ids: Vec<String> = if let Some(ids) = split {
-            require_all(&ids, &label_ids, &labels, "label")?;
-            require_all(&ids, &result_ids, &results, "result")?;
-            let wanted: BTreeSet<&String> = ids.iter().collect();
-            for id in result_ids.iter().filter(|id| !wanted.contains(id)) {
-                left_out.add(NOT_IN_SPLIT, || file(&results, id));
-            }
+            require_all(&ids, &label_ids, ["split", "label"], &labels)?;
+            require_all(&ids, &result_ids, ["split", "result"], &results)?;
+            left_out = others(NOT_IN_SPLIT, &result_ids, &ids, &results);
             ids
         } else {
             for id in result_ids.difference(&label_ids) {
@@ -139,11 +149,22 @@ impl FrameFiles {
         if ids.is_empty() {
             return Err(FilesError::NothingInCommon { labels, results });
         }
-        let files = Self { labels, results, ids, left_out };
-        if files.results_are_labels()? {
-            return Err(FilesError::LabelsAsResults { path: files.results });
-        }
-        Ok(files)
+        Self { labels, results, ids, left_out, tell_labels: true }.checked()
+    }
+
+    /// The same frames with other results, to compare the two; what is odd about the labels is not told again.
+    ///
+    /// # Errors
+    /// As [`FrameFiles::open`]; each of these frames must have a result.
+    pub fn with_results(&self, results: &Path) -> Result<Self, FilesError> {
+        let result_ids = ids_in(results, "result")?;
+        require_all(&self.ids, &result_ids, ["comparison", "result"], results)?;
+        let left_out = others(NOT_COMPARED, &result_ids, &self.ids, results);
+        Self { results: results.to_owned(), left_out, tell_labels: false, ..self.clone() }.checked()
+    }
+
+    fn checked(self) -> Result<Self, FilesError> {
+        if self.results_are_labels()? { Err(FilesError::LabelsAsResults { path: self.results }) } else { Ok(self) }
     }
 
     /// The frames, in the order of the evaluation.
@@ -158,6 +179,9 @@ impl FrameFiles {
     pub fn read(&self, id: &str) -> Result<(Frame, Findings), FilesError> {
         let mut findings = Findings::default();
         let labels = rows(&self.labels, id, RowKind::Label, &mut findings)?;
+        if !self.tell_labels {
+            findings = Findings::default();
+        }
         let claims = rows(&self.results, id, RowKind::Result, &mut findings)?;
         for read in &claims {
             if EvaluatedClass::of(&read.row.label.class).is_none() {
@@ -173,7 +197,7 @@ impl FrameFiles {
         Ok((frame, findings))
     }
 
-    /// Reads and evaluates all frames, on all threads; memory does not depend on the size of the files.
+    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps of a frame.
     ///
     /// # Errors
     /// As [`FrameFiles::read`].
@@ -215,6 +239,16 @@ impl FrameFiles {
     }
 }
 
+/// Result files of frames that were not asked for.
+fn others(kind: &'static str, there: &BTreeSet<String>, wanted: &[String], results: &Path) -> Findings {
+    let wanted: BTreeSet<&String> = wanted.iter().collect();
+    let mut left_out = Findings::default();
+    for id in there.iter().filter(|id| !wanted.contains(id)) {
+        left_out.add(kind, || file(results, id));
+    }
+    left_out
+}
+
 /// Reads one file; what is odd about it goes to `findings`.
 fn rows(folder: &Path, id: &str, kind: RowKind, findings: &mut Findings) -> Result<Vec<DevkitRow>, FilesError> {
     let path = PathBuf::from(file(folder, id));
@@ -235,6 +269,9 @@ fn file(folder: &Path, id: &str) -> String {
 }
 
 fn ids_in(folder: &Path, what: &'static str) -> Result<BTreeSet<String>, FilesError> {
+    if folder.is_file() {
+        return Err(FilesError::NotAFolder { path: folder.to_owned(), what });
+    }
     if !folder.is_dir() {
         return Err(FilesError::NoFolder { path: folder.to_owned(), what });
     }
@@ -259,10 +296,15 @@ fn text_files(folder: &Path) -> Result<BTreeSet<String>, FilesError> {
     Ok(ids)
 }
 
-fn require_all(ids: &[String], there: &BTreeSet<String>, folder: &Path, what: &'static str) -> Result<(), FilesError> {
+fn require_all(
+    ids: &[String],
+    there: &BTreeSet<String>,
+    [wanted_by, what]: [&'static str; 2],
+    folder: &Path,
+) -> Result<(), FilesError> {
     let mut missing = ids.iter().filter(|id| !there.contains(*id));
     let Some(first) = missing.next() else { return Ok(()) };
     let count = 1 + missing.count();
     let expected = PathBuf::from(file(folder, first));
-    Err(FilesError::Incomplete { what, count, total: ids.len(), expected })
+    Err(FilesError::Incomplete { wanted_by, what, count, total: ids.len(), expected })
 }

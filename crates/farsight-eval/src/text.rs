@@ -7,6 +7,9 @@ use crate::{Difficulty, EvaluatedClass, Report};
 /// Objects that it takes for AP to be able to reach 100 (spec kitti-eval.md, rule 20).
 const OBJECTS_FOR_100: usize = 41;
 
+/// With fewer objects an interval over frames is too narrow to draw a conclusion from.
+const FEW_OBJECTS: usize = 10;
+
 /// The tables of a report, line by line.
 pub fn lines(report: &Report) -> Vec<String> {
     let mut lines = vec![format!("{} frames", report.frames)];
@@ -42,7 +45,8 @@ pub fn notes(report: &Report) -> Vec<String> {
             match curve.map(|curve| curve.objects) {
                 Some(0) => notes.push(format!("{class} {level}: no object counts; its AP means nothing")),
                 Some(objects) if objects < OBJECTS_FOR_100 => notes.push(format!(
-                    "{class} {level}: {objects} objects; with fewer than {OBJECTS_FOR_100} AP (R40) cannot exceed {:.1}",
+                    "{class} {level}: {objects} object{}; with fewer than {OBJECTS_FOR_100} AP (R40) cannot exceed {:.1}",
+                    if objects == 1 { "" } else { "s" },
                     2.5 * (objects - 1) as f64
                 )),
                 _ => {}
@@ -84,7 +88,9 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
     let mut lines = Vec::new();
     for class in report.classes.iter().filter(|class| class.groups.iter().any(|group| group.whole.found > 0)) {
         lines.push(String::new());
-        lines.push(format!("distance of {}s, metres; 95% intervals", class.class));
+        let has_intervals = class.groups.iter().any(|group| group.whole.intervals.is_some());
+        let intervals = if has_intervals { "; 95% intervals over frames" } else { "" };
+        lines.push(format!("distance of {}s, metres{intervals}", class.class));
         lines.push(format!(
             "{:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
             "", "objects", "found", "share", "  MAE z", "  RMSE z", "bias z", "AbsRel", "MAE gr."
@@ -144,14 +150,22 @@ fn slice_line(name: &str, errors: &SliceErrors) -> String {
 /// The comparison with another result set, line by line: groups as a whole.
 pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
     const SHOWN: [Figure; 5] = [Figure::Share, Figure::MaeZ, Figure::RmseZ, Figure::BiasZ, Figure::MaeGround];
-    let mut lines = vec!["these results less the others (errors on objects that both found)".to_owned()];
+    let mut lines = vec![
+        "these results and the others (errors on objects that both found)".to_owned(),
+        format!("  {:<12}{:>9} {:>9}   difference with its 95% interval over frames", "", "these", "others"),
+    ];
     for row in comparison.rows.iter().filter(|row| row.distance == "all" && row.objects > 0) {
         lines
             .push(format!("{} {}: {} objects, {} found by both", row.class, row.group, row.objects, row.found_by_both));
         for figure in SHOWN {
             let Some(d) = row.figures.get(figure) else { continue };
             let interval = d.interval.map_or_else(String::new, |i| format!(" [{:+.4}, {:+.4}]", i.low, i.high));
-            let verdict = if d.excludes_zero { "differs" } else { "could be chance" };
+            let objects = if figure == Figure::Share { row.objects } else { row.found_by_both };
+            let verdict = match d.excludes_zero {
+                _ if objects < FEW_OBJECTS => "too few objects to say",
+                true => "differs",
+                false => "could be chance",
+            };
             lines.push(format!(
                 "  {:<12}{:>9.4} {:>9.4}   {:+.4}{interval}  {verdict}",
                 figure.name(),

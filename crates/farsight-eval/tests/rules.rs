@@ -123,6 +123,38 @@ fn quirk_1_a_small_detection_of_any_class_swallows_an_object() {
 }
 
 #[test]
+fn rule_10_the_least_height_of_a_detection_depends_on_the_difficulty() {
+    let car = label("Car", 0.0);
+    for (height, wrong) in [(24.9, [0, 0, 0]), (30.0, [0, 1, 1]), (39.9, [0, 1, 1]), (40.0, [1, 1, 1])] {
+        let nothing_there = claim(&high(label("Car", 2.0), height), 0.95);
+        let report = report(vec![car.clone()], vec![claim(&car, 0.9), nothing_there]);
+        let got = Difficulty::ALL.map(|difficulty| curve(&report, Metric::Image, difficulty).limits[0].wrong);
+        assert_eq!(got, wrong, "{height}");
+    }
+}
+
+#[test]
+fn rule_11_other_classes_taken_detections_and_lower_scores_take_no_part() {
+    let car = label("Car", 0.0);
+    // Another class: neither its better score nor its better overlap counts.
+    let pedestrian = claim(&Label { class: class("Pedestrian"), ..car.clone() }, 0.95);
+    let own = claim(&high(car.clone(), 90.0), 0.9);
+    let set = report(vec![car.clone()], vec![pedestrian, own]);
+    let limits = &curve(&set, Metric::Image, Difficulty::Moderate).limits;
+    assert_eq!(limits.iter().map(|limit| (limit.score, limit.found, limit.wrong)).collect::<Vec<_>>(), [(0.9, 1, 0)]);
+    // Already taken: one detection on two objects finds one of them, in both passes.
+    let two = vec![car.clone(), car.clone()];
+    assert_eq!(curve(&report(two.clone(), vec![claim(&car, 0.9)]), Metric::Image, Difficulty::Easy).matched, 1);
+    assert_eq!(counts(two, vec![claim(&car, 0.9)], Metric::Image), (2, 1, 0, 1));
+    // Scores below the limit are out, the limit itself stays in.
+    let other = label("Car", 1.0);
+    let set = report(vec![car.clone(), other.clone()], vec![claim(&car, 0.9), claim(&other, 0.4)]);
+    let limits = &curve(&set, Metric::Image, Difficulty::Easy).limits;
+    let got: Vec<_> = limits.iter().map(|limit| (limit.score, limit.found, limit.missed)).collect();
+    assert_eq!(got, [(0.9, 1, 1), (0.4, 2, 0)]);
+}
+
+#[test]
 fn rule_12_the_overlap_must_be_exceeded_not_reached() {
     let car = label("Car", 0.0);
     for (height, found) in [(70.0, 0), (70.01, 1)] {
@@ -178,14 +210,69 @@ fn quirk_2_detections_without_3d_box_are_excused_from_above_by_any_dont_care() {
 }
 
 #[test]
-fn rule_17_the_recall_aimed_at_is_summed_up() {
-    // All found: with k / 40 another score would be chosen for most numbers of objects, among them 100.
-    let labels: Vec<_> = (0..100).map(|i| label("Car", f64::from(i))).collect();
-    let claims = labels.iter().zip(0..).map(|(l, i)| claim(l, 1.0 - f64::from(i) / 1000.0)).collect();
-    let report = report(labels, claims);
-    let limits = &curve(&report, Metric::Image, Difficulty::Easy).limits;
-    assert_eq!(limits.len(), 41);
-    assert_eq!(limits.last().map(|limit| limit.found), Some(100), "the last score is always a limit");
+fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
+    /// Objects, how many of them are found, and the places of the chosen scores, best first, as the devkit's own `getThresholds` gives
+    /// them. With the aim at k / 40 instead of the sum of fortieths, the first two rows differ from the fourth score on.
+    const CHOSEN: [(usize, usize, &[usize]); 5] = [
+        (
+            60,
+            60,
+            &[
+                0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 14, 15, 17, 19, 20, 22, 23, 25, 26, 28, 29, 31, 32, 34, 35, 37, 38, 40,
+                41, 43, 44, 46, 47, 49, 50, 52, 53, 55, 56, 58, 59,
+            ],
+        ),
+        (
+            100,
+            83,
+            &[
+                0, 2, 4, 7, 9, 11, 14, 16, 19, 21, 24, 26, 29, 31, 34, 37, 39, 42, 44, 47, 49, 52, 54, 57, 59, 62, 64,
+                67, 69, 72, 74, 77, 79, 82,
+            ],
+        ),
+        // The last score is always a limit, however far its recall is from the one aimed at.
+        (300, 4, &[0, 3]),
+        (20, 5, &[0, 1, 2, 3, 4]),
+        (1, 1, &[0]),
+    ];
+    for (objects, found, places) in CHOSEN {
+        let labels: Vec<_> = (0..objects).map(|i| label("Car", i as f64)).collect();
+        let score = |place: usize| 1.0 - place as f64 / 1000.0;
+        // Sorting is the evaluator's work, so the worst come first.
+        let claims = (0..found).rev().map(|place| claim(&labels[place], score(place))).collect();
+        let report = report(labels.clone(), claims);
+        let limits = &curve(&report, Metric::Image, Difficulty::Easy).limits;
+        let got: Vec<_> = limits.iter().map(|limit| limit.score).collect();
+        let want: Vec<_> = places.iter().map(|&place| score(place)).collect();
+        assert_eq!(got, want, "{found} of {objects}");
+    }
+}
+
+#[test]
+fn rule_18_precision_and_orientation_fall_and_end_in_zeros() {
+    let cars: Vec<_> = (0..3).map(|i| label("Car", f64::from(i))).collect();
+    let mut turned = claim(&cars[1], 0.8);
+    turned.alpha_rad += std::f64::consts::PI;
+    let nothing_there = claim(&label("Car", 5.0), 0.85);
+    let report = report(cars.clone(), vec![claim(&cars[0], 0.9), nothing_there, turned, claim(&cars[2], 0.7)]);
+    let curve = curve(&report, Metric::Image, Difficulty::Easy);
+    // True of claimed at the three limits: 1/1, 2/3, 3/4. A false positive adds no similarity, nor does a car that faces the other way.
+    let (mut precision, mut orientation) = ([0.0; 41], [0.0; 41]);
+    precision[..3].copy_from_slice(&[1.0, 0.75, 0.75]);
+    orientation[..3].copy_from_slice(&[1.0, 0.5, 0.5]);
+    assert_eq!(curve.precision, precision);
+    assert_eq!(curve.orientation, Some(orientation));
+}
+
+#[test]
+fn rule_19_r40_leaves_the_first_point_out_and_r11_takes_every_fourth() {
+    for point in 0..41 {
+        let mut precision = [0.0; 41];
+        precision[point] = 1.0;
+        let curve = Curve { min_overlap: 0.7, objects: 41, matched: 41, limits: vec![], precision, orientation: None };
+        assert_eq!(curve.ap_r40(), if point == 0 { 0.0 } else { 2.5 }, "{point}");
+        assert_eq!(curve.ap_r11(), if point % 4 == 0 { 100.0 / 11.0 } else { 0.0 }, "{point}");
+    }
 }
 
 #[test]
@@ -197,6 +284,28 @@ fn rule_20_few_objects_cannot_reach_100() {
         let got = curve(&report, Metric::Space, Difficulty::Easy).ap_r40();
         assert!((got - r40).abs() < 1e-9, "{objects}: {got}");
     }
+}
+
+#[test]
+fn rule_21_nothing_of_nothing_counts_as_zero_and_spoils_no_other_point() {
+    // First pass: the small detection has the better score and goes to the van, so the car's own gives the limit 0.9. Second pass: the van
+    // takes the larger one, the car is left with the small one, and nothing is right, wrong or missed.
+    let (van, car, other) = (label("Van", 0.0), label("Car", 0.0), label("Car", 1.0));
+    let mut small = claim(&high(car.clone(), 20.0), 0.95);
+    small.detection.box3d = car.box3d;
+    let alone = (vec![van, car.clone()], vec![small, claim(&car, 0.9)]);
+    let report_alone = report(alone.0.clone(), alone.1.clone());
+    let got = curve(&report_alone, Metric::Bev, Difficulty::Moderate);
+    let counts: Vec<_> = got.limits.iter().map(|limit| (limit.score, limit.found, limit.wrong, limit.missed)).collect();
+    assert_eq!(counts, [(0.9, 0, 0, 0)]);
+    assert_eq!(got.precision, [0.0; 41]);
+    // With another car found at a lower limit, the maximum over 0 / 0 and what follows is what follows.
+    let labels = [alone.0, vec![other.clone()]].concat();
+    let claims = [alone.1, vec![claim(&other, 0.5)]].concat();
+    let report = report(labels, claims);
+    let got = curve(&report, Metric::Bev, Difficulty::Moderate);
+    assert_eq!((got.limits[0].found, got.limits[0].wrong), (0, 0));
+    assert_eq!(got.precision[..3], [1.0, 1.0, 0.0]);
 }
 
 #[test]

@@ -9,10 +9,13 @@ use crate::palette::{Ink, SHADOW, WHITE};
 use crate::placing::Placing;
 use crate::text::{CAP_HEIGHT, text_width, write};
 use crate::wireframe::Wireframe;
-use crate::{DrawOptions, Scene, drawing_scale};
+use crate::{DrawOptions, Names, Scene, drawing_scale};
 
 /// Height of the text on KITTI's images, pixels.
 const TEXT_PX: f64 = 16.0;
+
+/// The same where objects have names: there are two labels an object then.
+const NAMED_TEXT_PX: f64 = 13.0;
 
 /// Width of the lines of a large box on KITTI's images, pixels.
 const LINE_PX: f64 = 2.2;
@@ -24,26 +27,38 @@ const FULL_WIDTH_HEIGHT: f64 = 5.0;
 ///
 /// Near boxes are drawn over far ones, ground truth over both, labels over everything. Boxes that cross the camera's own plane are cut there.
 pub fn annotate(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
-    let annotated = annotated(image, scene, options, true);
+    let annotated = annotated(image, scene, options, None, true);
+    annotated.unwrap_or_else(|| image.clone())
+}
+
+/// [`annotate`] with a name and a distance on every detection and every object of the ground truth, so that one can talk about them.
+pub fn annotate_named(image: &RgbImage, scene: &Scene, options: &DrawOptions, names: &Names) -> RgbImage {
+    let annotated = annotated(image, scene, options, Some(names), true);
     annotated.unwrap_or_else(|| image.clone())
 }
 
 /// `None` for an image that cannot be drawn on.
-pub(crate) fn annotated(image: &RgbImage, scene: &Scene, options: &DrawOptions, with_legend: bool) -> Option<RgbImage> {
+pub(crate) fn annotated(
+    image: &RgbImage,
+    scene: &Scene,
+    options: &DrawOptions,
+    names: Option<&Names>,
+    with_legend: bool,
+) -> Option<RgbImage> {
     let mut drawing = Drawing {
         canvas: Canvas::from_image(image)?,
         scene,
         options,
+        names,
         scale: drawing_scale([image.width(), image.height()]),
     };
-    let far_to_near = far_to_near(scene.detections);
-    for detection in &far_to_near {
+    for detection in far_to_near(scene.detections) {
         drawing.detection(detection);
     }
     for label in scene.truth.iter().filter(|label| label.class != ObjectClass::DontCare) {
         drawing.truth(&label.box3d);
     }
-    drawing.labels(&far_to_near);
+    drawing.labels();
     if with_legend {
         let text_px = TEXT_PX * 0.85 * drawing.scale;
         legend(&mut drawing.canvas, scene, options, text_px);
@@ -61,7 +76,16 @@ struct Drawing<'a> {
     canvas: Canvas,
     scene: &'a Scene<'a>,
     options: &'a DrawOptions,
+    names: Option<&'a Names<'a>>,
     scale: f64,
+}
+
+/// What a label says, of what part of the image.
+struct Tag {
+    text: String,
+    ink: Ink,
+    depth_m: f64,
+    area: Box2d,
 }
 
 impl Drawing<'_> {
@@ -100,29 +124,41 @@ impl Drawing<'_> {
     }
 
     /// Places the labels of near objects first, and draws them last.
-    fn labels(&mut self, far_to_near: &[&Detection]) {
-        let window = self.canvas.bounds();
-        let shown: Vec<(&Detection, Box2d)> = far_to_near
-            .iter()
-            .rev()
-            .filter_map(|detection| Some((*detection, visible_part(&detection.box3d, self.scene, &window)?)))
-            .collect();
-        let objects: Vec<Box2d> = shown.iter().map(|(_, area)| *area).collect();
-        let text_px = TEXT_PX * self.scale;
-        let mut placing = Placing::new(window, &objects, 0.15 * text_px);
-        let placed: Vec<_> = shown
-            .iter()
-            .map(|(detection, area)| {
-                let text = format!("{} {}", detection.class, self.options.distance_text(detection));
-                let size = [text_width(&text, text_px) + text_px, 1.3 * text_px];
-                (detection, area, placing.place(area, size), text)
-            })
-            .collect();
-        for (detection, area, place, text) in placed.into_iter().rev() {
-            let ink = self.options.ink(detection);
-            self.leader(area, &place, ink);
-            label(&mut self.canvas, &text, &place, text_px, ink);
+    fn labels(&mut self) {
+        let mut tags = self.tags();
+        tags.sort_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
+        let objects: Vec<Box2d> = tags.iter().map(|tag| tag.area).collect();
+        let text_px = self.scale * if self.names.is_some() { NAMED_TEXT_PX } else { TEXT_PX };
+        let mut placing = Placing::new(self.canvas.bounds(), &objects, 0.15 * text_px);
+        let place = |tag: &Tag| placing.place(&tag.area, [text_width(&tag.text, text_px) + text_px, 1.3 * text_px]);
+        let places: Vec<_> = tags.iter().map(place).collect();
+        for (tag, place) in tags.iter().zip(&places).rev() {
+            self.leader(&tag.area, place, tag.ink);
+            label(&mut self.canvas, &tag.text, place, text_px, tag.ink);
         }
+    }
+
+    /// The labels of what can be seen: class and distance of each detection, or name and distance of everything that has a name.
+    fn tags(&self) -> Vec<Tag> {
+        let window = self.canvas.bounds();
+        let tag = |object: &Box3d, ink, text| {
+            Some(Tag { text, ink, depth_m: object.depth_m(), area: visible_part(object, self.scene, &window)? })
+        };
+        let detections = self.scene.detections.iter().enumerate().filter_map(|(position, detection)| {
+            let distance = self.options.distance_text(detection);
+            let text = match self.names.map(|names| names.detections.get(position)) {
+                None => format!("{} {distance}", detection.class),
+                Some(name) => format!("{} {distance}", name?),
+            };
+            tag(&detection.box3d, self.options.ink(detection), text)
+        });
+        let truth_names = self.names.map_or(&[][..], |names| names.truth);
+        let truth = self.scene.truth.iter().zip(truth_names).filter(|(label, _)| label.class != ObjectClass::DontCare);
+        let truth = truth.filter_map(|(label, name)| {
+            let text = format!("{name} {:.1} m", self.options.distance_of(&label.box3d));
+            tag(&label.box3d, WHITE, text)
+        });
+        detections.chain(truth).collect()
     }
 
     /// A thin line from a label that had to move away to its object.

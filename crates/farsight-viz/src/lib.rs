@@ -19,7 +19,7 @@ mod wireframe;
 
 use farsight_core::{Box3d, Camera, Detection, Label};
 
-pub use annotate::annotate;
+pub use annotate::{annotate, annotate_named};
 pub use birds_eye::birds_eye;
 pub use picture::picture;
 
@@ -32,6 +32,15 @@ pub struct Scene<'a> {
     pub detections: &'a [Detection],
     /// What is known to be there, drawn in thin dashed white; often empty.
     pub truth: &'a [Label],
+}
+
+/// What to call the parts of a [`Scene`].
+#[derive(Debug, Clone, Copy)]
+pub struct Names<'a> {
+    /// Names of the detections, in their order.
+    pub detections: &'a [String],
+    /// Names of the ground truth, in its order.
+    pub truth: &'a [String],
 }
 
 /// What the colour of a box tells.

@@ -31,7 +31,7 @@ fn composed(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> Option<Rg
     let panel_size = if below { [width, width * PANEL_SHARE.0] } else { [height * PANEL_SHARE.1, height] };
     let panel_size = panel_size.map(|side| side.max(MIN_PANEL_PX).round() as u32);
     let view = panel(scene, image_size, panel_size, drawing_scale(image_size), options)?;
-    let annotated = annotated(image, scene, options, false)?;
+    let annotated = annotated(image, scene, options, None, false)?;
 
     let gap = (3.0 * drawing_scale(image_size)).round() as u32;
     let at = if below { [0, image_size[1] + gap] } else { [image_size[0] + gap, 0] };

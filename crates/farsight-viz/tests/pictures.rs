@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, Label, ObjectClass};
-use farsight_viz::{ColorBy, DrawOptions, Scene, annotate, birds_eye, picture};
+use farsight_viz::{ColorBy, DrawOptions, Names, Scene, annotate, annotate_named, birds_eye, picture};
 use image::{Rgb, RgbImage};
 
 const GREY: Rgb<u8> = Rgb([90, 90, 90]);
@@ -94,4 +94,26 @@ fn a_wide_image_has_the_panel_below_and_others_beside() {
     assert!(width == 1242 && height > 2 * 375);
     let (width, height) = composed(1920, 1080);
     assert!(width > 1920 && height == 1080);
+}
+
+#[test]
+fn names_are_written_on_detections_and_on_the_truth() {
+    let image = RgbImage::from_pixel(1242, 375, GREY);
+    let (left, right) = (car([-6.0, 1.65, 15.0], 0.4), car([6.0, 1.65, 15.0], 0.4));
+    let Detection { box2d, box3d, class, .. } = right;
+    let truth = [Label { class, truncation: 0.0, occlusion: 0, alpha: 0.0, box2d, box3d }];
+    let camera = camera();
+    let scene = Scene { camera: &camera, detections: &[left], truth: &truth };
+    let drawn = |detections: &[&str], truth: &[&str]| {
+        let [detections, truth] =
+            [detections, truth].map(|names| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>());
+        annotate_named(&image, &scene, &DrawOptions::default(), &Names { detections: &detections, truth: &truth })
+    };
+    // Each name changes its own half of the image.
+    let half = |picture: &RgbImage, x: u32| image::imageops::crop_imm(picture, x, 0, 621, 375).to_image();
+    let (plain, with_detection, with_truth) = (drawn(&[], &[]), drawn(&["d7"], &[]), drawn(&[], &["g7"]));
+    assert!(changed(&half(&plain, 0), &half(&with_detection, 0)) > 500);
+    assert_eq!(half(&plain, 621), half(&with_detection, 621));
+    assert!(changed(&half(&plain, 621), &half(&with_truth, 621)) > 500);
+    assert_ne!(drawn(&["d7"], &["g7"]), drawn(&["d8"], &["g7"]));
 }

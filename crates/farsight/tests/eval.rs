@@ -23,7 +23,12 @@ Tram -1 -1 1.50 10.00 160.00 60.00 210.00 3.50 2.60 9.00 -20.00 1.70 30.00 1.60 
 
 /// Exit status, standard output and standard error of `farsight eval` on the scene above.
 fn eval(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
-    for (name, text) in [("labels", LABELS), ("results", RESULTS)] {
+    eval_files(folder, LABELS, RESULTS, arguments)
+}
+
+/// The same with other files.
+fn eval_files(folder: &Path, labels: &str, results: &str, arguments: &[&str]) -> (i32, String, String) {
+    for (name, text) in [("labels", labels), ("results", results)] {
         fs::create_dir_all(folder.join(name)).unwrap();
         fs::write(folder.join(name).join("000001.txt"), text).unwrap();
     }
@@ -41,7 +46,8 @@ fn eval(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
 fn explain_names_every_fate() {
     let folder = tempfile::tempdir().unwrap();
     let (status, out, _) = eval(folder.path(), &["--explain", "000001", "--metric", "2d"]);
-    let expected = "     ground truth                        easy                            moderate                        hard
+    let expected = "frame 000001: 2d overlap above car 0.7, pedestrian 0.5, cyclist 0.5; all scores
+     ground truth                        easy                            moderate                        hard
 g0   Car 60.0 px, z 20.0 m               found by d0 (1.000)             found by d0 (1.000)             found by d0 (1.000)
 g1   Van 60.0 px, z 18.0 m               ignored: looks like a car (d1)  ignored: looks like a car (d1)  ignored: looks like a car (d1)
 g2   Car 60.0 px, z 22.0 m               ignored: occluded               ignored: occluded               missed
@@ -58,6 +64,27 @@ d4   Tram 0.500, 50.0 px, z 30.0 m       not evaluated                   not eva
 }
 
 #[test]
+fn explain_takes_the_metric_and_the_overlaps_that_it_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    // 0.1 m of 4 m: enough in both; in the table below nothing else overlaps at all.
+    for (arguments, heading, found) in [
+        (["--metric", "bev"].as_slice(), "bev overlap above car 0.7, pedestrian 0.5, cyclist 0.5; all scores", true),
+        (&["--loose"], "3d overlap above car 0.5, pedestrian 0.25, cyclist 0.25; all scores", true),
+        (&["--min-score", "0.95"], "3d overlap above car 0.7, pedestrian 0.5, cyclist 0.5; scores from 0.95", false),
+    ] {
+        let (status, out, err) = eval(folder.path(), &[&["--explain", "000001"], arguments].concat());
+        assert_eq!(status, 0, "{err}");
+        assert_eq!(out.lines().next(), Some(format!("frame 000001: {heading}").as_str()));
+        assert_eq!(out.contains("found by d0"), found, "{out}");
+    }
+    let near = RESULTS.replace("20.10 1.60 0.9 0.5", "21.00 1.60 0.9");
+    for (arguments, fate) in [([].as_slice(), "missed (nearest d0, 0."), (&["--loose"], "found by d0 (0.")] {
+        let (_, out, _) = eval_files(folder.path(), LABELS, &near, &[&["--explain", "000001"], arguments].concat());
+        assert!(out.lines().nth(2).unwrap().contains(fate), "{out}");
+    }
+}
+
+#[test]
 fn strict_makes_an_error_of_what_is_told_otherwise() {
     let folder = tempfile::tempdir().unwrap();
     let (status, _, err) = eval(folder.path(), &[]);
@@ -67,6 +94,32 @@ fn strict_makes_an_error_of_what_is_told_otherwise() {
     let (status, out, err) = eval(folder.path(), &["--strict"]);
     let expected = format!("error: results/000001.txt:5: \"Tram\" ({kind})\n");
     assert_eq!((status, out.as_str(), err.as_str()), (1, "", expected.as_str()));
+    let (status, out, err) = eval(folder.path(), &["--strict", "--explain", "000001"]);
+    assert_eq!((status, out.as_str(), err.as_str()), (1, "", expected.as_str()));
+}
+
+#[test]
+fn strict_looks_at_the_other_results_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let others = folder.path().join("others");
+    fs::create_dir_all(&others).unwrap();
+    // What is odd about the labels is told once.
+    let labels = LABELS.replace("Van", "van");
+    let results: String =
+        RESULTS.lines().filter(|row| !row.starts_with("Tram")).map(|row| format!("{row}\n")).collect();
+    fs::write(others.join("000001.txt"), results.replace("Car", "car")).unwrap();
+    let arguments = ["--strict", "--against", "others"];
+    let (status, out, err) = eval_files(folder.path(), &labels, &results, &arguments);
+    assert_eq!((status, out.as_str()), (1, ""));
+    assert_eq!(err.lines().filter(|line| line.contains("labels/000001.txt:2")).count(), 1, "{err}");
+    assert_eq!(err.lines().filter(|line| line.contains("others/000001.txt:")).count(), 4, "{err}");
+    assert_eq!(err.lines().count(), 5, "{err}");
+    // A comparison needs a result for every frame.
+    fs::rename(others.join("000001.txt"), others.join("000002.txt")).unwrap();
+    let (status, _, err) = eval_files(folder.path(), LABELS, &results, &["--against", "others"]);
+    let expected = "error: 1 of 1 frames of the comparison have no result file; the first is others/000001.txt \
+                    (a frame in which nothing was found needs an empty file)\n";
+    assert_eq!((status, err.as_str()), (2, expected));
 }
 
 #[test]
@@ -104,4 +157,30 @@ fn json_and_report_hold_what_is_promised() {
     let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
     assert!(page.contains("data:image/png;base64,") && !page.contains("src=\"http"));
     assert!(folder.path().join("page/car_3d_curve.png").is_file());
+    assert!(!page.contains("data:image/jpeg"), "without --images there is nothing to draw on");
+}
+
+#[test]
+fn the_worst_frames_are_drawn_where_there_are_images() {
+    let folder = tempfile::tempdir().unwrap();
+    for part in ["image_2", "calib"] {
+        fs::create_dir_all(folder.path().join(part)).unwrap();
+    }
+    let arguments = ["--report", "page", "--images", "image_2", "--resamples", "0"];
+    let (status, _, err) = eval(folder.path(), &arguments);
+    assert_eq!(status, 0);
+    let told = "warning: frames on the page without a picture: 1; first image_2: no image of frame 000001; expected 000001.png";
+    assert!(err.contains(told), "{err}");
+    let image = image::RgbImage::from_pixel(1242, 375, image::Rgb([90, 90, 90]));
+    image.save(folder.path().join("image_2/000001.png")).unwrap();
+    let camera = "721.5 0 609.6 44.9 0 721.5 172.9 0.2 0 0 1 0.003";
+    fs::write(folder.path().join("calib/000001.txt"), format!("P2: {camera}\n")).unwrap();
+    let (status, _, err) = eval(folder.path(), &arguments);
+    assert!(status == 0 && !err.contains("without a picture"), "{err}");
+    let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
+    assert!(page.contains("data:image/jpeg;base64,") && page.contains("<td>g0 car</td><td>d0</td>"));
+    assert!(folder.path().join("page/worst_000001.png").is_file());
+    let (status, _, err) = eval(folder.path(), &["--report", "page", "--images", "nowhere"]);
+    let expected = "error: nowhere: no such folder; expected a folder of images such as 000007.png\n";
+    assert_eq!((status, err.as_str()), (2, expected));
 }

@@ -77,6 +77,7 @@ impl Chart {
             .configure_mesh()
             .x_desc(&self.x_label)
             .y_desc(&self.y_label)
+            .x_label_formatter(&|x| if self.x_end > 1.0 { format!("{x:.0}") } else { format!("{x:.1}") })
             .label_style((FONT, 15))
             .axis_desc_style((FONT, 16))
             .light_line_style(WHITE)

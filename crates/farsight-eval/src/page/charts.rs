@@ -24,7 +24,10 @@ pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
         }
         let ranging = report.ranging.classes.iter().find(|ranging| ranging.class == class);
         if let Some(ranging) = ranging.filter(|ranging| ranging.groups.iter().any(|group| group.whole.found > 0)) {
-            charts.push((format!("{class}_distance_error"), error_chart(ranging)));
+            let errors = error_chart(ranging);
+            if errors.series.iter().any(|series| !series.points.is_empty()) {
+                charts.push((format!("{class}_distance_error"), errors));
+            }
             charts.push((format!("{class}_share_found"), share_chart(ranging)));
         }
     }
@@ -54,7 +57,7 @@ fn error_chart(ranging: &ClassRanging) -> Chart {
     let tops = series.iter().flat_map(|s| s.points.iter().map(|p| p[1]).chain(s.band.iter().map(|band| band[1])));
     let highest = tops.fold(0.0_f64, f64::max);
     Chart {
-        title: format!("{}: error of distance, 95% intervals", ranging.class),
+        title: format!("{}: error of distance, 95% intervals; {MIN_FOUND} found or more", ranging.class),
         x_label: "true distance z, m".to_owned(),
         y_label: "mean absolute error of z, m".to_owned(),
         x_end: 80.0,

@@ -11,9 +11,13 @@ use crate::text;
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1560px;padding:0 1rem;color:#222}\
 h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2.2rem;border-bottom:1px solid #ddd}\
 pre{background:#f7f7f7;padding:1rem;overflow-x:auto;font:13px/1.4 ui-monospace,monospace}\
-.charts{display:flex;flex-wrap:wrap;gap:8px}.charts img{max-width:100%;border:1px solid #eee}\
+.charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr));gap:8px}.charts img{width:100%;border:1px solid #eee}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:2px 12px 2px 0;text-align:right}td:nth-child(-n+2),th:nth-child(-n+2){text-align:left}\
 details{margin:.4rem 0}summary{cursor:pointer}details img{max-width:100%}.note{color:#955}";
+
+/// How to read the frames.
+const LEGEND: &str = "<p>g counts the rows of the label file, d those of the result file, both from 0, as in --explain; the \
+metres are z. Drawn are ground truth in dashed white and at most 30 detections: those that found an object, then the best scored.</p>\n";
 
 /// The whole page; pictures are inside it.
 pub(super) fn page(page: &Page, charts: &[Picture], worst: &[Option<Picture>]) -> String {
@@ -31,7 +35,11 @@ pub(super) fn page(page: &Page, charts: &[Picture], worst: &[Option<Picture>]) -
         push_picture(&mut html, chart);
     }
     html.push_str("</div>\n<h2>Frames with the largest errors of distance</h2>\n");
-    html.push_str("<p>g counts the rows of the label file, d those of the result file, both from 0.</p>\n");
+    html.push_str(if page.worst.is_empty() {
+        "<p>No object that counts was found, so there is no error of distance.</p>\n"
+    } else {
+        LEGEND
+    });
     for (shown, picture) in page.worst.iter().zip(worst) {
         push_frame(&mut html, shown, picture.as_ref());
     }
@@ -47,7 +55,7 @@ fn push_notes(html: &mut String, page: &Page) {
     let notes: Vec<_> =
         text::notes(page.report).into_iter().chain(page.findings.iter().map(ToString::to_string)).collect();
     if !notes.is_empty() {
-        html.push_str("<h2>To be known</h2>\n<ul class=\"note\">\n");
+        html.push_str("<h2>Notes</h2>\n<ul class=\"note\">\n");
         for note in notes {
             let _ = writeln!(html, "<li>{}</li>", escaped(&note));
         }
@@ -56,8 +64,9 @@ fn push_notes(html: &mut String, page: &Page) {
 }
 
 fn push_picture(html: &mut String, picture: &Picture) {
-    let data = STANDARD.encode(&picture.png);
-    let _ = writeln!(html, "<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escaped(&picture.name));
+    let (kind, bytes) = picture.jpeg.as_ref().map_or(("png", &picture.png), |jpeg| ("jpeg", jpeg));
+    let data = STANDARD.encode(bytes);
+    let _ = writeln!(html, "<img alt=\"{}\" src=\"data:image/{kind};base64,{data}\">", escaped(&picture.name));
 }
 
 fn push_frame(html: &mut String, shown: &ShownFrame, picture: Option<&Picture>) {

@@ -8,7 +8,9 @@ mod worst;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
+use farsight_files::{DurableError, write_quickly};
 use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
 use thiserror::Error;
 
 use crate::ranging::RangingComparison;
@@ -16,6 +18,9 @@ use crate::{Findings, Frame, Report};
 
 pub use chart::{Chart, Series};
 pub use worst::{WorstFrame, worst_frames};
+
+/// Quality of the photographs inside the page, of 100; the PNG files beside it lose nothing.
+const JPEG_QUALITY: u8 = 80;
 
 /// What the page tells.
 #[derive(Debug, Clone, Copy)]
@@ -57,21 +62,27 @@ pub enum PageError {
     /// A picture cannot be encoded.
     #[error("a picture cannot be encoded: {0}")]
     Encode(#[from] image::ImageError),
-    /// A file cannot be written.
-    #[error("{}: cannot be written: {source}", path.display())]
-    Write {
-        /// The file or folder.
+    /// The folder cannot be made.
+    #[error("{}: this folder cannot be made: {source}", path.display())]
+    Folder {
+        /// The folder.
         path: PathBuf,
         /// What the system says.
         source: io::Error,
     },
+    /// A file cannot be written.
+    #[error(transparent)]
+    Write(#[from] DurableError),
 }
 
 /// A picture of the page.
 struct Picture {
     /// File name without extension.
     name: String,
+    /// The file.
     png: Vec<u8>,
+    /// What stands for it inside the page, when the file is too large for that.
+    jpeg: Option<Vec<u8>>,
 }
 
 impl Page<'_> {
@@ -80,15 +91,15 @@ impl Page<'_> {
     /// # Errors
     /// When a picture cannot be made or a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, PageError> {
-        fs::create_dir_all(folder).map_err(|source| PageError::Write { path: folder.to_owned(), source })?;
+        fs::create_dir_all(folder).map_err(|source| PageError::Folder { path: folder.to_owned(), source })?;
         let charts = charts::charts(self.report);
         let charts: Vec<_> = charts
             .iter()
-            .map(|(name, chart)| Ok(Picture { name: name.clone(), png: png(&chart.draw()?)? }))
+            .map(|(name, chart)| Ok(Picture { name: name.clone(), png: png(&chart.draw()?)?, jpeg: None }))
             .collect::<Result<_, PageError>>()?;
         let worst = self.worst.iter().map(|shown| {
-            let picture =
-                |image| Ok::<_, PageError>(Picture { name: format!("worst_{}", shown.worst.id), png: png(image)? });
+            let name = format!("worst_{}", shown.worst.id);
+            let picture = |image| Ok::<_, PageError>(Picture { name, png: png(image)?, jpeg: Some(jpeg(image)?) });
             shown.image.as_ref().map(picture).transpose()
         });
         let worst: Vec<_> = worst.collect::<Result<_, _>>()?;
@@ -107,8 +118,12 @@ fn png(image: &RgbImage) -> Result<Vec<u8>, PageError> {
     Ok(bytes.into_inner())
 }
 
+fn jpeg(image: &RgbImage) -> Result<Vec<u8>, PageError> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(image)?;
+    Ok(bytes)
+}
+
 fn write(path: &Path, bytes: &[u8]) -> Result<(), PageError> {
-    let scratch = path.with_extension("partial");
-    let written = fs::write(&scratch, bytes).and_then(|()| fs::rename(&scratch, path));
-    written.map_err(|source| PageError::Write { path: path.to_owned(), source })
+    Ok(write_quickly(path, |file| file.write_all(bytes))?)
 }

@@ -1,21 +1,19 @@
 //! `farsight eval`: KITTI AP and ranging errors of result files.
 
+mod explained;
+mod pictured;
+
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use farsight_core::{Detection, Label};
-use farsight_data::kitti::{Calibration, read_split};
-use farsight_data::read_image;
-use farsight_eval::ap::{Metric, OverlapSet};
-use farsight_eval::explain::{Explanation, View, explain};
-use farsight_eval::page::{Page, ShownFrame, worst_frames};
+use farsight_data::kitti::read_split;
+use farsight_eval::ap::Metric;
+use farsight_eval::page::Page;
 use farsight_eval::ranging::{Bootstrap, MATCH_IOU, RangingComparison, RangingOptions};
-use farsight_eval::{Evaluation, Findings, Frame, FrameFiles, Report, text};
-use farsight_viz::{DrawOptions, Scene, annotate};
-use image::RgbImage;
+use farsight_eval::{Evaluation, Findings, FrameFiles, Report, text};
+use farsight_files::write_quickly;
 use serde::Serialize;
 
 use super::Outcome;
@@ -45,19 +43,22 @@ pub(crate) struct EvalArgs {
     /// Other results to compare distances with, frame by frame
     #[arg(long, value_name = "DIR")]
     against: Option<PathBuf>,
-    /// Tell what became of each object and detection of this frame
-    #[arg(long, value_name = "FRAME")]
+    /// Tell what became of each object and detection of this frame, instead of evaluating
+    #[arg(long, value_name = "FRAME", conflicts_with_all = ["json", "report", "against"])]
     explain: Option<String>,
     /// What --explain measures overlaps on
     #[arg(long, value_enum, default_value_t = MetricName::ThreeD, requires = "explain")]
     metric: MetricName,
+    /// Let --explain ask for the loose overlaps from above and in space: 0.5 for cars, 0.25 for others
+    #[arg(long, requires = "explain")]
+    loose: bool,
     /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
     #[arg(long, value_name = "SCORE")]
     min_score: Option<f64>,
     /// Smallest 2D overlap at which a detection counts as having found an object, in the ranging errors
-    #[arg(long, value_name = "IOU", default_value_t = MATCH_IOU)]
+    #[arg(long, value_name = "IOU", default_value_t = MATCH_IOU, value_parser = overlap_from_text)]
     ranging_overlap: f64,
-    /// Take everything odd about the files for an error
+    /// Take everything odd about the files for an error: each is told with file and line, nothing is evaluated, exit status 1
     #[arg(long)]
     strict: bool,
     /// How often frames are drawn anew for the intervals; 0 leaves them out
@@ -94,18 +95,22 @@ struct Answer<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
-    let files = open(args, &args.results)?;
+    let split = args.split.as_deref().map(read_split).transpose()?;
+    let files = FrameFiles::open(&args.labels, &args.results, split)?;
     if let Some(id) = &args.explain {
-        return explain_frame(args, &files, id, printer);
+        return explained::run(args, &files, id, printer);
+    }
+    if let Some(images) = args.images.as_ref().filter(|images| !images.is_dir()) {
+        bail!("{}: no such folder; expected a folder of images such as 000007.png", images.display());
     }
     let options = args.ranging_options();
-    let (evaluation, findings) = files.evaluate(&options)?;
-    if args.strict && !findings.is_empty() {
-        tell_strictly(&findings, printer);
-        return Ok(Outcome::Told);
+    let (evaluation, mut findings) = files.evaluate(&options)?;
+    let others = args.against.as_deref().map(|against| other_results(against, &files, &options)).transpose()?;
+    if let Some((_, found)) = &others {
+        findings.append(found.clone());
     }
-    for finding in findings.iter() {
-        printer.warning(&finding.to_string());
+    if tell(&findings, args, printer) == Outcome::Told {
+        return Ok(Outcome::Told);
     }
     let report = evaluation.report();
     for line in text::lines(&report) {
@@ -114,7 +119,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     for note in text::notes(&report) {
         printer.note(&note);
     }
-    let comparison = args.against.as_ref().map(|against| compare(args, against, &evaluation, &files)).transpose()?;
+    let comparison = others.map(|(theirs, _)| compare(args, &theirs, &evaluation)).transpose()?;
     if let Some(comparison) = &comparison {
         printer.line("");
         for line in text::comparison_lines(comparison) {
@@ -124,11 +129,14 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(path) = &args.json {
         write_json(path, &report, &findings, comparison.as_ref())?;
     }
-    if let Some(folder) = &args.report {
-        let page = write_page(args, folder, &files, &evaluation, &report, &findings, comparison.as_ref())?;
-        printer.status(&format!("report: {}", page.display()));
-    }
-    Ok(Outcome::Done)
+    let Some(folder) = &args.report else { return Ok(Outcome::Done) };
+    let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
+    let title = format!("{} against {}", args.results.display(), args.labels.display());
+    let page =
+        Page { title: &title, report: &report, findings: &findings, comparison: comparison.as_ref(), worst: &worst };
+    let page = page.write(folder)?;
+    printer.status(&format!("report: {}", page.display()));
+    Ok(tell(&unseen, args, printer))
 }
 
 impl EvalArgs {
@@ -138,9 +146,31 @@ impl EvalArgs {
     }
 }
 
-fn open(args: &EvalArgs, results: &Path) -> Result<FrameFiles> {
-    let split = args.split.as_deref().map(read_split).transpose()?;
-    Ok(FrameFiles::open(&args.labels, results, split)?)
+impl MetricName {
+    fn metric(self) -> Metric {
+        match self {
+            Self::TwoD => Metric::Image,
+            Self::Bev => Metric::Bev,
+            Self::ThreeD => Metric::Space,
+        }
+    }
+}
+
+fn overlap_from_text(text: &str) -> Result<f64, String> {
+    let overlap = text.parse().ok().filter(|overlap| *overlap > 0.0 && *overlap <= 1.0);
+    overlap.ok_or_else(|| "expected a number above 0 and at most 1".to_owned())
+}
+
+/// Tells what is odd: a warning a kind, or with `--strict` an error a place, which is an outcome of its own.
+fn tell(findings: &Findings, args: &EvalArgs, printer: &mut Printer) -> Outcome {
+    if args.strict {
+        tell_strictly(findings, printer);
+        return if findings.is_empty() { Outcome::Done } else { Outcome::Told };
+    }
+    for finding in findings.iter() {
+        printer.warning(&finding.to_string());
+    }
+    Outcome::Done
 }
 
 fn tell_strictly(findings: &Findings, printer: &mut Printer) {
@@ -155,10 +185,13 @@ fn tell_strictly(findings: &Findings, printer: &mut Printer) {
     }
 }
 
-fn compare(args: &EvalArgs, against: &Path, ours: &Evaluation, files: &FrameFiles) -> Result<RangingComparison> {
+/// The same frames with other results.
+fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -> Result<(Evaluation, Findings)> {
     // The same frames for both, or the differences would be of the frames.
-    let others = FrameFiles::open(&args.labels, against, Some(files.ids().to_vec()))?;
-    let (theirs, _) = others.evaluate(&RangingOptions { bootstrap: None, ..args.ranging_options() })?;
+    Ok(files.with_results(against)?.evaluate(&RangingOptions { bootstrap: None, ..options.clone() })?)
+}
+
+fn compare(args: &EvalArgs, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
     let bootstrap = Bootstrap { resamples: args.resamples, seed: args.seed };
     RangingComparison::new(ours.targets(), theirs.targets(), ours.frames(), &bootstrap)
         .with_context(|| format!("{}: the labels changed while they were read", args.labels.display()))
@@ -171,87 +204,5 @@ fn write_json(path: &Path, report: &Report, findings: &Findings, against: Option
     let answer = Answer { report: report.into_iter().collect(), findings, against };
     let mut text = serde_json::to_string_pretty(&answer)?;
     text.push('\n');
-    fs::write(path, text).with_context(|| format!("{}: cannot be written", path.display()))
-}
-
-fn write_page(
-    args: &EvalArgs,
-    folder: &Path,
-    files: &FrameFiles,
-    evaluation: &Evaluation,
-    report: &Report,
-    findings: &Findings,
-    comparison: Option<&RangingComparison>,
-) -> Result<PathBuf> {
-    let worst = worst_frames(evaluation.targets(), files.ids());
-    let shown = worst.into_iter().map(|worst| {
-        let (frame, _) = files.read(&worst.id)?;
-        let image = args.images.as_ref().map(|images| drawn(images, &frame)).transpose()?;
-        Ok(ShownFrame { worst, frame, image })
-    });
-    let worst = shown.collect::<Result<Vec<_>>>()?;
-    let title = format!("{} against {}", args.results.display(), args.labels.display());
-    Ok(Page { title: &title, report, findings, comparison, worst: &worst }.write(folder)?)
-}
-
-/// The frame's image with its detections and labels.
-fn drawn(images: &Path, frame: &Frame) -> Result<RgbImage> {
-    let id = &frame.id;
-    let found = ["png", "jpg", "jpeg"].map(|extension| images.join(format!("{id}.{extension}")));
-    let path = found.iter().find(|path| path.is_file());
-    let path = path.with_context(|| format!("{}: no image of frame {id}; expected {id}.png", images.display()))?;
-    let image = read_image(path)?;
-    let calibration = images.parent().unwrap_or(images).join("calib").join(format!("{id}.txt"));
-    let camera = Calibration::read(&calibration)?.camera();
-    let detections: Vec<_> = frame.claims.iter().map(|claim| claim.detection.clone()).collect();
-    Ok(annotate(
-        &image,
-        &Scene { camera: &camera, detections: &detections, truth: &frame.labels },
-        &DrawOptions::default(),
-    ))
-}
-
-fn explain_frame(args: &EvalArgs, files: &FrameFiles, id: &str, printer: &mut Printer) -> Result<Outcome> {
-    if !files.ids().iter().any(|known| known == id) {
-        bail!(
-            "frame {id} is not evaluated; expected one of {} ... {}",
-            files.ids()[0],
-            files.ids()[files.ids().len() - 1]
-        );
-    }
-    let (frame, findings) = files.read(id)?;
-    for finding in findings.iter() {
-        printer.warning(&finding.to_string());
-    }
-    let metric = match args.metric {
-        MetricName::TwoD => Metric::Image,
-        MetricName::Bev => Metric::Bev,
-        MetricName::ThreeD => Metric::Space,
-    };
-    let view = View { metric, overlaps: OverlapSet::Strict, min_score: args.min_score };
-    for line in explanation_lines(&frame, &explain(&frame, &view)) {
-        printer.line(&line);
-    }
-    Ok(Outcome::Done)
-}
-
-fn explanation_lines(frame: &Frame, explanation: &Explanation) -> Vec<String> {
-    let row = |name: &str, what: &str, fates: [String; 3]| {
-        let [easy, moderate, hard] = fates;
-        format!("{name:<5}{what:<36}{easy:<32}{moderate:<32}{hard}").trim_end().to_owned()
-    };
-    let heading = |what: &str| row("", what, ["easy", "moderate", "hard"].map(str::to_owned));
-    let mut lines = vec![heading("ground truth")];
-    for (i, (label, fates)) in frame.labels.iter().zip(&explanation.objects).enumerate() {
-        let Label { class, box2d, box3d, .. } = label;
-        let what = format!("{class} {:.1} px, z {:.1} m", box2d.height(), box3d.depth_m());
-        lines.push(row(&format!("g{i}"), &what, fates.map(|fate| fate.to_string())));
-    }
-    lines.push(heading("detections"));
-    for (i, (claim, fates)) in frame.claims.iter().zip(&explanation.claims).enumerate() {
-        let Detection { class, score, box2d, box3d, .. } = &claim.detection;
-        let what = format!("{class} {score:.3}, {:.1} px, z {:.1} m", box2d.height(), box3d.depth_m());
-        lines.push(row(&format!("d{i}"), &what, fates.map(|fate| fate.to_string())));
-    }
-    lines
+    Ok(write_quickly(path, |file| file.write_all(text.as_bytes()))?)
 }

@@ -1,0 +1,71 @@
+//! The worst frames of a report, with what was found and what is there drawn on their images.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use farsight_core::Detection;
+use farsight_data::kitti::Calibration;
+use farsight_data::read_image;
+use farsight_eval::page::{ShownFrame, WorstFrame, worst_frames};
+use farsight_eval::{Evaluation, Findings, Frame, FrameFiles};
+use farsight_viz::{DrawOptions, Names, Scene, annotate_named};
+use image::RgbImage;
+
+use super::EvalArgs;
+
+/// Detections drawn on an image; with more, nobody could tell them apart.
+const DRAWN: usize = 30;
+
+/// The worst frames, and those of them that have no picture although images were given.
+pub(super) fn worst(
+    args: &EvalArgs,
+    files: &FrameFiles,
+    evaluation: &Evaluation,
+) -> Result<(Vec<ShownFrame>, Findings)> {
+    let mut unseen = Findings::default();
+    let mut shown = Vec::new();
+    for worst in worst_frames(evaluation.targets(), files.ids()) {
+        let (frame, _) = files.read(&worst.id)?;
+        let image = args.images.as_deref().map(|images| drawn(images, &frame, &worst));
+        // A page without one picture is better than no page.
+        let image = image.and_then(|drawn| {
+            drawn.map_err(|why| unseen.add("frames on the page without a picture", || format!("{why:#}"))).ok()
+        });
+        shown.push(ShownFrame { worst, frame, image });
+    }
+    Ok((shown, unseen))
+}
+
+/// The frame's image with its detections and labels, named as `--explain` names them.
+fn drawn(images: &Path, frame: &Frame, worst: &WorstFrame) -> Result<RgbImage> {
+    let id = &frame.id;
+    let found = ["png", "jpg", "jpeg"].map(|extension| images.join(format!("{id}.{extension}")));
+    let path = found.iter().find(|path| path.is_file());
+    let path = path.with_context(|| format!("{}: no image of frame {id}; expected {id}.png", images.display()))?;
+    let image = read_image(path)?;
+    let calibration = images.parent().unwrap_or(images).join("calib").join(format!("{id}.txt"));
+    let camera = Calibration::read(&calibration)?.camera();
+
+    let shown = drawn_claims(frame, worst);
+    let detections: Vec<_> = shown.iter().map(|&claim| frame.claims[claim].detection.clone()).collect();
+    let claim_names: Vec<_> = shown.iter().map(|claim| format!("d{claim}")).collect();
+    let label_names: Vec<_> = (0..frame.labels.len()).map(|label| format!("g{label}")).collect();
+    let scene = Scene { camera: &camera, detections: &detections, truth: &frame.labels };
+    let names = Names { detections: &claim_names, truth: &label_names };
+    Ok(annotate_named(&image, &scene, &DrawOptions::default(), &names))
+}
+
+/// Positions of the detections to draw: those that found an object, then the best scored others, at most [`DRAWN`].
+fn drawn_claims(frame: &Frame, worst: &WorstFrame) -> Vec<usize> {
+    let has_found = |claim: usize| {
+        worst.targets.iter().filter_map(|target| target.found).any(|found| found.claim as usize == claim)
+    };
+    let score = |claim: usize| {
+        let Detection { score, .. } = frame.claims[claim].detection;
+        score
+    };
+    let mut claims: Vec<_> = (0..frame.claims.len()).collect();
+    claims.sort_by(|&a, &b| has_found(b).cmp(&has_found(a)).then(score(b).total_cmp(&score(a))));
+    claims.truncate(DRAWN);
+    claims
+}
