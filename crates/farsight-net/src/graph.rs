@@ -285,11 +285,12 @@ impl Graph {
                 .ok_or_else(|| Misfit { parameter: parameter.name.clone(), expected: parameter.shape.clone() })?;
         }
         for id in 0..graph.nodes.len() {
-            graph.nodes[id].channels = graph.channels_from_shapes(self, id)?;
+            let channels = graph.channels_from_shapes(self, id)?;
+            graph.nodes[id].channels = channels;
             if let Op::Conv { groups, .. } = &mut graph.nodes[id].op
                 && *groups > 1
             {
-                *groups = graph.nodes[id].channels;
+                *groups = channels;
             }
         }
         Ok(graph)
@@ -319,9 +320,7 @@ impl Graph {
                 expect(bias, vec![channels])?;
                 Ok(channels)
             }
-            Op::UpConv { weight, factor } => {
-                expect(weight, vec![first, 1, 2 * factor, 2 * factor]).map(|()| first)
-            }
+            Op::UpConv { weight, factor } => expect(weight, vec![first, 1, 2 * factor, 2 * factor]).map(|()| first),
             Op::GroupNorm { groups, weight, bias } => {
                 let whole = first.next_multiple_of(groups);
                 [weight, bias].into_iter().try_for_each(|parameter| expect(parameter, vec![whole])).map(|()| first)

@@ -1,15 +1,19 @@
 //! Scenes without end, finished: pixels, camera and labels.
 
+use farsight_core::{Camera, Label};
 use farsight_data::Frame;
 
 use crate::dice::Dice;
 use crate::labels::LabelRules;
 use crate::photo::PhotoSettings;
 use crate::render::render;
-use crate::{Drawn, WorldConfig, draw_scene};
+use crate::{Drawn, WorldConfig, draw_scene, scene_from_labels};
 
-/// The stream of draws that decides about the photograph; the scene has stream 0.
-const PHOTO_STREAM: u64 = 1;
+/// The stream of draws that decides about the photograph; scenes and layouts have 0 and 1.
+const PHOTO_STREAM: u64 = 2;
+
+/// Fowler, Noll and Vo's prime, for 64 bits.
+const FNV_PRIME: u64 = 0x0100_0000_01b3;
 
 /// Random scenes of one seed, each there whenever it is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +30,15 @@ impl SceneStream {
         let drawn = draw_scene(&self.world, self.seed, index);
         photographed(&drawn, format!("{index:06}"), &mut Dice::new(self.seed, index, PHOTO_STREAM))
     }
+}
+
+/// A frame with the objects of `labels` at their own positions under their own `camera`, in a world drawn around them.
+///
+/// The world follows from `seed` and the frame's name `id`. Truncation and occlusion are those of the picture, which need not be those of `labels`.
+pub fn twin(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64, id: &str) -> Frame {
+    let seed = id.bytes().fold(seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
+    let drawn = scene_from_labels(labels, camera, image_size, seed);
+    photographed(&drawn, id.to_owned(), &mut Dice::new(seed, 0, PHOTO_STREAM))
 }
 
 /// The photograph of a scene, with its camera and labels.

@@ -6,6 +6,7 @@ mod import;
 mod info;
 mod parity;
 mod range;
+mod synth;
 mod train;
 
 use anyhow::Result;
@@ -20,6 +21,8 @@ pub(crate) enum Command {
     Range(range::RangeArgs),
     /// Judge result files as KITTI does, and their errors of distance
     Eval(Box<eval::EvalArgs>),
+    /// Render traffic scenes with exact labels
+    Synth(synth::SynthArgs),
     /// Train a model
     Train(train::TrainArgs),
     /// Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
@@ -47,6 +50,7 @@ impl Command {
         match self {
             Self::Range(args) => range::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),
+            Self::Synth(args) => synth::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),
             Self::Import(args) => import::run(&args, printer),
             Self::Export(args) => export::run(&args, printer),

@@ -48,12 +48,16 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     let folder = Folder::new(&args.out)?;
     let bar = ProgressBar::new(ids.len() as u64);
     let failure = Mutex::new(None);
-    ids.par_iter().enumerate().progress_with(bar.clone()).try_for_each(|(index, id)| {
-        let done = source.frame(index, id, args.seed).and_then(|frame| folder.write(&frame));
-        done.map_err(|error| {
-            failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+    ids.par_iter()
+        .enumerate()
+        .progress_with(bar.clone())
+        .try_for_each(|(index, id)| {
+            let done = source.frame(index, id, args.seed).and_then(|frame| folder.write(&frame));
+            done.map_err(|error| {
+                failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+            })
         })
-    }).ok();
+        .ok();
     bar.finish_and_clear();
     if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
         return Err(error);
@@ -120,7 +124,8 @@ fn label_ids(folder: &Path) -> Result<Vec<String>> {
     let mut ids = Vec::new();
     for entry in fs::read_dir(folder).with_context(failed)? {
         let path = entry.with_context(failed)?.path();
-        let stem = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| path.extension().is_some_and(|e| e == "txt"));
+        let stem =
+            path.file_stem().and_then(|stem| stem.to_str()).filter(|_| path.extension().is_some_and(|e| e == "txt"));
         ids.extend(stem.map(str::to_owned));
     }
     ids.sort();
@@ -136,14 +141,17 @@ impl Folder {
     fn new(root: &Path) -> Result<Self> {
         let images = root.join("training/image_2");
         ensure!(!images.exists(), "{}: there is a data set here already; name another --out", root.display());
-        for folder in ["training/image_2", "training/label_2", "training/calib", "ImageSets"].map(|name| root.join(name)) {
+        for folder in
+            ["training/image_2", "training/label_2", "training/calib", "ImageSets"].map(|name| root.join(name))
+        {
             fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
         }
         Ok(Self { root: root.to_owned() })
     }
 
     fn write(&self, frame: &Frame) -> Result<()> {
-        let path = |folder: &str, extension: &str| self.root.join(format!("training/{folder}/{}.{extension}", frame.id));
+        let path =
+            |folder: &str, extension: &str| self.root.join(format!("training/{folder}/{}.{extension}", frame.id));
         let (width, height) = frame.image.dimensions();
         write_quickly(&path("image_2", "png"), |file| {
             let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
