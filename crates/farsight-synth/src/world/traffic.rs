@@ -15,6 +15,9 @@ use crate::sizes::SizeStatistics;
 /// Vehicles keep at least this far from each other, metres.
 const ROOM_M: f64 = 0.18;
 
+/// A scene whose actors have this many triangles gets no more.
+const MOST_TRIANGLES: usize = 85_000;
+
 /// Places actors; `density` is a factor on their number.
 pub(crate) struct Traffic<'a> {
     pub(crate) stage: &'a mut Stage,
@@ -244,7 +247,7 @@ impl Traffic<'_> {
         let y = self.stage.ground.y(point) - lift;
         let box3d =
             Box3d { dimensions: size, location: [point[0], y, point[1]], yaw: farsight_core::wrapped_angle(yaw) };
-        let far = box3d.ground_distance_m() > self.farthest_m;
+        let far = box3d.ground_distance_m() > self.farthest_m || self.stage.actor_triangles() > MOST_TRIANGLES;
         let room = if class == ObjectClass::Pedestrian { 0.02 } else { ROOM_M };
         if far || !self.stage.view.sees(point, size.length / 2.0 + 1.0) || !self.stage.is_free(&box3d, room) {
             return;
