@@ -39,10 +39,12 @@ pub(super) fn spread(light: &mut [Color], size: [usize; 2], exposure: f32, share
 fn excess(light: &[Color], size: [usize; 2], grid: [usize; 2], exposure: f32) -> Vec<Color> {
     let mut squares = vec![[0.0; 3]; grid[0] * grid[1]];
     for (y, row) in light.chunks_exact(size[0]).enumerate() {
-        for (x, pixel) in row.iter().enumerate() {
-            let above = pixel.map(|c| (c * exposure - 1.0).clamp(0.0, MOST));
-            let square = &mut squares[y / SQUARE * grid[0] + x / SQUARE];
-            *square = add_scaled(*square, above, 1.0 / (SQUARE * SQUARE) as f32);
+        let line = &mut squares[y / SQUARE * grid[0]..][..grid[0]];
+        for (square, pixels) in line.iter_mut().zip(row.chunks(SQUARE)) {
+            for &[r, g, b] in pixels.iter().filter(|[r, g, b]| r.max(*g).max(*b) * exposure > 1.0) {
+                let above = |value: f32| (value * exposure - 1.0).clamp(0.0, MOST);
+                *square = add_scaled(*square, [above(r), above(g), above(b)], 1.0 / (SQUARE * SQUARE) as f32);
+            }
         }
     }
     squares

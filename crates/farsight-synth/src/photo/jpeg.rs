@@ -69,23 +69,26 @@ struct Plane {
 fn planes(bytes: &[u8], [width, height]: [usize; 2]) -> [Plane; 3] {
     // Twice the block, so that the halved chroma is whole blocks too.
     let [stride, rows] = [width, height].map(|s| s.next_multiple_of(2 * SIDE));
-    let mut planes = [(); 3].map(|()| Plane { stride, values: Vec::with_capacity(stride * rows) });
+    let plane = || Plane { stride, values: vec![0.0; stride * rows] };
+    let (mut luma, mut blue, mut red) = (plane(), plane(), plane());
     for y in 0..rows {
-        let row = &bytes[3 * width * y.min(height - 1)..][..3 * width];
-        for x in 0..stride {
-            let at = 3 * x.min(width - 1);
-            let [r, g, b] = [row[at], row[at + 1], row[at + 2]].map(f32::from);
-            planes[0].values.push(0.299 * r + 0.587 * g + 0.114 * b - 128.0);
-            planes[1].values.push(-0.168_736 * r - 0.331_264 * g + 0.5 * b);
-            planes[2].values.push(0.5 * r - 0.418_688 * g - 0.081_312 * b);
+        let line = y * stride..(y + 1) * stride;
+        let (luma, blue, red) = (&mut luma.values[line.clone()], &mut blue.values[line.clone()], &mut red.values[line]);
+        let (pixels, _) = bytes[3 * width * y.min(height - 1)..][..3 * width].as_chunks::<3>();
+        let outs = luma.iter_mut().zip(blue).zip(red);
+        for (((luma, blue), red), pixel) in outs.zip(pixels.iter().chain(std::iter::repeat(&pixels[width - 1]))) {
+            let (r, g, b) = (f32::from(pixel[0]), f32::from(pixel[1]), f32::from(pixel[2]));
+            *luma = 0.299 * r + 0.587 * g + 0.114 * b - 128.0;
+            *blue = -0.168_736 * r - 0.331_264 * g + 0.5 * b;
+            *red = 0.5 * r - 0.418_688 * g - 0.081_312 * b;
         }
     }
-    planes
+    [luma, blue, red]
 }
 
 fn rgb(luma: f32, blue: f32, red: f32) -> [u8; 3] {
     let luma = luma + 128.5;
-    [luma + 1.402 * red, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.772 * blue].map(|v| v as u8)
+    [(luma + 1.402 * red) as u8, (luma - 0.344_136 * blue - 0.714_136 * red) as u8, (luma + 1.772 * blue) as u8]
 }
 
 /// A quantisation table on libjpeg's scale of quality, and its inverse.

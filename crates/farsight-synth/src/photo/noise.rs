@@ -1,5 +1,7 @@
 //! The sensor: vignetting, exposure, white balance, noise, curve, whole numbers.
 
+use wide::{bytemuck::cast, f32x4, i32x4, u32x4};
+
 use super::PhotoSettings;
 use super::curve::Curve;
 use crate::scene::Color;
@@ -22,40 +24,41 @@ pub(super) struct Sensor<'a> {
 impl Sensor<'_> {
     /// Fills `bytes` (red, green, blue of each pixel) from `light`.
     pub(super) fn expose(&self, light: &[Color], bytes: &mut [u8]) {
-        let [width, height] = self.size.map(|s| s as f32);
-        let diagonal = width * width + height * height;
-        let pixels = light.iter().zip(bytes.as_chunks_mut().0);
-        for (number, (&color, out)) in pixels.enumerate() {
-            let x = 2.0 * (number % self.size[0]) as f32 - width;
-            let y = 2.0 * (number / self.size[0]) as f32 - height;
-            let loss = 1.0 - self.settings.vignetting * (x * x + y * y) / diagonal;
-            *out = self.pixel(color, loss, random_bits(self.settings.seed, number as u64));
-        }
-    }
-
-    #[inline]
-    fn pixel(&self, color: Color, loss: f32, random: u64) -> [u8; 3] {
         let settings = self.settings;
-        let grey = LUMA[0] * color[0] + LUMA[1] * color[1] + LUMA[2] * color[2];
-        let mut out = [0; 3];
-        for (channel, byte) in out.iter_mut().enumerate() {
-            let saturated = (grey + (color[channel] - grey) * settings.saturation).max(0.0);
-            let exposed = saturated * (self.exposure * loss * settings.white_balance[channel]);
-            // A higher exposure of the same scene is a higher gain, and the noise grows with it.
-            let gain = self.exposure.max(1.0);
-            let variance = (settings.shot_noise * exposed + settings.read_noise * settings.read_noise * gain) * gain;
-            let noisy = exposed + normal(random >> (20 * channel)) * variance.sqrt();
-            *byte = (self.curve.at(noisy) * 255.0 + 0.5) as u8;
+        let [width, height] = self.size.map(|s| s as f32);
+        let per_square = settings.vignetting / (width * width + height * height);
+        let [red, green, blue] = settings.white_balance;
+        let balance = f32x4::from([red, green, blue, 0.0]) * f32x4::splat(self.exposure);
+        // A higher exposure of the same scene is a higher gain, and the noise grows with it.
+        let gain = self.exposure.max(1.0);
+        let shot = f32x4::splat(settings.shot_noise * gain);
+        let read = f32x4::splat(settings.read_noise * settings.read_noise * gain * gain);
+        let saturation = f32x4::splat(settings.saturation);
+        let lines = light.chunks_exact(self.size[0]).zip(bytes.chunks_exact_mut(3 * self.size[0]));
+        for (row, (pixels, out)) in lines.enumerate() {
+            let y = 2.0 * row as f32 - height;
+            for (column, (&[r, g, b], out)) in pixels.iter().zip(out.as_chunks_mut().0).enumerate() {
+                let x = 2.0 * column as f32 - width;
+                let kept = 1.0 - per_square * (x * x + y * y);
+                let grey = f32x4::splat(LUMA[0] * r + LUMA[1] * g + LUMA[2] * b);
+                let color = f32x4::from([r, g, b, 0.0]);
+                let saturated = (grey + (color - grey) * saturation).fast_max(f32x4::ZERO);
+                let exposed = saturated * balance * f32x4::splat(kept);
+                let random = normal(random_bits(settings.seed, (row * self.size[0] + column) as u64));
+                *out = self.curve.at(exposed + random * (shot * exposed + read).sqrt());
+            }
         }
-        out
     }
 }
 
-/// A number from a nearly normal distribution, mean 0 and standard deviation 1, from the lowest 20 bits.
+/// Three numbers from a nearly normal distribution, mean 0 and standard deviation 1, from 60 bits.
 #[inline]
-fn normal(bits: u64) -> f32 {
-    let sum = (bits & 31) + (bits >> 5 & 31) + (bits >> 10 & 31) + (bits >> 15 & 31);
-    (sum as f32 - SUM_MEAN) * (1.0 / SUM_DEVIATION)
+fn normal(bits: u64) -> f32x4 {
+    let fields = u32x4::from([bits as u32, (bits >> 20) as u32, (bits >> 40) as u32, 0]);
+    let few = u32x4::splat(31);
+    let sum = (fields & few) + ((fields >> 5) & few) + ((fields >> 10) & few) + ((fields >> 15) & few);
+    let sum: i32x4 = cast(sum);
+    (f32x4::from_i32x4(sum) - f32x4::splat(SUM_MEAN)) * f32x4::splat(1.0 / SUM_DEVIATION)
 }
 
 /// Random bits of a pixel (SplitMix64's finisher).

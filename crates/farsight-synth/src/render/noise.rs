@@ -1,6 +1,6 @@
 //! Value noise from hashed whole numbers: the same bits everywhere.
 
-use crate::vector::{exp, floor};
+use crate::vector::{floor, log2};
 
 /// Noise in the plane.
 #[derive(Debug, Clone, Copy)]
@@ -92,13 +92,16 @@ impl Noise {
         sum
     }
 
-    /// Share of the plane where the noise of all octaves is below `value`, roughly.
-    pub(crate) fn share_below(value: f32) -> f32 {
-        // Close to normal with this standard deviation; the logistic function is close to its integral.
-        const DEVIATION: f32 = 0.155;
-        1.0 / (1.0 + exp(value * (-1.702 / DEVIATION)))
+    /// The value below which this share of the noise lies, 0 to 1; of two octaves, roughly.
+    pub(crate) fn quantile(share: f32) -> f32 {
+        // The logistic function is close to the integral of a normal distribution.
+        let share = share.clamp(1e-4, 1.0 - 1e-4);
+        log2(share / (1.0 - share)) * (TWO_OCTAVES_DEVIATION / (1.702 * std::f32::consts::LOG2_E))
     }
 }
+
+/// Standard deviation of noise of two octaves; of more it is a little less.
+pub(crate) const TWO_OCTAVES_DEVIATION: f32 = 0.162;
 
 #[cfg(test)]
 mod tests {
@@ -110,9 +113,11 @@ mod tests {
         let values: Vec<f32> =
             (0..40_000).map(|i| noise.at([(i % 200) as f32 * 0.37, (i / 200) as f32 * 0.37], 0.0)).collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
+        let deviation = (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / values.len() as f32).sqrt();
+        assert!((deviation / TWO_OCTAVES_DEVIATION - 1.0).abs() < 0.05, "deviation {deviation}");
         assert!(mean.abs() < 0.02, "mean {mean}");
         for share in [0.2, 0.5, 0.8] {
-            let below = values.iter().filter(|&&v| Noise::share_below(v) < share).count() as f32 / values.len() as f32;
+            let below = values.iter().filter(|&&v| v < Noise::quantile(share)).count() as f32 / values.len() as f32;
             assert!((below - share).abs() < 0.04, "{below} of the plane is below the quantile {share}");
         }
     }

@@ -1,6 +1,6 @@
 //! How a surface's colour varies, smoothed to what a pixel can show.
 
-use super::noise::{Noise, hash, unit};
+use super::noise::{Noise, TWO_OCTAVES_DEVIATION, hash, unit};
 use crate::scene::{Color, Material, Pattern};
 use crate::vector::{add, exp2, floor, mix, scale, smooth_step};
 
@@ -21,30 +21,42 @@ pub(crate) struct Look {
     pub(crate) shine: f32,
 }
 
-/// Whether one can look through parts of the surface.
-pub(crate) fn has_holes(pattern: &Pattern) -> bool {
-    match *pattern {
-        Pattern::Leaves { density, .. } => density < 1.0,
-        Pattern::Worn { wear, .. } => wear > 0.0,
-        _ => false,
-    }
+/// Holes in a surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Holes {
+    noise: Noise,
+    /// Share of the surface that is none.
+    pub(crate) solid: f32,
+    /// The noise is below this where there is none.
+    level: f32,
 }
 
-/// Share of the pixel that is no hole, 0 to 1.
-pub(crate) fn cover(pattern: &Pattern, uv: [f32; 2], footprint: Footprint) -> f32 {
-    let (size, share, seed) = match *pattern {
-        Pattern::Leaves { scale, density, seed, .. } => (scale, density, seed),
-        Pattern::Worn { scale, wear, seed } => (scale, 1.0 - wear, seed),
-        _ => return 1.0,
-    };
-    let width = widest(footprint) / size;
-    if width >= 2.0 {
-        return share;
+impl Holes {
+    /// The holes of a pattern, if one can look through parts of it.
+    #[inline]
+    pub(crate) fn of(pattern: &Pattern) -> Option<Self> {
+        let (scale, solid, seed) = match *pattern {
+            Pattern::Leaves { scale, density, seed, .. } => (scale, density, seed),
+            Pattern::Worn { scale, wear, seed } => (scale, 1.0 - wear, seed),
+            _ => return None,
+        };
+        let noise = Noise { scale, octaves: 2, seed };
+        (solid < 1.0).then(|| Self { noise, solid, level: Noise::quantile(solid) })
     }
-    let level = Noise::share_below(Noise { scale: size, octaves: 2, seed }.at(uv, 0.0));
-    let near = ((share - level) / width.clamp(0.05, 1.0) + 0.5).clamp(0.0, 1.0);
-    // Where a pixel covers whole tufts, it shows their share.
-    near + (share - near) * smooth_step(0.5, 2.0, width)
+
+    /// Share of the pixel that is no hole, 0 to 1.
+    #[inline]
+    pub(crate) fn cover(&self, uv: [f32; 2], footprint: Footprint) -> f32 {
+        let width = widest(footprint) / self.noise.scale;
+        if width >= 2.0 {
+            return self.solid;
+        }
+        // A pixel's width of noise: it rises by about twice its deviation from feature to feature.
+        let edge = 2.0 * TWO_OCTAVES_DEVIATION * width.clamp(0.05, 1.0);
+        let near = ((self.level - self.noise.at(uv, 0.0)) / edge + 0.5).clamp(0.0, 1.0);
+        // Where a pixel covers whole tufts, it shows their share.
+        if width <= 0.5 { near } else { near + (self.solid - near) * smooth_step(0.5, 2.0, width) }
+    }
 }
 
 /// The look of a material at `uv`.
@@ -169,9 +181,10 @@ mod tests {
     #[test]
     fn holes_take_their_share_near_and_far() {
         let leaves = Pattern::Leaves { other: [0.0; 3], scale: 0.5, density: 0.6, seed: 3 };
+        let holes = Holes::of(&leaves).expect("holes");
         for footprint in [0.01, 0.3, 0.7, 4.0] {
             let places = (0..10_000).map(|i| [(i % 100) as f32 * 0.23, (i / 100) as f32 * 0.23]);
-            let mean = places.map(|uv| cover(&leaves, uv, [footprint; 2])).sum::<f32>() / 10_000.0;
+            let mean = places.map(|uv| holes.cover(uv, [footprint; 2])).sum::<f32>() / 10_000.0;
             assert!((mean - 0.6).abs() < 0.06, "{mean} of the surface is leaf at footprint {footprint}");
         }
     }

@@ -89,24 +89,30 @@ impl<'a> Resolver<'a> {
     /// A pixel that shows several triangles.
     fn mixed(&mut self, numbers: &[u32; SAMPLES], pixel: [usize; 2], rendered: &mut Rendered) {
         let (groups, count) = self.groups(numbers);
+        let groups = &groups[..count];
         let mut color = [0.0; 3];
+        let mut instances = [0; SAMPLES];
+        for (group, instance) in groups.iter().zip(&mut instances) {
+            *instance = self.instance(group.number);
+        }
         let mut most = (0, 0, f32::INFINITY, 0);
-        let shown = groups.map(|group| {
-            (group.samples > 0).then(|| {
-                let offset = group.offset.map(|o| o / group.own as f32);
-                (group.samples, self.shown(group.number, pixel, offset))
-            })
-        });
-        for &(samples, one) in shown[..count].iter().flatten() {
-            color = add_scaled(color, one.color, samples as f32 / SAMPLES as f32);
-            rendered.visible[usize::from(one.instance)] += samples;
-            let of_instance = shown.iter().flatten().filter(|(_, s)| s.instance == one.instance);
-            let of_instance: u32 = of_instance.map(|(samples, _)| samples).sum();
-            if (of_instance, samples) > (most.0, most.1) {
-                most = (of_instance, samples, one.depth_m, one.instance);
+        for (group, &instance) in groups.iter().zip(&instances) {
+            let scale = 1.0 / group.own as f32;
+            let shown = self.shown(group.number, pixel, [group.offset[0] * scale, group.offset[1] * scale]);
+            color = add_scaled(color, shown.color, group.samples as f32 / SAMPLES as f32);
+            rendered.visible[usize::from(instance)] += group.samples;
+            let same = groups.iter().zip(&instances).filter(|(_, other)| **other == instance);
+            let of_instance: u32 = same.map(|(other, _)| other.samples).sum();
+            if (of_instance, group.samples) > (most.0, most.1) {
+                most = (of_instance, group.samples, shown.depth_m, instance);
             }
         }
         rendered.push(color, most.2, most.3);
+    }
+
+    /// Whose triangle it is.
+    fn instance(&self, number: u32) -> InstanceId {
+        if number == NOTHING { 0 } else { self.scene.objects[self.seen.drawn(number).object as usize].instance }
     }
 
     /// The samples of a pixel in up to four groups, and how many.

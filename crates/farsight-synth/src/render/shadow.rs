@@ -3,8 +3,8 @@
 use wide::f32x4;
 
 use super::noise::{hash, unit};
+use super::pattern::Holes;
 use super::raster::{Grid, Target, fill};
-use super::surface::{solid_share, vertices};
 use super::view::View;
 use crate::scene::{Material, Object, Scene, Vec3};
 use crate::vector::{add_scaled, cross, dot, floor, normalized, scale};
@@ -114,7 +114,8 @@ impl DepthMap {
         }
         let grid = Grid::new([self.size[0] / 4, self.size[1]], TEXELS);
         for triangle in &object.mesh.triangles {
-            let solid = solid_share(&materials[usize::from(triangle.material)].pattern, &vertices(object, triangle));
+            let holes = Holes::of(&materials[usize::from(triangle.material)].pattern);
+            let solid = holes.map_or(1.0, |holes| holes.solid);
             let [a, b, c] = triangle.vertices;
             let places = [corners[a as usize], corners[b as usize], corners[c as usize]];
             fill(&grid, &places, 1.0, &mut Nearest { width: self.size[0], nearest: &mut self.nearest, solid });

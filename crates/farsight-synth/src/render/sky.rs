@@ -52,8 +52,9 @@ fn clouds(scene: &Scene, d: Vec3, up: f32) -> f32 {
     // Clouds on a plane of unit height, bent down a little towards the horizon.
     let over = 1.0 / (up + 0.12);
     let noise = Noise { scale: 1.1, octaves: 5, seed: scene.sky.seed };
-    let below = Noise::share_below(noise.at([d[0] * over, d[2] * over * 1.6], 0.004 * over * over));
-    smooth_step(1.0 - share - 0.22, 1.0 - share + 0.22, below)
+    let value = noise.at([d[0] * over, d[2] * over * 1.6], 0.004 * over * over);
+    let level = Noise::quantile(1.0 - share);
+    smooth_step(level - 0.08, level + 0.08, value)
 }
 
 fn cloud(scene: &Scene, d: Vec3) -> Color {

@@ -2,10 +2,10 @@
 
 use wide::f32x4;
 
-use super::pattern::{self, Footprint};
+use super::pattern::{Footprint, Holes};
 use super::view::inverted;
 use super::visibility::Projected;
-use crate::scene::{Object, Pattern, Scene, Triangle, Vec3, Vertex};
+use crate::scene::{Object, Scene, Triangle, Vec3, Vertex};
 
 /// Weights of the three corners as functions of the pixel, right in perspective.
 ///
@@ -73,24 +73,21 @@ impl WeightsAt {
 pub(crate) struct Cutout {
     weights: Weights,
     uv: [[f32; 2]; 3],
-    pattern: Pattern,
+    holes: Holes,
 }
 
 impl Cutout {
     /// The holes of a triangle, if its material has any.
     pub(crate) fn of(scene: &Scene, object: &Object, triangle: &Triangle, corners: &[Projected]) -> Option<Self> {
-        let pattern = scene.materials[usize::from(triangle.material)].pattern;
-        if !pattern::has_holes(&pattern) {
-            return None;
-        }
+        let holes = Holes::of(&scene.materials[usize::from(triangle.material)].pattern)?;
         let weights = Weights::new(triangle.vertices.map(|v| corners[v as usize].homogeneous));
-        Some(Self { weights, uv: vertices(object, triangle).map(|v| v.uv), pattern })
+        Some(Self { weights, uv: vertices(object, triangle).map(|v| v.uv), holes })
     }
 
     /// The samples of a pixel that are no hole, as a mask.
     pub(crate) fn kept(&self, x: usize, y: usize) -> f32x4 {
         let (uv, footprint) = self.weights.at(x as f32, y as f32).uv(&self.uv);
-        let share = pattern::cover(&self.pattern, uv, footprint);
+        let share = self.holes.cover(uv, footprint);
         // A quarter of the samples for each quarter of the share; which ones differs from pixel to pixel, so that no grain shows.
         let turn = (x + 3 * y) & 3;
         let kept = |sample: usize| {
@@ -99,11 +96,6 @@ impl Cutout {
         };
         f32x4::from([kept(0), kept(1), kept(2), kept(3)])
     }
-}
-
-/// Share of a triangle that is no hole, in all: what a shadow needs to know.
-pub(crate) fn solid_share(pattern: &Pattern, corners: &[&Vertex; 3]) -> f32 {
-    if pattern::has_holes(pattern) { pattern::cover(pattern, corners[0].uv, [f32::MAX; 2]) } else { 1.0 }
 }
 
 /// The corners of a triangle.
