@@ -1,6 +1,7 @@
 //! Things that stand beside roads.
 
 use super::stage::Stage;
+use crate::actors::{Detail, bicycle};
 use crate::dice::Dice;
 use crate::palette::{any_color, grey, matte, varied};
 use crate::scene::{Color, Lamp, Material, MaterialId, Mesh, Pattern, Vec3};
@@ -130,7 +131,7 @@ fn conifer(shape: &mut Shape, height: f32, stock: &Stock, leaves: [MaterialId; 2
 }
 
 /// Part of a crown: leaves with gaps around a dark inside.
-fn leafy_ball(
+pub(crate) fn leafy_ball(
     shape: &mut Shape,
     center: Vec3,
     radii: Vec3,
@@ -410,5 +411,34 @@ pub(crate) fn bin(stage: &mut Stage, dice: &mut Dice) -> Mesh {
     let material = stage.palette.glossy(color, 0.2, 20.0, 0.02);
     let (half, height) = (dice.range32(0.2, 0.5), dice.range32(0.7, 1.6));
     shape.block([-half, -height, -half], [half, 0.05, half], material);
+    shape.mesh
+}
+
+/// A bicycle that nobody rides; its length along x.
+pub(crate) fn parked_bicycle(stage: &mut Stage, dice: &mut Dice) -> Mesh {
+    let mut shape = Shape::default();
+    let color = any_color(dice);
+    let frame = stage.palette.matte(color);
+    let dark = stage.palette.matte(grey(0.02));
+    for _ in 0..dice.whole(1, 3) {
+        let mut one = Shape::default();
+        bicycle(&mut one, frame, dark, Detail::Middle);
+        let at = [dice.range32(-0.3, 0.3), 0.0, shape.mesh.vertices.len() as f32 * 0.0006];
+        shape.place(&one.mesh, dice.range(-0.2, 0.2), at);
+    }
+    shape.mesh
+}
+
+/// A block, a ball or a slab of any colour.
+pub(crate) fn oddment(stage: &mut Stage, size: f32, dice: &mut Dice) -> Mesh {
+    let mut shape = Shape::default();
+    let color = any_color(dice);
+    let material = stage.palette.glossy(color, dice.range32(0.0, 0.9), 40.0, dice.range32(0.0, 0.2));
+    let half = [0, 1, 2].map(|_| size * dice.range32(0.1, 0.5));
+    match dice.whole(0, 2) {
+        0 => shape.block(half.map(|h| -h), half, material),
+        1 => shape.ball([0.0; 3], half, [5, 8], material, || dice.range32(-0.3, 0.3)),
+        _ => shape.tube([0.0, half[1], 0.0], [half[0], -half[1], half[2]], [half[0], half[2]], 9, material),
+    }
     shape.mesh
 }
