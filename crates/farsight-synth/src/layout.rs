@@ -43,7 +43,8 @@ pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 
         let dice = dice.fork();
         stage.add_actor(label.class.clone(), label.box3d, conduct, dice);
     }
-    furnish(&mut stage, &plan, &mut dice);
+    let distracting = dice.chance(config.distractor_share);
+    furnish(&mut stage, &plan, distracting, &mut dice);
     stage.into_drawn()
 }
 

@@ -10,6 +10,8 @@ mod paint;
 mod person;
 mod wheels;
 
+pub(crate) use person::bicycle;
+
 use farsight_core::{Box3d, Dimensions, ObjectClass};
 
 use crate::dice::Dice;

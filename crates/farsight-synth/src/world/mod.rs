@@ -46,19 +46,24 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
     let density = dice.range(config.density[0], config.density[1]);
     let traffic_dice = dice.fork();
     Traffic { stage: &mut stage, plan: &plan, density, farthest_m: config.farthest_m, dice: traffic_dice }.place_all();
-    furnish(&mut stage, &plan, &mut dice);
+    let distracting = dice.chance(config.distractor_share);
+    furnish(&mut stage, &plan, distracting, &mut dice);
     stage.into_drawn()
 }
 
 /// Builds the streets and what is beside them around the actors.
-pub(crate) fn furnish(stage: &mut Stage, plan: &Plan, dice: &mut Dice) {
+pub(crate) fn furnish(stage: &mut Stage, plan: &Plan, distracting: bool, dice: &mut Dice) {
     let surfaces = surfaces(stage, dice);
     for street in plan.streets() {
         street.build(stage, &surfaces, dice);
     }
     let stock = Stock::draw(stage, dice);
     let dice = dice.fork();
-    Surroundings { stage, plan, stock, dice }.build_all(surfaces.grass);
+    let mut surroundings = Surroundings { stage, plan, stock, dice };
+    surroundings.build_all(surfaces.grass);
+    if distracting {
+        surroundings.distract();
+    }
 }
 
 /// Draws what the ground is made of.

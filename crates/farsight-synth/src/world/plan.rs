@@ -303,6 +303,7 @@ fn markings(place: Place, dice: &mut Dice) -> Markings {
             _ => dice.chance(0.25),
         },
         lanes: marked || place == Place::Motorway,
+        stop: if marked { dice.weighted(&[(0, 1.0), (1, 2.0), (2, 1.5)]) } else { 0 },
     }
 }
 

@@ -1,6 +1,7 @@
 //! Things that stand beside roads.
 
 use super::stage::Stage;
+use crate::actors::{Detail, bicycle};
 use crate::dice::Dice;
 use crate::palette::{any_color, grey, matte, varied};
 use crate::scene::{Color, Lamp, Material, MaterialId, Mesh, Pattern, Vec3};
@@ -23,9 +24,9 @@ const GREENS: [(Color, f64); 6] = [
     ([0.045, 0.09, 0.018], 4.0),
     ([0.025, 0.055, 0.015], 4.0),
     ([0.10, 0.14, 0.02], 2.0),
-    ([0.16, 0.13, 0.02], 1.0),
+    ([0.16, 0.13, 0.02], 0.6),
     ([0.02, 0.035, 0.015], 2.0),
-    ([0.14, 0.06, 0.02], 0.5),
+    ([0.14, 0.06, 0.02], 0.25),
 ];
 
 impl Stock {
@@ -35,7 +36,7 @@ impl Stock {
             let bright = dice.range32(1.2, 2.6);
             let color = crate::palette::times(varied(dice, color, 0.35), bright);
             let other = crate::palette::times(color, dice.range32(0.0, 0.15));
-            let scale = dice.log_range(0.08, 0.4) as f32;
+            let scale = dice.log_range(0.06, 0.2) as f32;
             let mut layer = |density: f32, dark: f32| {
                 let [color, other] = [color, other].map(|c| crate::palette::times(c, dark));
                 let pattern = Pattern::Leaves { other, scale, density, seed: dice.seed() };
@@ -130,7 +131,7 @@ fn conifer(shape: &mut Shape, height: f32, stock: &Stock, leaves: [MaterialId; 2
 }
 
 /// Part of a crown: leaves with gaps around a dark inside.
-fn leafy_ball(
+pub(crate) fn leafy_ball(
     shape: &mut Shape,
     center: Vec3,
     radii: Vec3,
@@ -179,6 +180,8 @@ pub(crate) struct HouseLook {
     pub(crate) side: MaterialId,
     pub(crate) roof: MaterialId,
     pub(crate) ground_floor: MaterialId,
+    /// Distance between windows, across and up.
+    pub(crate) pitch: [f32; 2],
     /// Gables over the sides; flat otherwise.
     pub(crate) pitched: bool,
 }
@@ -199,13 +202,8 @@ impl HouseLook {
             1 => palette.noise(grey(dice.range32(0.1, 0.4)), grey(0.1), 0.6, dice.seed()),
             _ => {
                 let color = any_color(dice);
-                let shop = Pattern::Windows {
-                    other: grey(0.03),
-                    pitch: [3.5, 3.4],
-                    fill: [0.8, 0.7],
-                    lit: lit * 2.0,
-                    seed: dice.seed(),
-                };
+                let shop =
+                    Pattern::Windows { other: grey(0.03), pitch, fill: [0.8, 0.7], lit: lit * 2.0, seed: dice.seed() };
                 palette.add(Material { pattern: shop, ..matte(color) })
             }
         };
@@ -219,7 +217,7 @@ impl HouseLook {
             seed: dice.seed(),
         };
         let roof = palette.add(Material { pattern: tiles, ..matte(roof) });
-        Self { front, side, roof, ground_floor, pitched: dice.chance(0.65) }
+        Self { front, side, roof, ground_floor, pitch, pitched: dice.chance(0.65) }
     }
 }
 
@@ -261,21 +259,33 @@ pub(crate) fn plain_wall(color: Color, dice: &mut Dice) -> Material {
     Material { pattern, ..matte(color) }
 }
 
-/// A house whose front (along x) lies at z = 0 and which reaches back to negative z.
+/// A house whose front (along x) lies at z = 0 and which reaches back to negative z; whole floors of about `height` together.
 pub(crate) fn house(width: f32, depth: f32, height: f32, look: &HouseLook, dice: &mut Dice) -> Mesh {
     let mut shape = Shape::default();
     let half = width / 2.0;
-    let floor = (height * 0.3).min(3.4);
-    let base = 0.6;
-    shape.block_of(
-        [-half, -floor, -depth],
-        [half, base, 0.0],
-        [Some(look.side), Some(look.side), None, None, Some(look.front), Some(look.ground_floor)],
-    );
-    shape.block_of(
-        [-half, -height, -depth],
-        [half, -floor, 0.0],
-        [Some(look.side), Some(look.side), Some(look.roof), None, Some(look.front), Some(look.front)],
+    let floor = dice.range32(3.0, 3.6);
+    let [across, up] = look.pitch;
+    let floors = ((height - floor) / up).round().max(1.0);
+    let height = floor + floors * up;
+    shape.block([-half - 0.03, -0.35, -depth], [half + 0.03, 0.8, 0.03], look.side);
+    let columns = |length: f32| (length / across).round().max(1.0) * across;
+    let mut wall = |from: [f32; 2], to: [f32; 2], [low, high]: [f32; 2], rows: f32, material: MaterialId| {
+        let length = columns(((to[0] - from[0]).abs() + (to[1] - from[1]).abs()).max(0.1));
+        let points = [[from[0], -low, from[1]], [to[0], -low, to[1]], [to[0], -high, to[1]], [from[0], -high, from[1]]];
+        let uvs = [[0.0, 0.0], [length, 0.0], [length, rows * up], [0.0, rows * up]];
+        shape.quad_uv(points, uvs, material, 0);
+    };
+    wall([half, 0.0], [-half, 0.0], [0.0, floor], 1.0, look.ground_floor);
+    wall([half, 0.0], [-half, 0.0], [floor, height], floors, look.front);
+    for x in [-half, half] {
+        wall([x, 0.0], [x, -depth], [0.0, floor], 1.0, look.side);
+        wall([x, 0.0], [x, -depth], [floor, height], floors, look.side);
+    }
+    wall([-half, -depth], [half, -depth], [0.0, height], floors + 1.0, look.front);
+    shape.quad(
+        [[-half, -height, 0.0], [half, -height, 0.0], [half, -height, -depth], [-half, -height, -depth]],
+        look.roof,
+        0,
     );
     if look.pitched {
         gable_roof(&mut shape, half, depth, height, look, dice);
@@ -288,12 +298,25 @@ pub(crate) fn house(width: f32, depth: f32, height: f32, look: &HouseLook, dice:
             look.side,
         );
     }
-    if dice.chance(0.3) {
-        // A bay or balconies.
+    if dice.chance(0.35) && half > 3.5 {
+        // Balconies, or bays.
         let x = dice.range32(-half * 0.6, half * 0.6);
-        shape.block([x - 1.3, -height * 0.9, -0.2], [x + 1.3, -floor, 0.9], look.front);
+        for k in 0..floors as usize {
+            let level = floor + up * k as f32;
+            let out = 1.0;
+            shape.block([x - 1.4, -level - 0.95, out - 0.06], [x + 1.4, -level + 0.05, out], look.side);
+            shape.block([x - 1.4, -level, 0.0], [x + 1.4, -level + 0.12, out], look.side);
+        }
     }
+    door(&mut shape, half, look, dice);
     shape.mesh
+}
+
+/// A front door with a step.
+fn door(shape: &mut Shape, half: f32, look: &HouseLook, dice: &mut Dice) {
+    let x = dice.range32(-half * 0.8, half * 0.8);
+    shape.block([x - 0.55, -2.3, 0.0], [x + 0.55, 0.1, 0.05], look.roof);
+    shape.block([x - 0.9, -0.18, 0.0], [x + 0.9, 0.3, 0.5], look.side);
 }
 
 fn gable_roof(shape: &mut Shape, half: f32, depth: f32, height: f32, look: &HouseLook, dice: &mut Dice) {
@@ -388,5 +411,34 @@ pub(crate) fn bin(stage: &mut Stage, dice: &mut Dice) -> Mesh {
     let material = stage.palette.glossy(color, 0.2, 20.0, 0.02);
     let (half, height) = (dice.range32(0.2, 0.5), dice.range32(0.7, 1.6));
     shape.block([-half, -height, -half], [half, 0.05, half], material);
+    shape.mesh
+}
+
+/// A bicycle that nobody rides; its length along x.
+pub(crate) fn parked_bicycle(stage: &mut Stage, dice: &mut Dice) -> Mesh {
+    let mut shape = Shape::default();
+    let color = any_color(dice);
+    let frame = stage.palette.matte(color);
+    let dark = stage.palette.matte(grey(0.02));
+    for _ in 0..dice.whole(1, 3) {
+        let mut one = Shape::default();
+        bicycle(&mut one, frame, dark, Detail::Middle);
+        let at = [dice.range32(-0.3, 0.3), 0.0, shape.mesh.vertices.len() as f32 * 0.0006];
+        shape.place(&one.mesh, dice.range(-0.2, 0.2), at);
+    }
+    shape.mesh
+}
+
+/// A block, a ball or a slab of any colour.
+pub(crate) fn oddment(stage: &mut Stage, size: f32, dice: &mut Dice) -> Mesh {
+    let mut shape = Shape::default();
+    let color = any_color(dice);
+    let material = stage.palette.glossy(color, dice.range32(0.0, 0.9), 40.0, dice.range32(0.0, 0.2));
+    let half = [0, 1, 2].map(|_| size * dice.range32(0.1, 0.5));
+    match dice.whole(0, 2) {
+        0 => shape.block(half.map(|h| -h), half, material),
+        1 => shape.ball([0.0; 3], half, [5, 8], material, || dice.range32(-0.3, 0.3)),
+        _ => shape.tube([0.0, half[1], 0.0], [half[0], -half[1], half[2]], [half[0], half[2]], 9, material),
+    }
     shape.mesh
 }

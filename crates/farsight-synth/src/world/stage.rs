@@ -109,7 +109,7 @@ impl Stage {
     /// Adds an actor that stands in its box.
     pub(crate) fn add_actor(&mut self, class: ObjectClass, box3d: Box3d, conduct: Conduct, dice: Dice) {
         let instance = self.actors.len() as u16 + 1;
-        let detail = Detail::at(box3d.center_distance_m(), self.view.focal_px());
+        let detail = self.detail(&box3d);
         let unusual = self.unusual;
         let mut workshop = Workshop { palette: &mut self.palette, dice, detail, conduct, unusual };
         let mesh = actors::build(&class, box3d.dimensions, &mut workshop);
@@ -122,6 +122,21 @@ impl Stage {
         }
         self.take(&box3d);
         self.actors.push(Actor { class, box3d, instance });
+    }
+
+    /// How finely an actor is built: by its distance, and more coarsely in a crowd.
+    fn detail(&self, box3d: &Box3d) -> Detail {
+        let wanted = Detail::at(box3d.center_distance_m(), self.view.focal_px());
+        match self.actor_triangles() {
+            0..45_000 => wanted,
+            45_000..70_000 => wanted.min(Detail::Middle),
+            _ => Detail::Far,
+        }
+    }
+
+    /// Triangles of all actors so far.
+    pub(crate) fn actor_triangles(&self) -> usize {
+        self.objects.iter().map(|object| object.mesh.triangles.len()).sum()
     }
 
     /// The ground under a vehicle, where hardly any light comes.

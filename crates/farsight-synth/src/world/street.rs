@@ -62,6 +62,8 @@ pub(crate) struct Markings {
     pub(crate) edges: bool,
     /// Lines between lanes of one direction.
     pub(crate) lanes: bool,
+    /// Before a junction: 0 nothing, 1 a line to stop at, 2 stripes to cross on.
+    pub(crate) stop: u8,
 }
 
 /// A road.
@@ -110,7 +112,63 @@ impl Street {
             self.border(stage, side, surfaces);
         }
         self.lines(stage, surfaces.paint);
+        self.stops(stage, surfaces.paint);
+        if self.markings.lanes && self.markings.dash[0] < 3.5 {
+            self.arrows(stage, surfaces.paint);
+        }
         self.patches(stage, surfaces.patch, dice);
+    }
+
+    /// Lines and crossings before junctions.
+    fn stops(&self, stage: &mut Stage, paint: MaterialId) {
+        for &[open, close] in &self.openings {
+            for (s, direction) in [(open, 1.0), (close, -1.0)] {
+                let lanes = self.lanes.iter().filter(|lane| lane.used_for == LaneUse::Drive);
+                match self.markings.stop {
+                    0 => {}
+                    1 => {
+                        for lane in lanes.filter(|lane| lane.direction == direction) {
+                            let half = lane.width / 2.0 - 0.1;
+                            let sides = [(lane.center - half, 0.0), (lane.center + half, 0.0)];
+                            let from = if direction > 0.0 { s - 0.9 } else { s + 0.5 };
+                            self.ribbon(stage, [from, from + 0.4], sides, paint, layer::MARKING);
+                        }
+                    }
+                    _ => {
+                        let from = if direction > 0.0 { s - 3.5 } else { s + 0.5 };
+                        self.zebra(stage, [from, from + 3.0], paint);
+                    }
+                }
+            }
+        }
+    }
+
+    fn zebra(&self, stage: &mut Stage, range: [f64; 2], paint: MaterialId) {
+        let mut d = self.edges[0] + 0.4;
+        while d < self.edges[1] - 0.5 {
+            self.ribbon(stage, range, [(d, 0.0), (d + 0.5, 0.0)], paint, layer::MARKING);
+            d += 1.0;
+        }
+    }
+
+    /// Arrows before the first junction.
+    fn arrows(&self, stage: &mut Stage, paint: MaterialId) {
+        let Some(&[open, _]) = self.openings.first() else { return };
+        for lane in self.lanes.iter().filter(|lane| lane.used_for == LaneUse::Drive && lane.direction > 0.0) {
+            let tip = open - 6.0;
+            let center = lane.center;
+            self.ribbon(
+                stage,
+                [tip - 4.0, tip - 1.4],
+                [(center - 0.08, 0.0), (center + 0.08, 0.0)],
+                paint,
+                layer::MARKING,
+            );
+            let lift = f64::from(layer::MARKING) * 0.004;
+            let corners = [(tip - 1.4, -0.4), (tip - 1.4, 0.4), (tip, 0.0)];
+            let points = corners.map(|(s, d)| stage.over(self.path.at(s).beside(center + d), lift));
+            stage.flat.triangle(points, [[0.0, 0.0], [0.8, 0.0], [0.4, 1.4]], paint, layer::MARKING);
+        }
     }
 
     fn border(&self, stage: &mut Stage, side: usize, surfaces: &Surfaces) {

@@ -8,6 +8,7 @@ use super::stage::{Stage, layer};
 use crate::dice::Dice;
 use crate::palette::{grey, matte, varied};
 use crate::scene::{Material, MaterialId, Pattern};
+use crate::shape::Shape;
 
 /// Nothing beside the road is built farther along it, metres.
 const FAR_M: f64 = 150.0;
@@ -35,7 +36,58 @@ impl Surroundings<'_> {
                 self.guard_rail(side);
             }
         }
+        if self.dice.chance(0.05) {
+            self.bridge();
+        }
         self.horizon();
+    }
+
+    /// A bridge over the street.
+    fn bridge(&mut self) {
+        let s = self.dice.range(25.0, 90.0);
+        let node = self.plan.main.path.at(s);
+        let (low, deck) = (self.dice.range(4.6, 6.5), self.dice.range(0.8, 2.0));
+        let half = self.dice.range(2.5, 7.0);
+        let outer = [0, 1].map(|side| self.plan.main.outer(side) + 1.0);
+        let material = self.stock.stone;
+        if self.plan.side.iter().any(|street| street.covers(node.point, half + 3.0))
+            || self.stage.hides(node.point, 12.0)
+        {
+            return;
+        }
+        let mut shape = Shape::default();
+        let (up, half) = (low as f32, half as f32);
+        shape.block([-half, -(up + deck as f32), -60.0], [half, -up, 60.0], material);
+        for edge in [-half, half] {
+            shape.block(
+                [edge - 0.1, -(up + deck as f32 + 1.0), -60.0],
+                [edge + 0.1, -(up + deck as f32), 60.0],
+                self.stock.metal,
+            );
+        }
+        for (side, out) in [(-1.0, outer[0]), (1.0, outer[1])] {
+            // Local z points to the left of the path.
+            let wall = -side * out as f32;
+            shape.block([-half, -up, wall - 0.6], [half, 0.5, wall + 0.6], material);
+        }
+        let at = self.stage.over(node.point, 0.0);
+        self.stage.solid.place(&shape.mesh, node.yaw(), at);
+    }
+
+    /// Shapes that belong nowhere: what is not a vehicle must not be found.
+    pub(crate) fn distract(&mut self) {
+        for _ in 0..self.dice.whole(2, 14) {
+            let mut dice = self.dice.fork();
+            let point = [dice.symmetric(18.0), dice.range(5.0, 60.0)];
+            let size = dice.log_range(0.2, 2.5);
+            if !self.has_room(point, size) || self.stage.hides(point, size) {
+                continue;
+            }
+            let lift = if dice.chance(0.6) { size * 0.5 } else { dice.range(1.0, 8.0) };
+            let at = self.stage.over(point, lift);
+            let mesh = props::oddment(self.stage, size as f32, &mut dice);
+            self.stage.solid.place(&mesh, dice.range(0.0, 6.28), at);
+        }
     }
 
     /// The ground beyond the streets, in cells that grow with distance.
@@ -280,14 +332,16 @@ impl Surroundings<'_> {
             let next_bulge = self.dice.range(0.0, 2.5);
             let (from, to) = (a.beside(sign * (d + 3.0 + bulge)), b.beside(sign * (d + 3.0 + next_bulge)));
             let crosses = self.plan.side.iter().any(|street| street.covers(from, 3.0) || street.covers(to, 3.0));
-            if !crosses && !self.stage.hides(from, 4.0) && self.stage.view.sees(from, 8.0) && self.has_room(from, 1.0) {
+            let free = !crosses && !self.stage.hides(from, 4.0) && self.has_room(from, 1.0);
+            if free && self.stage.view.sees(from, 8.0) {
                 let points = [
                     self.stage.over(from, -0.3),
                     self.stage.over(to, -0.3),
-                    self.stage.over(to, next_height),
-                    self.stage.over(from, height),
+                    self.stage.over(to, 0.6 * next_height),
+                    self.stage.over(from, 0.6 * height),
                 ];
                 self.stage.solid.quad(points, leaves, 0);
+                self.crowns(from, height);
             }
             if s < 90.0 && self.dice.chance(0.6) {
                 let point = a.beside(sign * (d + self.dice.range(-2.0, 2.5)));
@@ -302,6 +356,19 @@ impl Surroundings<'_> {
             }
             (height, bulge) = (next_height, next_bulge);
             s = next;
+        }
+    }
+
+    /// The tops of the trees at the edge of a wood.
+    fn crowns(&mut self, point: [f64; 2], height: f64) {
+        let mut dice = self.dice.fork();
+        let leaves = dice.pick(&self.stock.leaves);
+        for _ in 0..2 {
+            let up = height * dice.range(0.35, 0.75);
+            let beside = [point[0] + dice.symmetric(2.0), point[1] + dice.symmetric(2.0)];
+            let center = self.stage.over(beside, up);
+            let radius = height as f32 * dice.range32(0.16, 0.3);
+            props::leafy_ball(&mut self.stage.solid, center, [radius, radius * 1.1, radius], [4, 6], leaves, &mut dice);
         }
     }
 
@@ -334,11 +401,12 @@ impl Surroundings<'_> {
                 continue;
             }
             let facing = node.yaw() + if side == 1 { 0.0 } else { std::f64::consts::PI } + dice.normal(0.0, 0.15);
-            let mesh = match dice.weighted(&[(0, 3.0), (1, 1.0), (2, 2.0), (3, 1.0)]) {
+            let mesh = match dice.weighted(&[(0, 3.0), (1, 1.0), (2, 2.0), (3, 1.0), (4, 1.0)]) {
                 0 => props::sign(self.stage, &self.stock, &mut dice),
                 1 => props::traffic_light(self.stage, &self.stock, &mut dice),
                 2 => props::post(&self.stock, &mut dice),
-                _ => props::bin(self.stage, &mut dice),
+                3 => props::bin(self.stage, &mut dice),
+                _ => props::parked_bicycle(self.stage, &mut dice),
             };
             let at = self.stage.over(point, self.plan.main.borders[side].kerb);
             self.stage.solid.place(&mesh, facing, at);

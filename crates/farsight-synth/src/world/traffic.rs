@@ -15,6 +15,9 @@ use crate::sizes::SizeStatistics;
 /// Vehicles keep at least this far from each other, metres.
 const ROOM_M: f64 = 0.18;
 
+/// A scene whose actors have this many triangles gets no more.
+const MOST_TRIANGLES: usize = 85_000;
+
 /// Places actors; `density` is a factor on their number.
 pub(crate) struct Traffic<'a> {
     pub(crate) stage: &'a mut Stage,
@@ -79,10 +82,12 @@ impl Traffic<'_> {
             Place::Residential | Place::CarPark => 0.01,
             _ => 0.05,
         };
-        match self.dice.weighted(&[(0, 1.0), (1, 0.11), (2, heavy)]) {
+        let tram = if self.plan.place == Place::City { 0.02 } else { 0.0 };
+        match self.dice.weighted(&[(0, 1.0), (1, 0.11), (2, heavy), (3, tram)]) {
             0 => ObjectClass::Car,
             1 => ObjectClass::Van,
-            _ => ObjectClass::Truck,
+            2 => ObjectClass::Truck,
+            _ => ObjectClass::Tram,
         }
     }
 
@@ -181,7 +186,7 @@ impl Traffic<'_> {
         let count = whole_of(self.plan.cyclists * self.density, &mut self.dice);
         for _ in 0..count {
             let street = &self.plan.main;
-            let s = self.dice.range(4.0, 60.0);
+            let s = self.dice.log_range(4.0, 60.0);
             let side = self.dice.whole(0, 1);
             let inset = self.dice.range(-1.5, 1.2);
             let sign = if side == 0 { -1.0 } else { 1.0 };
@@ -198,7 +203,7 @@ impl Traffic<'_> {
         let count = whole_of(self.plan.people * self.density, &mut self.dice);
         let street = &self.plan.main;
         for _ in 0..count {
-            let s = self.dice.range(4.0, 50.0);
+            let s = self.dice.log_range(4.0, 50.0);
             let node = street.path.at(s);
             let side = self.dice.whole(0, 1);
             let sign = if side == 0 { -1.0 } else { 1.0 };
@@ -218,7 +223,8 @@ impl Traffic<'_> {
                 let d = street.edges[side] + sign * (across + 0.75 * f64::from(member));
                 let beside = street.path.at(s + self.dice.symmetric(0.3)).beside(d);
                 let yaw = yaw + self.dice.normal(0.0, 0.1);
-                self.person(ObjectClass::Pedestrian, beside, yaw, border.kerb);
+                let class = if self.dice.chance(0.04) { ObjectClass::PersonSitting } else { ObjectClass::Pedestrian };
+                self.person(class, beside, yaw, border.kerb);
             }
         }
     }
@@ -244,7 +250,7 @@ impl Traffic<'_> {
         let y = self.stage.ground.y(point) - lift;
         let box3d =
             Box3d { dimensions: size, location: [point[0], y, point[1]], yaw: farsight_core::wrapped_angle(yaw) };
-        let far = box3d.ground_distance_m() > self.farthest_m;
+        let far = box3d.ground_distance_m() > self.farthest_m || self.stage.actor_triangles() > MOST_TRIANGLES;
         let room = if class == ObjectClass::Pedestrian { 0.02 } else { ROOM_M };
         if far || !self.stage.view.sees(point, size.length / 2.0 + 1.0) || !self.stage.is_free(&box3d, room) {
             return;

@@ -1,0 +1,255 @@
+//! Laws of drawn worlds and rebuilt frames.
+
+use farsight_core::overlap::Block;
+use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
+use farsight_synth::scene::Object;
+use farsight_synth::sizes::{SizeStatistics, Spread};
+use farsight_synth::{CameraRanges, Drawn, WorldConfig, draw_scene, scene_from_labels};
+
+/// Meshes are stored in single precision, in scene coordinates of up to 100 m.
+const EXTENT_TOLERANCE_M: f64 = 2e-4;
+const SCENES: u64 = 60;
+
+fn scenes() -> impl Iterator<Item = (u64, Drawn)> {
+    let config = WorldConfig::generic();
+    (0..SCENES).map(move |index| (index, draw_scene(&config, 11, index)))
+}
+
+/// Extents of an object along its box's own axes: least and largest.
+fn extents(object: &Object, box3d: &Box3d) -> [[f64; 2]; 3] {
+    let (sin, cos) = box3d.yaw.sin_cos();
+    let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    for vertex in &object.mesh.vertices {
+        let [x, y, z] = [0, 1, 2].map(|i| f64::from(vertex.position[i]) - box3d.location[i]);
+        for (bound, value) in bounds.iter_mut().zip([cos * x - sin * z, y, sin * x + cos * z]) {
+            *bound = [bound[0].min(value), bound[1].max(value)];
+        }
+    }
+    bounds
+}
+
+fn assert_fills_its_box(drawn: &Drawn, what: &str) {
+    for actor in &drawn.actors {
+        let object = drawn.scene.objects.iter().find(|o| o.instance == actor.instance).unwrap();
+        let Dimensions { height, width, length } = actor.box3d.dimensions;
+        let expected = [[-length / 2.0, length / 2.0], [-height, 0.0], [-width / 2.0, width / 2.0]];
+        for (axis, (found, expected)) in extents(object, &actor.box3d).iter().zip(expected).enumerate() {
+            for (found, expected) in found.iter().zip(expected) {
+                let error = (found - expected).abs();
+                assert!(error < EXTENT_TOLERANCE_M, "{what}: {:?} axis {axis}: {found} for {expected}", actor.class);
+            }
+        }
+    }
+}
+
+#[test]
+fn meshes_fill_their_boxes() {
+    for (index, drawn) in scenes() {
+        assert_fills_its_box(&drawn, &format!("scene {index}"));
+    }
+}
+
+#[test]
+fn actors_do_not_touch_each_other() {
+    for (index, drawn) in scenes() {
+        let blocks: Vec<Block> = drawn.actors.iter().map(|a| Block::new(&a.box3d)).collect();
+        for (i, a) in blocks.iter().enumerate() {
+            for (j, b) in blocks.iter().enumerate().skip(i + 1) {
+                assert_eq!(a.intersection_area(b), 0.0, "scene {index}: actors {i} and {j}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nobody_stands_around_the_camera() {
+    for (index, drawn) in scenes() {
+        for actor in &drawn.actors {
+            let distance = actor.box3d.ground_distance_m();
+            let reach = actor.box3d.dimensions.length.hypot(actor.box3d.dimensions.width) / 2.0;
+            let nearest = Box3d { location: [actor.box3d.location[0], 0.0, actor.box3d.location[2]], ..actor.box3d };
+            let level = Box3d { dimensions: Dimensions { height: 1e-9, ..nearest.dimensions }, ..nearest };
+            assert!(level.nearest_distance_m() > 0.9, "scene {index}: {distance} m away, {reach} m large");
+        }
+    }
+}
+
+#[test]
+fn the_camera_is_above_the_ground() {
+    for (index, drawn) in scenes() {
+        let ground = &drawn.scene.objects[0].mesh;
+        let near = ground.vertices.iter().filter(|v| v.position[0].abs() < 4.0 && v.position[2].abs() < 4.0);
+        let highest = near.map(|v| v.position[1]).fold(f32::INFINITY, f32::min);
+        assert!(highest > 0.9, "scene {index}: ground {highest} m below the camera");
+    }
+}
+
+#[test]
+fn the_same_seed_draws_the_same_scene_and_another_draws_another() {
+    let config = WorldConfig::default();
+    assert_eq!(draw_scene(&config, 5, 7), draw_scene(&config, 5, 7));
+    assert_ne!(draw_scene(&config, 5, 7), draw_scene(&config, 5, 8));
+    assert_ne!(draw_scene(&config, 5, 7), draw_scene(&config, 6, 7));
+}
+
+#[test]
+fn everything_in_a_scene_is_finite_and_names_what_is_there() {
+    for (index, drawn) in scenes() {
+        let materials = drawn.scene.materials.len();
+        for object in &drawn.scene.objects {
+            for vertex in &object.mesh.vertices {
+                let numbers = vertex.position.iter().chain(&vertex.normal).chain(&vertex.uv);
+                assert!(numbers.clone().all(|v| v.is_finite()), "scene {index}: {vertex:?}");
+            }
+            for triangle in &object.mesh.triangles {
+                assert!(usize::from(triangle.material) < materials, "scene {index}");
+                assert!(triangle.vertices.iter().all(|&v| (v as usize) < object.mesh.vertices.len()), "scene {index}");
+            }
+        }
+    }
+}
+
+#[test]
+fn scenes_stay_within_their_budget() {
+    let counts: Vec<usize> =
+        scenes().map(|(_, d)| d.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum()).collect();
+    let mean = counts.iter().sum::<usize>() / counts.len();
+    assert!(mean < 70_000, "{mean} triangles on average");
+    assert!(counts.iter().all(|&c| c < 160_000), "{:?} triangles", counts.iter().max());
+}
+
+#[test]
+fn sizes_stay_within_their_limits() {
+    for (index, drawn) in scenes() {
+        for actor in &drawn.actors {
+            let sizes = SizeStatistics::of(&actor.class);
+            let size = actor.box3d.dimensions;
+            let within = |value: f64, spread: &Spread| (spread.low..=spread.high).contains(&value);
+            let fits = within(size.height, &sizes.height) && within(size.width, &sizes.width);
+            assert!(fits && within(size.length, &sizes.length), "scene {index}: {:?} of {size:?}", actor.class);
+        }
+    }
+}
+
+fn label(class: ObjectClass, location: [f64; 3], dimensions_hwl: [f64; 3], yaw: f64, occlusion: i32) -> Label {
+    let [height, width, length] = dimensions_hwl;
+    let box3d = Box3d { dimensions: Dimensions { height, width, length }, location, yaw };
+    Label { class, truncation: 0.0, occlusion, alpha: box3d.alpha(), box2d: Box2d::new(0.0, 0.0, 1.0, 1.0), box3d }
+}
+
+fn street() -> Vec<Label> {
+    let classes = ObjectClass::KITTI;
+    let mut labels: Vec<Label> = classes
+        .iter()
+        .enumerate()
+        .map(|(k, class)| {
+            let at = [-6.0 + 2.5 * k as f64, 1.5 + 0.05 * k as f64, 10.0 + 4.0 * k as f64];
+            label(
+                class.clone(),
+                at,
+                [1.5, 0.8 + 0.1 * k as f64, 1.7 + 0.4 * k as f64],
+                0.7 * k as f64 - 3.0,
+                k as i32 % 4,
+            )
+        })
+        .collect();
+    labels.push(label(ObjectClass::Other("Kiosk".into()), [9.0, 1.7, 30.0], [2.5, 2.0, 2.0], 0.1, 0));
+    labels
+}
+
+fn kitti_camera() -> Camera {
+    Camera::from_intrinsics(721.5, 721.5, 609.6, 172.9).unwrap()
+}
+
+#[test]
+fn rebuilt_frames_keep_camera_classes_and_boxes() {
+    let labels = street();
+    let drawn = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 3);
+    assert_eq!(drawn.scene.camera, kitti_camera());
+    assert_eq!(drawn.scene.image_size, [1242, 375]);
+    let kept: Vec<&Label> = labels.iter().filter(|l| l.class != ObjectClass::DontCare).collect();
+    assert_eq!(drawn.actors.len(), kept.len());
+    for (k, (actor, label)) in drawn.actors.iter().zip(kept).enumerate() {
+        assert_eq!((&actor.class, actor.box3d), (&label.class, label.box3d));
+        assert_eq!(usize::from(actor.instance), k + 1);
+    }
+    assert_fills_its_box(&drawn, "rebuilt");
+}
+
+#[test]
+fn a_frame_without_labels_can_be_rebuilt() {
+    let drawn = scene_from_labels(&[], &kitti_camera(), [1242, 375], 4);
+    assert!(drawn.actors.is_empty());
+    assert!(drawn.scene.objects.iter().any(|object| !object.mesh.triangles.is_empty()));
+}
+
+#[test]
+fn nothing_is_built_in_front_of_what_must_be_seen() {
+    let mut label = label(ObjectClass::Car, [0.5, 1.65, 30.0], [1.5, 1.7, 4.0], -1.57, 0);
+    for seed in 0..20 {
+        label.box3d.location[0] = seed as f64 - 10.0;
+        let drawn = scene_from_labels(std::slice::from_ref(&label), &kitti_camera(), [1242, 375], seed);
+        let rendered = farsight_synth::render::render(&drawn.scene);
+        let share = f64::from(rendered.visible[1]) / f64::from(rendered.alone[1]);
+        assert!(share > 0.9, "seed {seed}: {share} of the car is seen");
+    }
+}
+
+#[test]
+fn real_label_files_can_be_rebuilt() {
+    let root = std::env::var("FARSIGHT_KITTI").unwrap_or_else(|_| "../../../shared/kitti".to_owned());
+    let labels = std::path::Path::new(&root).join("frames/training/label_2");
+    let Ok(entries) = std::fs::read_dir(&labels) else {
+        println!("skipped: no real labels in {}", labels.display());
+        return;
+    };
+    for entry in entries {
+        let path = entry.unwrap().path();
+        let labels = farsight_data::kitti::read_labels(&path).unwrap();
+        let drawn = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 1);
+        assert_fills_its_box(&drawn, &path.display().to_string());
+    }
+}
+
+#[test]
+fn unusable_configurations_say_why() {
+    let changed = |change: &dyn Fn(&mut WorldConfig)| {
+        let mut config = WorldConfig::generic();
+        change(&mut config);
+        config.problem()
+    };
+    assert_eq!(changed(&|_| ()), None);
+    let cases: [(&dyn Fn(&mut WorldConfig), &str); 9] = [
+        (&|c| c.unusual_share = 1.5, "unusual_share is 1.5; expected a number from 0 to 1"),
+        (&|c| c.density = [2.0, 1.0], "density is [2, 1]; expected two numbers from 0 to 10 in rising order"),
+        (&|c| c.farthest_m = f64::NAN, "farthest_m is NaN; expected metres from 10 to 300"),
+        (&|c| c.cameras.clear(), "cameras has no weight above 0; nothing could be drawn"),
+        (&|c| c.places.city = -1.0, "places has the weight -1; expected a number that is not negative"),
+        (
+            &|c| c.cameras[1].image_sizes.clear(),
+            "cameras[1].image_sizes is empty; expected at least one width and height",
+        ),
+        (
+            &|c| c.cameras[2].focal_widths = [0.0, 1.0],
+            "cameras[2].focal_widths is [0, 1]; expected two numbers from 0.1 to 20 in rising order",
+        ),
+        (
+            &|c| c.cameras[0].height_m = [0.1, 1.0],
+            "cameras[0].height_m is [0.1, 1]; expected two numbers from 0.5 to 20 in rising order",
+        ),
+        (&|c| c.cameras[3].share = -1.0, "cameras[3].share is -1; expected a number from 0 to 1000000000"),
+    ];
+    for (change, expected) in cases {
+        assert_eq!(changed(change).as_deref(), Some(expected));
+    }
+}
+
+#[test]
+fn configurations_are_read_and_written_and_unknown_words_refused() {
+    let text = toml::to_string(&WorldConfig::generic()).unwrap();
+    assert_eq!(toml::from_str::<WorldConfig>(&text).unwrap(), WorldConfig::generic());
+    assert_eq!(toml::from_str::<WorldConfig>("").unwrap(), WorldConfig::default());
+    let error = toml::from_str::<WorldConfig>("[weather]\nsnow = 1.0").unwrap_err().to_string();
+    assert!(error.contains("unknown field `snow`"), "{error}");
+    assert_eq!(CameraRanges::default(), CameraRanges::kitti());
+}
