@@ -185,7 +185,7 @@ impl FrameFiles {
         let claims = rows(&self.results, id, RowKind::Result, &mut findings)?;
         for read in &claims {
             if EvaluatedClass::of(&read.row.label.class).is_none() {
-                let place = || format!("{}:{}: \"{}\"", file(&self.results, id), read.line, read.row.label.class);
+                let place = || format!("{}:{}: {:?}", file(&self.results, id), read.line, read.row.label.class.name());
                 findings.add("detections of classes that KITTI does not evaluate", place);
             }
         }

@@ -14,6 +14,13 @@ pub struct Frame {
     pub claims: Vec<Claim>,
 }
 
+impl Frame {
+    /// The frame `id` with what a detector says in memory: angles of observation follow from place and heading.
+    pub fn new(id: impl Into<String>, labels: Vec<Label>, detections: Vec<Detection>) -> Self {
+        Self { id: id.into(), labels, claims: detections.into_iter().map(Claim::from).collect() }
+    }
+}
+
 /// A detection as it is handed in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Claim {

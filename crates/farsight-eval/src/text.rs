@@ -12,7 +12,7 @@ const FEW_OBJECTS: usize = 10;
 
 /// The tables of a report, line by line.
 pub fn lines(report: &Report) -> Vec<String> {
-    let mut lines = vec![format!("{} frames", report.frames)];
+    let mut lines = vec![format!("{} frame{}", report.frames, if report.frames == 1 { "" } else { "s" })];
     for class in EvaluatedClass::ALL {
         let rows = ap_rows(&report.ap, class);
         if !rows.is_empty() {
@@ -86,8 +86,14 @@ fn ap_rows(report: &ApReport, class: EvaluatedClass) -> Vec<String> {
 
 fn ranging_lines(report: &RangingReport) -> Vec<String> {
     let mut lines = Vec::new();
-    for class in report.classes.iter().filter(|class| class.groups.iter().any(|group| group.whole.found > 0)) {
+    for class in &report.classes {
         lines.push(String::new());
+        let Some(all) = class.groups.iter().max_by_key(|group| group.whole.objects) else { continue };
+        if all.whole.found == 0 {
+            // No error to speak of, and a share that must not go unsaid.
+            lines.push(format!("distance of {}s: none of {} objects found", class.class, all.whole.objects));
+            continue;
+        }
         let has_intervals = class.groups.iter().any(|group| group.whole.intervals.is_some());
         let intervals = if has_intervals { "; 95% intervals over frames" } else { "" };
         lines.push(format!("distance of {}s, metres{intervals}", class.class));

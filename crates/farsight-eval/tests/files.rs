@@ -46,6 +46,7 @@ fn wrong_folders_are_told_apart() {
     let cases = [
         (&missing, &results, None, "nowhere: no such folder; expected a folder of label files such as 000007.txt"),
         (&labels, &missing, None, "nowhere: no such folder; expected a folder of result files such as 000007.txt"),
+        (&labels.join("000000.txt"), &results, None, "000000.txt: this is a file; expected a folder of label files"),
         (&labels, &nothing, None, "no .txt file in this folder; expected result files such as 000007.txt"),
         (&inside, &results, None, "training/label_2: give that folder"),
         (&labels, &labels, None, "these are labels, not results: the rows have 15 fields; expected 16"),

@@ -105,8 +105,7 @@ fn strict_looks_at_the_other_results_too() {
     fs::create_dir_all(&others).unwrap();
     // What is odd about the labels is told once.
     let labels = LABELS.replace("Van", "van");
-    let results: String =
-        RESULTS.lines().filter(|row| !row.starts_with("Tram")).map(|row| format!("{row}\n")).collect();
+    let results: String = RESULTS.split_inclusive('\n').filter(|row| !row.starts_with("Tram")).collect();
     fs::write(others.join("000001.txt"), results.replace("Car", "car")).unwrap();
     let arguments = ["--strict", "--against", "others"];
     let (status, out, err) = eval_files(folder.path(), &labels, &results, &arguments);
@@ -120,6 +119,39 @@ fn strict_looks_at_the_other_results_too() {
     let expected = "error: 1 of 1 frames of the comparison have no result file; the first is others/000001.txt \
                     (a frame in which nothing was found needs an empty file)\n";
     assert_eq!((status, err.as_str()), (2, expected));
+}
+
+#[test]
+fn without_resamples_there_are_figures_and_no_intervals() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, out, err) = eval(folder.path(), &["--against", "results", "--resamples", "0", "--json", "a.json"]);
+    assert_eq!(status, 0, "{err}");
+    assert!(out.contains("distance of cars, metres\n") && out.contains("0.1000    0.1000   +0.0000  "), "{out}");
+    let json: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("a.json")).unwrap()).unwrap();
+    assert!(json["ranging"]["car"]["moderate"]["intervals"].is_null());
+    assert!(json["against"]["rows"][0]["figures"]["mae_z"]["interval"].is_null());
+}
+
+#[test]
+fn results_without_detections_and_labels_without_objects_are_no_accident() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["--json", "a.json", "--report", "page", "--resamples", "20"];
+    let (status, out, err) = eval_files(folder.path(), LABELS, "", &arguments);
+    assert_eq!((status, out.as_str()), (0, "1 frame\n\ndistance of cars: none of 3 objects found\n"));
+    assert!(err.contains("note: car: not evaluated, as there is no usable detection of the class"), "{err}");
+    let json: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("a.json")).unwrap()).unwrap();
+    assert!(json["ap"]["car"]["2d"].is_null());
+    // Silence is counted: three cars, none found, nothing to take an error of.
+    let all = &json["ranging"]["car"]["all"];
+    assert_eq!((&all["objects"], &all["found"], &all["share"]), (&3.into(), &0.into(), &0.0.into()));
+    assert!(all["mae_z"].is_null());
+    let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
+    assert!(page.contains("No object that counts was found"));
+    let (status, _, err) = eval_files(folder.path(), "", RESULTS, &arguments);
+    assert_eq!(status, 0);
+    assert!(err.contains("note: car easy: no object counts; its AP means nothing"), "{err}");
 }
 
 #[test]

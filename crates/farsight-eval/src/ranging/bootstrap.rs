@@ -64,7 +64,7 @@ impl Interval {
 impl Bootstrap {
     /// The interval of each value that `statistics` computes; it is given how often each of the `frames` was drawn.
     ///
-    /// `statistics` must always give the same number of values; NaN where a resample has none.
+    /// `statistics` must always give the same number of values; NaN where a resample has none. Without resamples there are no intervals.
     pub(super) fn intervals(
         &self,
         frames: usize,
@@ -72,7 +72,7 @@ impl Bootstrap {
     ) -> Vec<Option<Interval>> {
         let resamples: Vec<Vec<f64>> =
             (0..self.resamples).into_par_iter().map(|index| statistics(&self.draw(frames, index))).collect();
-        let count = resamples.first().map_or(0, Vec::len);
+        let count = resamples.first().map_or_else(|| statistics(&vec![1.0; frames]).len(), Vec::len);
         let interval = |i: usize| Interval::of(&mut resamples.iter().map(|values| values[i]).collect());
         (0..count).into_par_iter().map(interval).collect()
     }
@@ -126,5 +126,7 @@ mod tests {
         assert_eq!(intervals(1), intervals(1));
         assert_ne!(intervals(1), intervals(2));
         assert_eq!(intervals(1)[1], None);
+        let without = Bootstrap { resamples: 0, seed: 1 }.intervals(50, sum);
+        assert_eq!(without, [None, None]);
     }
 }

@@ -58,7 +58,7 @@ pub enum Oddity {
         value: f64,
     },
     /// A number that no scene has.
-    #[error("field \"{name}\" is {value}; expected metres, pixels or radians of a real scene")]
+    #[error("field \"{name}\" is {value:e}; expected metres, pixels or radians of a real scene")]
     Absurd {
         /// Name of the column.
         name: &'static str,
@@ -69,7 +69,7 @@ pub enum Oddity {
     #[error("{0}")]
     OutOfRange(RowError),
     /// A class that KITTI does not have.
-    #[error("class \"{found}\"; expected one of KITTI's (the devkit takes it for an object of no interest)")]
+    #[error("class {found:?}; expected one of KITTI's (the devkit takes it for an object of no interest)")]
     UnknownClass {
         /// The name.
         found: String,
