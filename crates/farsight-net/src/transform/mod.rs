@@ -2,6 +2,9 @@
 
 mod fold;
 mod live;
+mod peaks;
+
+pub use peaks::PeaksHead;
 
 use crate::graph::{Graph, LOGITS, REGRESSION};
 use crate::model::Model;
