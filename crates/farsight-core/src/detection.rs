@@ -32,7 +32,8 @@ impl Detection {
 pub struct HeadMaps {
     /// Heat map logits, `[classes, height, width]`.
     pub logits: Vec<f32>,
-    /// Raw regression channels, `[8, height, width]`.
+    /// Raw regression channels, `[8, height, width]`; of a network that ends before its regression head, the features that the head reads,
+    /// `[channels, height, width]`.
     pub regression: Vec<f32>,
     /// Width and height, cells.
     pub map_size: [usize; 2],
@@ -72,12 +73,25 @@ const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
 ///
 /// Boxes that do not come out finite or lie behind the camera are left out.
 pub fn detections(codec: &Codec, maps: &HeadMaps, view: &View, options: &DecodeOptions) -> Vec<Detection> {
+    let regression = |cell| raw_regression(maps, cell);
+    detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
+}
+
+/// [`detections`] for a regression that is only computed where it is asked for: `regression` gives the raw channels at a cell.
+pub fn detections_at_peaks(
+    codec: &Codec,
+    logits: &[f32],
+    map_size: [usize; 2],
+    regression: impl Fn([usize; 2]) -> [f64; CHANNELS],
+    view: &View,
+    options: &DecodeOptions,
+) -> Vec<Detection> {
     let floor = (options.min_score / (1.0 - options.min_score)).ln() as f32;
     let camera = feature_camera(&view.input_camera);
-    peaks(&maps.logits, maps.map_size, options.max_detections, floor)
+    peaks(logits, map_size, options.max_detections, floor)
         .into_iter()
         .filter_map(|peak| {
-            let regression = Regression::from_raw(raw_regression(maps, peak.cell));
+            let regression = Regression::from_raw(regression(peak.cell));
             let score = (1.0 / (1.0 + (-f64::from(peak.value)).exp())).clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
             detection(codec, &peak, score, regression, &camera, view)
         })
@@ -85,7 +99,7 @@ pub fn detections(codec: &Codec, maps: &HeadMaps, view: &View, options: &DecodeO
         .collect()
 }
 
-/// The raw channels at `cell`.
+/// The raw channels at `cell` of maps that hold them.
 ///
 /// # Panics
 /// When `cell` lies outside the maps.

@@ -1,19 +1,21 @@
 //! From an image and its camera to detections.
 
 use farsight_core::codec::CHANNELS;
-use farsight_core::detection::{View, detections};
+use farsight_core::detection::{View, detections, detections_at_peaks};
 use farsight_core::{Camera, Detection, HeadMaps};
 use farsight_data::network_input;
 use image::RgbImage;
 use thiserror::Error;
 
 use crate::timing::timed;
-use crate::{DetectorSpec, Engine, EngineError, StageTimes};
+use crate::{DetectorSpec, Engine, EngineError, PeaksHead, StageTimes};
 
 /// A model ready to look at images.
 pub struct Detector {
     engine: Box<dyn Engine>,
     spec: DetectorSpec,
+    /// What the engine's network leaves to be done at the peaks.
+    head: Option<PeaksHead>,
 }
 
 /// An image for which there is no answer.
@@ -51,7 +53,12 @@ pub enum DetectError {
 impl Detector {
     /// A detector that runs the model of `spec` on `engine`.
     pub fn new(engine: Box<dyn Engine>, spec: DetectorSpec) -> Self {
-        Self { engine, spec }
+        Self { engine, spec, head: None }
+    }
+
+    /// As [`Detector::new`], for a network that ends before its regression `head`.
+    pub fn with_peaks_head(engine: Box<dyn Engine>, spec: DetectorSpec, head: PeaksHead) -> Self {
+        Self { engine, spec, head: Some(head) }
     }
 
     /// Name of the engine.
@@ -97,15 +104,22 @@ impl Detector {
         let (input, warp) = timed(|| network_input(image, &affine, &rules, None));
         let (maps, network) = timed(|| self.engine.head_maps(&input, rules.size));
         let maps = self.checked(maps?, rules.size)?;
-        let (detections, decode) = timed(|| detections(&self.spec.codec, &maps, &view, &self.spec.options));
+        let (detections, decode) = timed(|| self.decoded(&maps, &view));
         Ok((detections, StageTimes { warp, network, decode, ..StageTimes::default() }))
+    }
+
+    fn decoded(&self, maps: &HeadMaps, view: &View) -> Vec<Detection> {
+        let DetectorSpec { codec, options, .. } = &self.spec;
+        let Some(head) = &self.head else { return detections(codec, maps, view, options) };
+        let regression = |cell| head.regression(&maps.regression, maps.map_size, cell);
+        detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
     }
 
     /// The decoder relies on the sizes of the maps, and an engine runs files that others made.
     fn checked(&self, maps: HeadMaps, input_size: [usize; 2]) -> Result<HeadMaps, DetectError> {
         let map_size @ [width, height] = DetectorSpec::map_size(input_size);
         let found = [("heat map", maps.logits.len()), ("regression map", maps.regression.len())];
-        let channels = [self.spec.codec.classes.len(), CHANNELS];
+        let channels = [self.spec.codec.classes.len(), self.head.as_ref().map_or(CHANNELS, PeaksHead::channels)];
         for ((map, found), channels) in found.into_iter().zip(channels) {
             let expected = channels * width * height;
             if found != expected || maps.map_size != map_size {

@@ -1,6 +1,7 @@
 //! What runs a network.
 
 use std::error::Error;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use farsight_core::HeadMaps;
 use thiserror::Error;
@@ -14,7 +15,8 @@ pub trait Engine {
     ///
     /// # Shapes
     /// `input` is `[1, 3, height, width]`, planar and normalised, `input_size` its width and height in pixels, multiples of 32. The network is fully
-    /// convolutional, so any such size is allowed. The maps have a quarter of each side.
+    /// convolutional, so any such size is allowed. The maps have a quarter of each side. A network that ends before its regression head gives
+    /// the features that the head reads in place of the regression.
     ///
     /// # Errors
     /// When the engine fails, for want of memory for instance.
@@ -29,4 +31,16 @@ pub struct EngineError {
     pub engine: String,
     /// What it says.
     pub source: Box<dyn Error + Send + Sync>,
+}
+
+/// What libraries of engines say.
+pub(crate) type Failure = Box<dyn Error + Send + Sync>;
+
+/// The answer of `work`; a panic becomes an error, because a model from a stranger may hit an assumption of the library.
+pub(crate) fn unpanicked<T>(engine: &str, work: impl FnOnce() -> Result<T, Failure>) -> Result<T, EngineError> {
+    let failed = |source| EngineError { engine: engine.to_owned(), source };
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(answer) => answer.map_err(failed),
+        Err(_) => Err(failed("its library panicked; the model is not one that it can run".into())),
+    }
 }

@@ -5,6 +5,11 @@
 
 pub mod detector;
 pub mod engine;
+#[cfg(feature = "onnxruntime")]
+pub mod onnxruntime;
+#[cfg(feature = "openvino")]
+pub mod openvino;
+pub mod peaks_head;
 pub mod probe;
 #[cfg(feature = "rten")]
 pub mod rten;
@@ -13,6 +18,11 @@ pub mod timing;
 
 pub use detector::{DetectError, Detector};
 pub use engine::{Engine, EngineError};
+#[cfg(feature = "onnxruntime")]
+pub use onnxruntime::OrtEngine;
+#[cfg(feature = "openvino")]
+pub use openvino::{OpenvinoEngine, OpenvinoPrecision};
+pub use peaks_head::PeaksHead;
 #[cfg(feature = "rten")]
 pub use rten::RtenEngine;
 pub use spec::{DetectorSpec, UnfamiliarCamera};

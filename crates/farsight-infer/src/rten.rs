@@ -1,14 +1,12 @@
 //! The engine that is always there: `rten`, in pure Rust.
 
-use std::error::Error;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use farsight_core::HeadMaps;
-use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::onnx::{INPUT, OnnxModel};
 use rten::{Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueView, op_registry};
 
+use crate::engine::{Failure, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.
@@ -28,8 +26,9 @@ impl RtenEngine {
     /// # Errors
     /// When rten cannot load the model; it has no `DeformConv`, for instance.
     pub fn new(model: OnnxModel, threads: Option<usize>) -> Result<Self, EngineError> {
+        let outputs = model.outputs().map(str::to_owned);
         let bytes = model.into_bytes();
-        unpanicked(|| {
+        unpanicked(NAME, || {
             // Operators that are not listed here are not compiled in.
             let operators = op_registry!(
                 Add,
@@ -57,15 +56,15 @@ impl RtenEngine {
                 Transpose
             );
             let model = ModelOptions::with_ops(operators).prepack_weights(true).load(bytes)?;
-            let [input, logits, regression] = [INPUT, LOGITS, REGRESSION].map(|name| model.node_id(name));
-            let (input, outputs) = (input?, [logits?, regression?]);
+            let [logits, regression] = outputs.map(|name| model.node_id(&name));
+            let (input, outputs) = (model.node_id(INPUT)?, [logits?, regression?]);
             let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads)));
             let options = RunOptions::default().with_thread_pool(pool);
             Ok(Self { model, input, outputs, options })
         })
     }
 
-    fn run(&self, input: &[f32], [width, height]: [usize; 2]) -> Result<HeadMaps, Box<dyn Error + Send + Sync>> {
+    fn run(&self, input: &[f32], [width, height]: [usize; 2]) -> Result<HeadMaps, Failure> {
         let view = ValueView::from_shape([1, 3, height, width], input)?;
         let inputs = vec![(self.input, view.into())];
         let [logits, regression] = self.model.run_n(inputs, self.outputs, Some(self.options.clone()))?;
@@ -76,7 +75,7 @@ impl RtenEngine {
 }
 
 /// Width, height and values of an output.
-fn map(value: Value) -> Result<([usize; 2], Vec<f32>), Box<dyn Error + Send + Sync>> {
+fn map(value: Value) -> Result<([usize; 2], Vec<f32>), Failure> {
     let ([_, _, height, width], values) = value.into_shape_vec::<f32, 4>()?;
     Ok(([width, height], values))
 }
@@ -87,15 +86,6 @@ impl Engine for RtenEngine {
     }
 
     fn head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
-        unpanicked(|| self.run(input, input_size))
-    }
-}
-
-/// The answer of `work`; a panic becomes an error, because a model from a stranger may hit an assumption of the library.
-fn unpanicked<T>(work: impl FnOnce() -> Result<T, Box<dyn Error + Send + Sync>>) -> Result<T, EngineError> {
-    let failed = |source| EngineError { engine: NAME.to_owned(), source };
-    match catch_unwind(AssertUnwindSafe(work)) {
-        Ok(answer) => answer.map_err(failed),
-        Err(_) => Err(failed("it panicked; the model is not one that it can run".into())),
+        unpanicked(NAME, || self.run(input, input_size))
     }
 }

@@ -1,4 +1,5 @@
 //! Networks written as ONNX and run by rten, against each other and against reference tensors computed in double precision.
+#![cfg(feature = "rten")]
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -8,16 +9,19 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use farsight_core::HeadMaps;
-use farsight_infer::{Engine, RtenEngine};
+use farsight_core::detection::{DecodeOptions, raw_regression};
+use farsight_core::{Camera, HeadMaps};
+use farsight_data::read_image;
+use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, RtenEngine};
 use farsight_net::build::network;
 use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
 use farsight_net::graph::{LOGITS, Op, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::model::Model;
-use farsight_net::onnx::{Facts, OnnxModel, Target, write};
+use farsight_net::onnx::{Facts, OnnxModel, PeaksOnly, Target, write};
 use farsight_net::transform::Network;
 use farsight_net::weights::{WeightTensor, Weights};
+use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -184,5 +188,86 @@ fn tiny_reference_networks_give_the_reference_maps() {
             ..ModelConfig::default()
         };
         check_golden(io_name, &golden_model(config, &[&weights]), &io, GOLDEN_BATCH);
+    }
+}
+
+/// The network cut before its regression head, with that head; the model must have batch norm.
+fn cut(model: &Model) -> (RtenEngine, PeaksHead) {
+    let whole = OnnxModel::from_model(model, Target::Portable, Path::new("in memory")).unwrap();
+    let cut = PeaksOnly::new(&whole, Path::new("in memory")).unwrap().unwrap();
+    assert!(cut.model.bytes().len() < whole.bytes().len(), "the head's weights are still in the network");
+    let head = PeaksHead::new(&cut);
+    (RtenEngine::new(cut.model, Some(1)).unwrap(), head)
+}
+
+#[test]
+fn the_head_at_single_cells_equals_the_dense_head() {
+    for msfe in [Msfe::None, Msfe::B] {
+        let model = lively(small(NormKind::Batch, NeckKind::Plain, msfe));
+        let size = [96, 64];
+        let dense = engine(&Network::deployable(&model).unwrap(), &model, Target::Portable)
+            .head_maps(&input(size), size)
+            .unwrap();
+        let (mut engine, head) = cut(&model);
+        let features = engine.head_maps(&input(size), size).unwrap();
+        assert_eq!(features.logits, dense.logits);
+        let [width, height] = dense.map_size;
+        assert_eq!(features.regression.len(), head.channels() * width * height);
+        let scale = dense.regression.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+        for cell in (0..width * height).map(|at| [at % width, at / width]) {
+            let at_cell = head.regression(&features.regression, features.map_size, cell);
+            for (found, expected) in at_cell.iter().zip(raw_regression(&dense, cell)) {
+                assert!(
+                    (found - expected).abs() <= f64::from(RELATIVE * scale),
+                    "{msfe:?} {cell:?}: {found} {expected}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_head_with_group_norm_cannot_be_cut_off() {
+    let model = lively(small(NormKind::Group, NeckKind::Plain, Msfe::None));
+    let whole = OnnxModel::from_model(&model, Target::Portable, Path::new("in memory")).unwrap();
+    assert_eq!(PeaksOnly::new(&whole, Path::new("in memory")).unwrap(), None);
+}
+
+/// Noise, and real frames where they are at hand.
+fn images() -> Vec<RgbImage> {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let mut images = vec![RgbImage::from_fn(640, 192, |_, _| image::Rgb(std::array::from_fn(|_| rng.random())))];
+    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/kitti");
+    let folder = std::env::var_os("FARSIGHT_KITTI").map_or_else(default, PathBuf::from).join("frames/training/image_2");
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(&folder).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    if paths.is_empty() {
+        println!("real frames skipped: no {} (set FARSIGHT_KITTI)", folder.display());
+    }
+    images.extend(paths.iter().take(3).map(|path| read_image(path).unwrap()));
+    images
+}
+
+#[test]
+fn detections_at_the_peaks_are_those_of_the_dense_head() {
+    let model = lively(ModelConfig { input: [640, 192], ..small(NormKind::Batch, NeckKind::Plain, Msfe::A) });
+    // All scores, so that there is something to compare whatever the weights are.
+    let spec = DetectorSpec::new(&model.config, DecodeOptions { min_score: 0.0, max_detections: 50 });
+    let dense = engine(&Network::deployable(&model).unwrap(), &model, Target::Portable);
+    let mut dense = Detector::new(Box::new(dense), spec.clone());
+    let (engine, head) = cut(&model);
+    let mut peaks = Detector::with_peaks_head(Box::new(engine), spec, head);
+    let camera = Camera::from_hfov(80.0, 1242, 375).unwrap();
+    for image in images() {
+        let [dense, peaks] = [&mut dense, &mut peaks].map(|detector| detector.detect(&image, &camera).unwrap());
+        assert!(dense.len() > 10, "{} detections prove little", dense.len());
+        assert_eq!(dense.len(), peaks.len());
+        for (a, b) in dense.iter().zip(&peaks) {
+            assert_eq!((&a.class, a.score), (&b.class, b.score));
+            for (a, b) in a.box3d.location.iter().zip(b.box3d.location) {
+                assert!((a - b).abs() <= 1e-4 * a.abs().max(1.0), "{a} {b}");
+            }
+        }
     }
 }

@@ -1,32 +1,55 @@
 //! Opening a model on an engine: the one place where commands get a network that runs.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::detection::DecodeOptions;
-use farsight_infer::{Detector, DetectorSpec, Engine, RtenEngine};
+use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, RtenEngine};
 use farsight_net::config::ModelConfig;
-use farsight_net::onnx::{OnnxModel, Target};
+use farsight_net::onnx::{OnnxModel, PeaksOnly, Target};
+
+use crate::libraries::{Found, Library};
 
 /// What runs the network.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum EngineName {
     /// Built in, needs nothing
+    #[default]
     Rten,
+    /// Microsoft's library, the fastest on most CPUs; `farsight engine install onnxruntime`
+    Onnxruntime,
+    /// Intel's library; `farsight engine install openvino`
+    Openvino,
     /// PyTorch's library; on the GPU when there is one
     Libtorch,
 }
 
 /// Which engine, and how it is to run.
-#[derive(Debug, Clone, PartialEq, Eq, Args)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub(crate) struct EngineArgs {
     /// What runs the network
     #[arg(long, value_enum, default_value_t = EngineName::Rten)]
     pub(crate) engine: EngineName,
+    /// The engine's shared library, or the folder that it is in
+    #[arg(long, value_name = "PATH")]
+    pub(crate) engine_path: Option<PathBuf>,
     /// Threads of the network [default: one for each core]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
+    /// In which numbers OpenVINO computes
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    pub(crate) precision: Precision,
+}
+
+/// In which numbers OpenVINO computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum Precision {
+    /// Single precision
+    #[default]
+    F32,
+    /// bfloat16, where the CPU has it: faster, two to three digits
+    Bf16,
 }
 
 /// More threads than any computer has cores are a mistake.
@@ -37,54 +60,107 @@ fn threads(text: &str) -> Result<usize, String> {
     count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
 }
 
-/// An engine that runs a model, and what the model is.
-pub(crate) struct Opened {
-    /// The engine.
-    pub(crate) engine: Box<dyn Engine>,
-    /// The model's description.
-    pub(crate) config: ModelConfig,
-}
-
-/// The model at `path`, ready to look at images.
+/// The model at `path`, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.
 pub(crate) fn open_detector(args: &EngineArgs, path: &Path, options: DecodeOptions) -> Result<Detector> {
-    let Opened { engine, config } = open(args, path)?;
-    Ok(Detector::new(engine, DetectorSpec::new(&config, options)))
+    if args.engine == EngineName::Libtorch {
+        let (engine, config) = libtorch(path)?;
+        return Ok(Detector::new(engine, DetectorSpec::new(&config, options)));
+    }
+    let model = read(args.engine, path)?;
+    let spec = DetectorSpec::new(model.config(), options);
+    Ok(match PeaksOnly::new(&model, path)? {
+        Some(cut) => {
+            let head = PeaksHead::new(&cut);
+            Detector::with_peaks_head(start(args, cut.model, path)?, spec, head)
+        }
+        None => Detector::new(start(args, model, path)?, spec),
+    })
 }
 
-/// The model at `path`, an ONNX file or a model of ours, on the engine that `args` ask for.
-pub(crate) fn open(args: &EngineArgs, path: &Path) -> Result<Opened> {
+/// The whole network of the model at `path`, every head map as it is.
+pub(crate) fn open_engine(args: &EngineArgs, path: &Path) -> Result<Box<dyn Engine>> {
+    match args.engine {
+        EngineName::Libtorch => Ok(libtorch(path)?.0),
+        engine => start(args, read(engine, path)?, path),
+    }
+}
+
+/// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.
+fn read(engine: EngineName, path: &Path) -> Result<OnnxModel> {
+    check_there(path)?;
+    let target = match engine {
+        EngineName::Onnxruntime => Target::OnnxRuntime,
+        _ => Target::Portable,
+    };
+    Ok(OnnxModel::read_any(path, target)?)
+}
+
+fn check_there(path: &Path) -> Result<()> {
     ensure!(
         path.is_file(),
         "{}: no such file; expected a model that `farsight train`, `farsight import` or `farsight export` wrote",
         path.display()
     );
-    match args.engine {
-        EngineName::Rten => rten(OnnxModel::read_any(path, Target::Portable)?, args, path),
-        EngineName::Libtorch => libtorch(path),
-    }
+    Ok(())
 }
 
-/// A model in memory on rten; `source` is only what errors call it.
-pub(crate) fn rten(model: OnnxModel, args: &EngineArgs, source: &Path) -> Result<Opened> {
+/// A model in memory on an engine that runs ONNX; `source` is only what errors call it.
+pub(crate) fn start(args: &EngineArgs, model: OnnxModel, source: &Path) -> Result<Box<dyn Engine>> {
     ensure!(
-        !model.has_deform_conv(),
+        args.engine == EngineName::Onnxruntime || !model.has_deform_conv(),
         "{}: its deformable convolutions are in the form that only ONNX Runtime has; export it with --target portable, or say --engine onnxruntime",
         source.display()
     );
-    let config = model.config().clone();
-    let engine = RtenEngine::new(model, args.threads)?;
-    Ok(Opened { engine: Box::new(engine), config })
+    match args.engine {
+        EngineName::Rten => Ok(Box::new(RtenEngine::new(model, args.threads)?)),
+        EngineName::Onnxruntime => {
+            let Found { path, .. } = Library::Onnxruntime.find(args.engine_path.as_deref())?;
+            onnxruntime(&path, &model, args).with_context(|| path.display().to_string())
+        }
+        EngineName::Openvino => {
+            let Found { path, .. } = Library::Openvino.find(args.engine_path.as_deref())?;
+            openvino(&path, model, args).with_context(|| path.display().to_string())
+        }
+        EngineName::Libtorch => bail!("libtorch runs no ONNX files"),
+    }
 }
 
+#[cfg(feature = "onnxruntime")]
+fn onnxruntime(library: &Path, model: &OnnxModel, args: &EngineArgs) -> Result<Box<dyn Engine>> {
+    Ok(Box::new(farsight_infer::OrtEngine::new(library, model, args.threads)?))
+}
+
+#[cfg(not(feature = "onnxruntime"))]
+fn onnxruntime(_: &Path, _: &OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
+    bail!("this farsight was built without the engine onnxruntime (cargo feature \"onnxruntime\")")
+}
+
+#[cfg(feature = "openvino")]
+fn openvino(library: &Path, model: OnnxModel, args: &EngineArgs) -> Result<Box<dyn Engine>> {
+    use farsight_infer::{OpenvinoEngine, OpenvinoPrecision};
+    let precision = match args.precision {
+        Precision::F32 => OpenvinoPrecision::F32,
+        Precision::Bf16 => OpenvinoPrecision::Bf16,
+    };
+    Ok(Box::new(OpenvinoEngine::new(library, model, args.threads, precision)?))
+}
+
+#[cfg(not(feature = "openvino"))]
+fn openvino(_: &Path, _: OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
+    bail!("this farsight was built without the engine openvino (cargo feature \"openvino\")")
+}
+
+/// libtorch runs our own model files, and no ONNX.
 #[cfg(feature = "train")]
-fn libtorch(path: &Path) -> Result<Opened> {
+fn libtorch(path: &Path) -> Result<(Box<dyn Engine>, ModelConfig)> {
+    check_there(path)?;
     let (engine, config) = farsight_train::engine::TorchEngine::open(path)?;
-    Ok(Opened { engine: Box::new(engine), config })
+    Ok((Box::new(engine), config))
 }
 
 #[cfg(not(feature = "train"))]
-fn libtorch(_: &Path) -> Result<Opened> {
-    anyhow::bail!(
+fn libtorch(_: &Path) -> Result<(Box<dyn Engine>, ModelConfig)> {
+    bail!(
         "this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it"
     )
 }

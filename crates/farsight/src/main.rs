@@ -6,6 +6,7 @@ mod camera_source;
 mod commands;
 mod engines;
 mod inputs;
+mod libraries;
 mod names;
 mod printer;
 mod range_json;

@@ -36,6 +36,8 @@ Commands:
   import  Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
   export  Write a model as an ONNX file, checked before it is kept
   parity  Compare an engine's answers with stored reference tensors
+  engine  Manage the libraries of the optional engines
+  doctor  Show what this machine has to run models with, and what would help
   info    Show what a model is made of and what it costs
   help    Print this message or the help of the given subcommand(s)
 

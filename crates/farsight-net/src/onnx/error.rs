@@ -82,6 +82,12 @@ pub enum OnnxProblem {
         /// The names that are there.
         found: Vec<String>,
     },
+    /// Its regression head is not what its metadata says.
+    #[error("\"{}\" in its metadata: {problem}", super::key::PEAKS_HEAD)]
+    Head {
+        /// What is wrong with it.
+        problem: String,
+    },
     /// An output has another number of channels than the description says.
     #[error("output \"{name}\" has {found} channels; its description says {expected}")]
     Channels {

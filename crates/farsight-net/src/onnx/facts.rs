@@ -25,6 +25,8 @@ pub mod key {
     pub const REFERENCE: &str = "farsight.reference";
     /// SHA-256 of the weights as they were trained: names, shapes and values in the order of the names.
     pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
+    /// Where the regression head lies that can be computed at single cells, JSON; see [`super::PeaksOnly`].
+    pub const PEAKS_HEAD: &str = "farsight.peaks_head";
     /// For which engines the file is meant.
     pub const TARGET: &str = "farsight.target";
     /// Steps, epochs and frames of the training, JSON.

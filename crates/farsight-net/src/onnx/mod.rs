@@ -6,6 +6,8 @@
 mod deform;
 mod error;
 mod facts;
+mod field;
+mod head;
 mod parts;
 mod proto;
 mod read;
@@ -14,6 +16,7 @@ mod write;
 
 pub use error::{OnnxError, OnnxProblem};
 pub use facts::{Facts, key};
+pub use head::{HeadLayer, PeaksOnly};
 pub use read::{OnnxModel, ReadAnyError};
 pub use wire::WireError;
 pub use write::write;

@@ -9,33 +9,11 @@ use thiserror::Error;
 
 use super::error::{OnnxError, OnnxProblem};
 use super::wire::{Message, WireError};
-use super::{Facts, INPUT, Target, key, write};
+use super::{Facts, INPUT, Target, field, key, write};
 use crate::config::{ConfigError, ModelConfig};
 use crate::graph::{LOGITS, REGRESSION};
 use crate::model::{Model, ModelError};
 use crate::transform::Network;
-
-/// Field numbers of `onnx.proto`.
-mod field {
-    pub(super) const MODEL_GRAPH: u64 = 7;
-    pub(super) const MODEL_METADATA: u64 = 14;
-    pub(super) const MODEL_FUNCTIONS: u64 = 25;
-    pub(super) const ENTRY_KEY: u64 = 1;
-    pub(super) const ENTRY_VALUE: u64 = 2;
-    pub(super) const GRAPH_NODE: u64 = 1;
-    pub(super) const GRAPH_CONSTANT: u64 = 5;
-    pub(super) const GRAPH_INPUT: u64 = 11;
-    pub(super) const GRAPH_OUTPUT: u64 = 12;
-    pub(super) const NODE_OPERATOR: u64 = 4;
-    pub(super) const TENSOR_NAME: u64 = 8;
-    pub(super) const TENSOR_LOCATION: u64 = 14;
-    pub(super) const VALUE_NAME: u64 = 1;
-    pub(super) const VALUE_TYPE: u64 = 2;
-    pub(super) const TYPE_TENSOR: u64 = 1;
-    pub(super) const TENSOR_SHAPE: u64 = 2;
-    pub(super) const SHAPE_AXIS: u64 = 1;
-    pub(super) const AXIS_SIZE: u64 = 1;
-}
 
 /// Every operator that files of ours have.
 const OPERATORS: [&str; 24] = [
@@ -102,6 +80,7 @@ pub struct OnnxModel {
     config: ModelConfig,
     facts: Facts,
     deform_conv: bool,
+    outputs: [String; 2],
 }
 
 impl OnnxModel {
@@ -150,12 +129,29 @@ impl OnnxModel {
     /// When the bytes are not a file of ours.
     pub fn from_bytes(bytes: Vec<u8>, source: &Path) -> Result<Self, OnnxError> {
         let (config, facts, deform_conv) = checked(&bytes).map_err(|problem| OnnxError::new(source, problem))?;
-        Ok(Self { bytes, config, facts, deform_conv })
+        let outputs = [LOGITS, REGRESSION].map(str::to_owned);
+        Ok(Self { bytes, config, facts, deform_conv, outputs })
     }
 
     /// What the model is.
     pub fn config(&self) -> &ModelConfig {
         &self.config
+    }
+
+    /// Names of the outputs: the heat map's logits, and the regression or what [`super::PeaksOnly`] reads instead.
+    pub fn outputs(&self) -> [&str; 2] {
+        [&self.outputs[0], &self.outputs[1]]
+    }
+
+    /// The same model with other bytes, which end at `features` instead of the regression.
+    pub(super) fn ending_at(&self, features: String, bytes: Vec<u8>) -> Self {
+        Self { bytes, outputs: [LOGITS.to_owned(), features], ..self.clone_without_bytes() }
+    }
+
+    fn clone_without_bytes(&self) -> Self {
+        let Self { bytes: _, config, facts, deform_conv, outputs } = self;
+        let (config, facts, outputs) = (config.clone(), facts.clone(), outputs.clone());
+        Self { bytes: Vec::new(), config, facts, deform_conv: *deform_conv, outputs }
     }
 
     /// What else is known about it.
@@ -293,12 +289,12 @@ fn channels(value: Message<'_>) -> Result<Option<u64>, WireError> {
     Ok(size.filter(|&size| size > 0))
 }
 
-fn text_in(message: Message<'_>, number: u64) -> Result<&str, WireError> {
+pub(super) fn text_in(message: Message<'_>, number: u64) -> Result<&str, WireError> {
     Ok(message.last(number)?.map(Message::text).transpose()?.unwrap_or_default())
 }
 
 /// The items up to the largest count that makes sense, then an error.
-fn counted<'a>(
+pub(super) fn counted<'a>(
     items: impl Iterator<Item = Result<Message<'a>, WireError>>,
     what: &'static str,
 ) -> impl Iterator<Item = Result<Message<'a>, OnnxProblem>> {
@@ -310,6 +306,6 @@ fn counted<'a>(
     })
 }
 
-fn shortened(name: &str) -> String {
+pub(super) fn shortened(name: &str) -> String {
     name.chars().take(SHOWN).collect()
 }

@@ -24,6 +24,8 @@ pub(super) struct Message<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Field<'a> {
     pub(super) number: u64,
+    /// The whole field as it stands in the file.
+    pub(super) raw: &'a [u8],
     pub(super) value: Value<'a>,
 }
 
@@ -41,6 +43,10 @@ impl<'a> Message<'a> {
         Self { bytes, start: 0 }
     }
 
+    pub(super) fn bytes(self) -> &'a [u8] {
+        self.bytes
+    }
+
     /// Its text.
     pub(super) fn text(self) -> Result<&'a str, WireError> {
         std::str::from_utf8(self.bytes).map_err(|_| WireError { at: self.start, problem: "text that is not UTF-8" })
@@ -54,7 +60,7 @@ impl<'a> Message<'a> {
     /// The messages, texts or bytes of the fields with this number.
     pub(super) fn all(self, number: u64) -> impl Iterator<Item = Result<Message<'a>, WireError>> {
         self.fields().filter_map(move |field| match field {
-            Ok(Field { number: found, value: Value::Bytes(message) }) if found == number => Some(Ok(message)),
+            Ok(Field { number: found, value: Value::Bytes(message), .. }) if found == number => Some(Ok(message)),
             Ok(_) => None,
             Err(error) => Some(Err(error)),
         })
@@ -69,7 +75,7 @@ impl<'a> Message<'a> {
     pub(super) fn number(self, number: u64) -> Result<u64, WireError> {
         self.fields().try_fold(0, |last, field| {
             Ok(match field? {
-                Field { number: found, value: Value::Number(value) } if found == number => value,
+                Field { number: found, value: Value::Number(value), .. } if found == number => value,
                 _ => last,
             })
         })
@@ -86,6 +92,7 @@ pub(super) struct Fields<'a> {
 impl<'a> Fields<'a> {
     fn field(&mut self) -> Result<Field<'a>, WireError> {
         let start = self.at;
+        let from_here = self.rest;
         let key = self.varint()?;
         let value = match key & 7 {
             0 => Value::Number(self.varint()?),
@@ -97,7 +104,7 @@ impl<'a> Fields<'a> {
             5 => self.take(4).map(|_| Value::Fixed)?,
             _ => return Err(WireError { at: start, problem: "a field of a kind that ONNX does not have" }),
         };
-        Ok(Field { number: key >> 3, value })
+        Ok(Field { number: key >> 3, raw: &from_here[..self.at - start], value })
     }
 
     fn take(&mut self, count: usize) -> Result<Message<'a>, WireError> {

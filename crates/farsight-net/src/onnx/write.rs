@@ -3,14 +3,15 @@
 use prost::Message;
 
 use super::deform::{self, Operands, Sizes};
+use super::head::HeadNames;
 use super::parts::{Parts, float, int, ints, word};
 use super::proto::{
     Dimension, DimensionProto, FLOAT, GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto,
     TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
 };
-use super::{Facts, INPUT, Target};
+use super::{Facts, INPUT, Target, key};
 use crate::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
-use crate::transform::Network;
+use crate::transform::{Network, PeaksHead};
 use crate::weights::{WeightTensor, WeightsError};
 
 /// ONNX operators as of 1.14: the first with `DeformConv`; `GridSample` still calls its interpolation "bilinear", as all engines know it.
@@ -28,18 +29,21 @@ const IR_VERSION: i64 = 9;
 /// # Errors
 /// When a weight is missing or has another shape.
 pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>, WeightsError> {
+    let (graph, head) = graph(network, target)?;
+    let head = head.map(|head| (key::PEAKS_HEAD.to_owned(), head));
     let model = ModelProto {
         ir_version: IR_VERSION,
         producer_name: "farsight".to_owned(),
         producer_version: env!("CARGO_PKG_VERSION").to_owned(),
-        graph: Some(graph(network, target)?),
+        graph: Some(graph),
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
-        metadata_props: facts.entries().map(|(key, value)| StringStringEntryProto { key, value }).collect(),
+        metadata_props: facts.entries().chain(head).map(|(key, value)| StringStringEntryProto { key, value }).collect(),
     };
     Ok(model.encode_to_vec())
 }
 
-fn graph(network: &Network, target: Target) -> Result<GraphProto, WeightsError> {
+/// The graph, and where its regression head lies, when it can be computed at single cells.
+fn graph(network: &Network, target: Target) -> Result<(GraphProto, Option<String>), WeightsError> {
     let mut writer = Writer { network, target, names: Vec::new(), parts: Parts::default() };
     for (id, node) in network.graph.nodes.iter().enumerate() {
         let output = writer.value_name(id);
@@ -49,7 +53,12 @@ fn graph(network: &Network, target: Target) -> Result<GraphProto, WeightsError> 
     let input = vec![image_info(network)];
     let output =
         network.graph.taps.iter().map(|(name, id)| map_info(name, network.graph.nodes[*id].channels)).collect();
-    Ok(GraphProto { name: "farsight".to_owned(), input, output, ..writer.parts.finish() })
+    let head = PeaksHead::of(network).map(|head| {
+        let parameter = |id: ParameterId| network.graph.parameters[id].name.clone();
+        let (hidden, output) = (head.hidden.map(parameter), head.output.map(parameter));
+        HeadNames { features: writer.names[head.features].clone(), hidden, output }.to_json()
+    });
+    Ok((GraphProto { name: "farsight".to_owned(), input, output, ..writer.parts.finish() }, head))
 }
 
 fn image_info(network: &Network) -> ValueInfoProto {
@@ -57,7 +66,8 @@ fn image_info(network: &Network) -> ValueInfoProto {
     value_info(INPUT, ["batch", "", "height", "width"], channels)
 }
 
-fn map_info(name: &str, channels: usize) -> ValueInfoProto {
+/// An output at a quarter of the input's size.
+pub(super) fn map_info(name: &str, channels: usize) -> ValueInfoProto {
     value_info(name, ["batch", "", "map_height", "map_width"], channels)
 }
 

@@ -2,6 +2,9 @@
 
 mod fold;
 mod live;
+mod peaks;
+
+pub use peaks::PeaksHead;
 
 pub(crate) use live::without_dead_parameters;
 

@@ -2,18 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use farsight_core::HeadMaps;
 use farsight_files::write_atomically;
+use farsight_infer::Engine;
+#[cfg(not(feature = "train"))]
+use farsight_infer::RtenEngine;
 use farsight_infer::probe::{self, Difference};
-use farsight_infer::{Engine, RtenEngine};
+#[cfg(not(feature = "train"))]
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::model::Model;
 use farsight_net::onnx::{Facts, OnnxModel, Target, key, write};
 use farsight_net::transform::Network;
 
 use super::Outcome;
+use crate::engines::{self, EngineArgs, EngineName};
 use crate::printer::Printer;
 
 /// The largest difference of a head map that is let pass (single precision).
@@ -60,7 +64,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let model = Model::read(&args.model)?;
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = OnnxModel::from_bytes(bytes, &args.out)?;
-    let differences = check(&model, &file, printer)?;
+    let differences = check(&model, &file, &args.out, printer)?;
     for Difference { name, largest } in &differences {
         printer.line(&format!("{name:10} largest difference {largest:.1e}"));
     }
@@ -95,24 +99,24 @@ fn facts(args: &ExportArgs, model: &Model, target: Target) -> Result<Facts> {
 }
 
 /// How far the head maps of the file are from those of the model on a fixed input of noise.
-fn check(model: &Model, file: &OnnxModel, printer: &mut Printer) -> Result<Vec<Difference>> {
+fn check(model: &Model, file: &OnnxModel, path: &Path, printer: &mut Printer) -> Result<Vec<Difference>> {
     let size = model.config.input;
     let input = probe::input(size);
-    let (mut engine, by) = file_engine(file)?;
+    let mut engine = file_engine(file, path)?;
     let found = engine.head_maps(&input, size)?;
     let (expected, reference) = reference(model, &input)?;
+    let by = engine.name();
     printer
         .status(&format!("checked: the file on {by} against {reference}, {} x {} pixels of noise", size[0], size[1]));
     Ok(probe::differences(&found, &expected))
 }
 
 /// An engine that runs the file as it is.
-fn file_engine(file: &OnnxModel) -> Result<(Box<dyn Engine>, &'static str)> {
-    ensure!(
-        !(file.has_deform_conv()),
-        "a file with DeformConv can only be checked by ONNX Runtime; export with --target portable"
-    );
-    Ok((Box::new(RtenEngine::new(file.clone(), None)?), "rten"))
+fn file_engine(file: &OnnxModel, path: &Path) -> Result<Box<dyn Engine>> {
+    let engine = if file.has_deform_conv() { EngineName::Onnxruntime } else { EngineName::Rten };
+    let args = EngineArgs { engine, ..EngineArgs::default() };
+    engines::start(&args, file.clone(), path)
+        .with_context(|| format!("{}: not written, because it cannot be checked", path.display()))
 }
 
 /// What the model itself answers: libtorch's answer where there is one.

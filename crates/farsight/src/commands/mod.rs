@@ -1,5 +1,7 @@
 //! One file a command.
 
+mod doctor;
+mod engine;
 mod eval;
 mod export;
 mod import;
@@ -31,6 +33,10 @@ pub(crate) enum Command {
     Export(export::ExportArgs),
     /// Compare an engine's answers with stored reference tensors
     Parity(parity::ParityArgs),
+    /// Manage the libraries of the optional engines
+    Engine(engine::EngineCommandArgs),
+    /// Show what this machine has to run models with, and what would help
+    Doctor(doctor::DoctorArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
 }
@@ -55,6 +61,8 @@ impl Command {
             Self::Import(args) => import::run(&args, printer),
             Self::Export(args) => export::run(&args, printer),
             Self::Parity(args) => parity::run(&args, printer),
+            Self::Engine(args) => engine::run(&args, printer),
+            Self::Doctor(args) => doctor::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),
         }
     }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::Outcome;
 use super::export::TOLERANCE;
-use crate::engines::{self, EngineArgs, Opened};
+use crate::engines::{self, EngineArgs};
 use crate::printer::Printer;
 
 /// Name of the input among the reference tensors.
@@ -63,7 +63,7 @@ struct Output {
 /// Runs the command.
 pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
     let golden = Weights::read(&args.golden)?;
-    let Opened { mut engine, .. } = engines::open(&args.engine, &args.model)?;
+    let mut engine = engines::open_engine(&args.engine, &args.model)?;
     let parity = compare(args, &golden, &mut *engine).with_context(|| args.golden.display().to_string())?;
     for Output { name, largest_difference, within } in &parity.outputs {
         let difference = largest_difference.map_or_else(|| "cannot be compared".to_owned(), |d| format!("{d:.1e}"));

@@ -1,0 +1,175 @@
+//! `farsight doctor`: what this machine has, and what would help.
+
+mod machine;
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use farsight_net::onnx::{OnnxModel, Target};
+use serde::Serialize;
+
+use super::Outcome;
+use crate::libraries::{self, Library};
+use crate::printer::Printer;
+use machine::Machine;
+
+/// Arguments of `farsight doctor`.
+#[derive(Debug, Args)]
+pub(crate) struct DoctorArgs {
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// The findings, as they are printed.
+#[derive(Debug, Serialize)]
+struct Diagnosis {
+    version: &'static str,
+    machine: Machine,
+    engines: Vec<EngineState>,
+    models: Vec<ModelState>,
+    advice: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct EngineState {
+    name: &'static str,
+    ready: bool,
+    /// Version of a library that was loaded.
+    version: Option<String>,
+    /// Where that library lies.
+    path: Option<PathBuf>,
+    /// How it was found, or why it is not ready.
+    note: String,
+}
+
+#[derive(Debug, Serialize)]
+struct ModelState {
+    path: PathBuf,
+    /// What is wrong with it; null for a good one.
+    problem: Option<String>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &DoctorArgs, printer: &mut Printer) -> Result<Outcome> {
+    let machine = Machine::here();
+    let engines = engines();
+    let diagnosis = Diagnosis {
+        version: env!("CARGO_PKG_VERSION"),
+        advice: advice(&engines, &machine),
+        machine,
+        engines,
+        models: models(),
+    };
+    if args.json {
+        printer.line(&serde_json::to_string_pretty(&diagnosis)?);
+    } else {
+        print(&diagnosis, printer);
+    }
+    Ok(Outcome::Done)
+}
+
+fn print(diagnosis: &Diagnosis, printer: &mut Printer) {
+    let Diagnosis { machine, engines, models, advice, .. } = diagnosis;
+    printer.heading("machine");
+    printer.line(&format!("  {} {}, {} threads", machine.os, machine.architecture, machine.threads));
+    printer.line(&format!("  instruction sets  {}", machine.instruction_sets.join(" ")));
+    printer.heading("engines");
+    for EngineState { name, ready, version, path, note } in engines {
+        let state = if *ready { "ready" } else { "-" };
+        let facts = version.iter().cloned().chain(path.iter().map(|path| path.display().to_string()));
+        let facts: Vec<String> = facts.chain([note.clone()]).collect();
+        printer.line(&format!("  {name:12} {state:6} {}", facts.join(", ")));
+    }
+    printer.heading("models");
+    if models.is_empty() {
+        printer.line("  none here, in ./models or in your data folder");
+    }
+    for ModelState { path, problem } in models {
+        printer.line(&format!(
+            "  {}{}",
+            path.display(),
+            problem.as_ref().map_or_else(String::new, |p| format!(": {p}"))
+        ));
+    }
+    for line in advice {
+        printer.note(line);
+    }
+}
+
+fn engines() -> Vec<EngineState> {
+    let built_in =
+        |name, ready, note: &str| EngineState { name, ready, version: None, path: None, note: note.to_owned() };
+    let mut engines = vec![built_in("rten", true, "built in")];
+    engines.extend(Library::value_variants().iter().map(|library| library_state(*library)));
+    engines.push(if cfg!(feature = "train") {
+        built_in("libtorch", true, "built in")
+    } else {
+        built_in("libtorch", false, "needs a build with `--features train` (`cargo xtask run ...`)")
+    });
+    engines
+}
+
+fn library_state(library: Library) -> EngineState {
+    let missing = |path, error: &anyhow::Error| EngineState {
+        name: library.name(),
+        ready: false,
+        version: None,
+        path,
+        note: format!("{error:#}"),
+    };
+    let found = match library.find(None) {
+        Ok(found) => found,
+        Err(error) => return missing(None, &error),
+    };
+    match library.version(&found.path) {
+        Ok(version) => EngineState {
+            name: library.name(),
+            ready: true,
+            version: Some(version),
+            path: Some(found.path),
+            note: format!("through {}", found.through),
+        },
+        Err(error) => missing(Some(found.path), &error),
+    }
+}
+
+/// Models in the current folder, in `models` there, and in the user's data folder.
+fn models() -> Vec<ModelState> {
+    let own = libraries::data_folder().map(|folder| folder.join("models"));
+    let folders = [PathBuf::from("."), PathBuf::from("models")].into_iter().chain(own);
+    let mut paths: Vec<PathBuf> = folders
+        .filter_map(|folder| fs::read_dir(folder).ok())
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "onnx" || extension == "safetensors"));
+    paths.sort();
+    let state = |path: PathBuf| {
+        let problem = OnnxModel::read_any(&path, Target::default()).err().map(|error| error.to_string());
+        ModelState { path, problem }
+    };
+    paths.into_iter().map(state).collect()
+}
+
+fn advice(engines: &[EngineState], machine: &Machine) -> Vec<String> {
+    let ready = |name: &str| engines.iter().any(|engine| engine.name == name && engine.ready);
+    let mut advice = Vec::new();
+    if !ready("onnxruntime") && !ready("openvino") {
+        advice.push(
+            "rten needs nothing and is slower than ONNX Runtime; `farsight engine install onnxruntime` fetches that with pip"
+                .to_owned(),
+        );
+    }
+    if cfg!(target_arch = "x86_64") && !machine.has("avx2") {
+        advice.push("without AVX2 every engine is slow on this CPU".to_owned());
+    }
+    if machine.has("avx512bf16") && !ready("openvino") {
+        advice.push(
+            "this CPU computes in bfloat16; OpenVINO makes use of it (`farsight engine install openvino`)".to_owned(),
+        );
+    }
+    advice
+}

@@ -1,0 +1,196 @@
+//! Shared libraries of the optional engines: where they are looked for, and how they get there.
+
+mod install;
+mod python;
+
+use std::env::{
+    self,
+    consts::{DLL_PREFIX, DLL_SUFFIX},
+};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use clap::ValueEnum;
+
+pub(crate) use install::install;
+
+/// Where this program's own files lie, instead of the user's data folder.
+const DATA_VARIABLE: &str = "FARSIGHT_DATA";
+
+/// An engine that needs a shared library.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Library {
+    /// Microsoft's ONNX Runtime, 1.17 or later
+    Onnxruntime,
+    /// Intel's OpenVINO, 2025.1 or later
+    Openvino,
+}
+
+/// A library that was found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Found {
+    /// The library.
+    pub(crate) path: PathBuf,
+    /// How it was found, as in "found through ...".
+    pub(crate) through: String,
+}
+
+impl Library {
+    /// As users write it; also the name of its Python wheel.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Onnxruntime => "onnxruntime",
+            Self::Openvino => "openvino",
+        }
+    }
+
+    /// The environment variable that says where it is: the library, or a folder with it.
+    fn variable(self) -> &'static str {
+        match self {
+            Self::Onnxruntime => "FARSIGHT_ONNXRUNTIME",
+            Self::Openvino => "FARSIGHT_OPENVINO",
+        }
+    }
+
+    /// The folder of the library within its wheel.
+    fn wheel_folder(self) -> &'static str {
+        match self {
+            Self::Onnxruntime => "onnxruntime/capi",
+            Self::Openvino => "openvino/libs",
+        }
+    }
+
+    /// The file's name without prefix, suffix and version.
+    fn stem(self) -> &'static str {
+        match self {
+            Self::Onnxruntime => "onnxruntime",
+            Self::Openvino => "openvino_c",
+        }
+    }
+
+    /// Where `farsight engine install` puts it.
+    fn data_folder(self) -> Option<PathBuf> {
+        Some(data_folder()?.join("engines").join(self.name()))
+    }
+
+    /// The library: at `given` if that is given, else where the environment, the user's data folder or the user's Python has it.
+    pub(crate) fn find(self, given: Option<&Path>) -> Result<Found> {
+        if let Some(given) = given {
+            return self.named(given, "--engine-path");
+        }
+        if let Some(named) = env::var_os(self.variable()).filter(|named| !named.is_empty()) {
+            return self.named(Path::new(&named), self.variable());
+        }
+        let installed = self.data_folder().and_then(|folder| self.within(&folder));
+        if let Some(path) = installed {
+            return Ok(Found { path, through: "`farsight engine install`".to_owned() });
+        }
+        if let Some(path) = python::package_folder(self.name()).and_then(|folder| self.within(folder.parent()?)) {
+            return Ok(Found { path, through: "the installed Python wheel".to_owned() });
+        }
+        bail!(
+            "the library of {name} is not there; `farsight engine install {name}` fetches it with pip; if you have it, say where with --engine-path or {}",
+            self.variable(),
+            name = self.name()
+        )
+    }
+
+    /// The library that the user names: the file itself, or a folder with it.
+    fn named(self, named: &Path, through: &str) -> Result<Found> {
+        let path = if named.is_file() { Some(named.to_owned()) } else { self.within(named) };
+        match path {
+            Some(path) => Ok(Found { path, through: through.to_owned() }),
+            None => bail!(
+                "{}: no library of {} here; expected {DLL_PREFIX}{}{DLL_SUFFIX} or a folder with it ({through})",
+                named.display(),
+                self.name(),
+                self.stem()
+            ),
+        }
+    }
+
+    /// The library in `folder`, or in its place in an unpacked wheel there.
+    fn within(self, folder: &Path) -> Option<PathBuf> {
+        let last = Path::new(self.wheel_folder()).file_name()?;
+        [folder.to_owned(), folder.join(self.wheel_folder()), folder.join(last)]
+            .iter()
+            .find_map(|folder| self.directly_in(folder))
+    }
+
+    fn directly_in(self, folder: &Path) -> Option<PathBuf> {
+        let names = fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
+        let mut found: Vec<PathBuf> = names.filter(|path| self.is_file_name(path)).collect();
+        // The shortest name is the one without a version.
+        found.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
+        found.into_iter().next()
+    }
+
+    /// `libonnxruntime.so`, `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib`, `onnxruntime.dll`, but no other library beside it.
+    fn is_file_name(self, path: &Path) -> bool {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let rest = name.strip_prefix(DLL_PREFIX).and_then(|name| name.strip_prefix(self.stem()));
+        rest.is_some_and(|rest| rest.starts_with('.') && rest.contains(DLL_SUFFIX)) && path.is_file()
+    }
+
+    /// Loads the library at `path` and says which version it is.
+    pub(crate) fn version(self, path: &Path) -> Result<String> {
+        match self {
+            Self::Onnxruntime => onnxruntime_version(path),
+            Self::Openvino => openvino_version(path),
+        }
+    }
+}
+
+/// The user's data folder for this program.
+pub(crate) fn data_folder() -> Option<PathBuf> {
+    match env::var_os(DATA_VARIABLE).filter(|folder| !folder.is_empty()) {
+        Some(folder) => Some(PathBuf::from(folder)),
+        None => Some(dirs::data_dir()?.join("farsight")),
+    }
+}
+
+#[cfg(feature = "onnxruntime")]
+fn onnxruntime_version(path: &Path) -> Result<String> {
+    Ok(farsight_infer::OrtEngine::version(path)?)
+}
+
+#[cfg(not(feature = "onnxruntime"))]
+fn onnxruntime_version(_: &Path) -> Result<String> {
+    bail!("this farsight was built without the engine onnxruntime (cargo feature \"onnxruntime\")")
+}
+
+#[cfg(feature = "openvino")]
+fn openvino_version(path: &Path) -> Result<String> {
+    Ok(farsight_infer::OpenvinoEngine::version(path)?)
+}
+
+#[cfg(not(feature = "openvino"))]
+fn openvino_version(_: &Path) -> Result<String> {
+    bail!("this farsight was built without the engine openvino (cargo feature \"openvino\")")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::Library;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_library_is_found_by_its_name_and_nothing_else_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir_all(at("onnxruntime/capi")).unwrap();
+        for name in
+            ["libonnxruntime_providers_shared.so", "libonnxruntime.txt", "onnxruntime/capi/libonnxruntime.so.1.31.1"]
+        {
+            fs::write(at(name), "").unwrap();
+        }
+        let found = Library::Onnxruntime.find(Some(folder.path())).unwrap();
+        assert_eq!(found.path, at("onnxruntime/capi/libonnxruntime.so.1.31.1"));
+        assert_eq!(found.through, "--engine-path");
+        let error = Library::Openvino.find(Some(folder.path())).unwrap_err().to_string();
+        assert!(error.contains("no library of openvino here; expected libopenvino_c.so"), "{error}");
+    }
+}
