@@ -12,6 +12,8 @@ use crate::shape::Shape;
 pub(crate) struct Stock {
     /// Leaves with gaps, and the dark inside of the same crown.
     pub(crate) leaves: Vec<[MaterialId; 2]>,
+    /// The same in large tufts, for crowns so far away that small gaps would run together into a haze.
+    pub(crate) far_leaves: Vec<[MaterialId; 2]>,
     pub(crate) hedges: Vec<MaterialId>,
     pub(crate) bark: MaterialId,
     pub(crate) metal: MaterialId,
@@ -31,12 +33,11 @@ const GREENS: [(Color, f64); 6] = [
 
 impl Stock {
     pub(crate) fn draw(stage: &mut Stage, dice: &mut Dice) -> Self {
-        let mut foliage = |dice: &mut Dice, density: f32| {
+        let mut foliage = |dice: &mut Dice, density: f32, scale: f32| {
             let color = if stage.unusual && dice.chance(0.5) { any_color(dice) } else { dice.weighted(&GREENS) };
             let bright = dice.range32(1.2, 2.6);
             let color = crate::palette::times(varied(dice, color, 0.35), bright);
             let other = crate::palette::times(color, dice.range32(0.0, 0.15));
-            let scale = dice.log_range(0.06, 0.2) as f32;
             let mut layer = |density: f32, dark: f32| {
                 let [color, other] = [color, other].map(|c| crate::palette::times(c, dark));
                 let pattern = Pattern::Leaves { other, scale, density, seed: dice.seed() };
@@ -44,19 +45,22 @@ impl Stock {
             };
             [layer(density, 1.0), layer(1.0, 0.45)]
         };
-        let leaves = (0..4)
-            .map(|_| {
-                let density = dice.range32(0.45, 0.75);
-                foliage(dice, density)
-            })
-            .collect();
-        let hedges = (0..2).map(|_| foliage(dice, 1.0)[0]).collect();
+        let mut leaves = Vec::new();
+        let mut far_leaves = Vec::new();
+        for _ in 0..4 {
+            let density = dice.range32(0.45, 0.75);
+            let scale = dice.log_range(0.06, 0.2) as f32;
+            leaves.push(foliage(dice, density, scale));
+            far_leaves.push(foliage(dice, 0.5 * (1.0 + density), 5.0 * scale));
+        }
+        let hedges = (0..2).map(|_| foliage(dice, 1.0, 0.1)[0]).collect();
         let palette = &mut stage.palette;
         let bark = varied(dice, [0.09, 0.065, 0.045], 0.4);
         let wood = varied(dice, [0.2, 0.13, 0.08], 0.5);
         let metal = dice.range32(0.08, 0.4);
         Self {
             leaves,
+            far_leaves,
             hedges,
             bark: palette.noise(bark, bark.map(|c| c * 0.4), 0.15, dice.seed()),
             metal: palette.glossy(grey(metal), 0.4, 30.0, 0.08),
@@ -70,7 +74,7 @@ impl Stock {
 /// A tree of a height; its crown is a heap of leafy balls.
 pub(crate) fn tree(height: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> Mesh {
     let mut shape = Shape::default();
-    let leaves = dice.pick(&stock.leaves);
+    let leaves = dice.pick(if fine { &stock.leaves } else { &stock.far_leaves });
     if dice.chance(0.15) {
         conifer(&mut shape, height, stock, leaves, dice);
         return shape.mesh;
@@ -160,7 +164,7 @@ fn sprays(shape: &mut Shape, center: Vec3, radii: Vec3, count: usize, leaves: Ma
 /// A bush of a size.
 pub(crate) fn bush(height: f32, wide: f32, stock: &Stock, fine: bool, dice: &mut Dice) -> Mesh {
     let mut shape = Shape::default();
-    let leaves = dice.pick(&stock.leaves);
+    let leaves = dice.pick(if fine { &stock.leaves } else { &stock.far_leaves });
     for _ in 0..if fine { 3 } else { 1 } {
         let center = [dice.range32(-0.3, 0.3) * wide, -height * 0.45, dice.range32(-0.3, 0.3) * wide];
         let grow = dice.range32(0.7, 1.0);

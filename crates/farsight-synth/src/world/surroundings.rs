@@ -39,7 +39,31 @@ impl Surroundings<'_> {
         if self.dice.chance(0.05) {
             self.bridge();
         }
+        if self.dice.chance(0.8) {
+            self.background();
+        }
         self.horizon();
+    }
+
+    /// Trees and woods behind what lines the street.
+    fn background(&mut self) {
+        let (count, tall) = (self.dice.whole(10, 70), self.dice.range(8.0, 20.0));
+        for _ in 0..count {
+            let mut dice = self.dice.fork();
+            let (angle, distance) = (dice.symmetric(0.9), dice.range(60.0, 210.0));
+            let point = [distance * libm::sin(angle), distance * libm::cos(angle)];
+            let (height, wide) = (tall * dice.range(0.5, 1.1), dice.range32(4.0, 9.0));
+            if self.plan.on_street(point, f64::from(wide))
+                || self.stage.hides(point, f64::from(wide))
+                || !self.has_room(point, 3.0)
+            {
+                continue;
+            }
+            let leaves = dice.pick(&self.stock.far_leaves);
+            let center = self.stage.over(point, height * 0.45);
+            let radii = [wide, height as f32 * 0.55, wide];
+            props::leafy_ball(&mut self.stage.solid, center, radii, [4, 7], leaves, &mut dice);
+        }
     }
 
     /// A bridge over the street.
@@ -86,7 +110,7 @@ impl Surroundings<'_> {
             let lift = if dice.chance(0.6) { size * 0.5 } else { dice.range(1.0, 8.0) };
             let at = self.stage.over(point, lift);
             let mesh = props::oddment(self.stage, size as f32, &mut dice);
-            self.stage.solid.place(&mesh, dice.range(0.0, 6.28), at);
+            self.stage.solid.place(&mesh, dice.range(0.0, std::f64::consts::TAU), at);
         }
     }
 
@@ -273,7 +297,7 @@ impl Surroundings<'_> {
         }
         let mesh = props::tree(height as f32, &self.stock, distance < 45.0, &mut dice);
         let at = self.stage.over(point, 0.0);
-        self.stage.solid.place(&mesh, dice.range(0.0, 6.28), at);
+        self.stage.solid.place(&mesh, dice.range(0.0, std::f64::consts::TAU), at);
     }
 
     /// Trees and bushes in gardens and fields.
@@ -362,7 +386,7 @@ impl Surroundings<'_> {
     /// The tops of the trees at the edge of a wood.
     fn crowns(&mut self, point: [f64; 2], height: f64) {
         let mut dice = self.dice.fork();
-        let leaves = dice.pick(&self.stock.leaves);
+        let leaves = dice.pick(&self.stock.far_leaves);
         for _ in 0..2 {
             let up = height * dice.range(0.35, 0.75);
             let beside = [point[0] + dice.symmetric(2.0), point[1] + dice.symmetric(2.0)];
