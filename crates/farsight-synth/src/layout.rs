@@ -147,8 +147,9 @@ fn solved(mut m: [[f64; 5]; 4]) -> [f64; 4] {
     for i in 0..4 {
         for k in i + 1..4 {
             let factor = m[k][i] / m[i][i];
-            for j in i..5 {
-                m[k][j] -= factor * m[i][j];
+            let pivot = m[i];
+            for (value, above) in m[k].iter_mut().zip(pivot).skip(i) {
+                *value -= factor * above;
             }
         }
     }

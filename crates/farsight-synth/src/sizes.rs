@@ -58,7 +58,7 @@ const TRUCK: SizeStatistics = SizeStatistics {
 const TRAM: SizeStatistics = SizeStatistics {
     height: spread(3.529, 0.176, 3.17, 3.84),
     width: spread(2.544, 0.215, 2.17, 2.81),
-    length: spread(16.094, 7.852, 3.14, 35.24),
+    length: spread(16.094, 7.852, 3.15, 35.24),
     shared: 0.0,
 };
 const PEDESTRIAN: SizeStatistics = SizeStatistics {

@@ -22,12 +22,6 @@ pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// `a - b`.
-#[inline]
-pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 /// `a * factor`.
 #[inline]
 pub(crate) fn scale(a: Vec3, factor: f32) -> Vec3 {
@@ -40,22 +34,10 @@ pub(crate) fn add_scaled(a: Vec3, b: Vec3, factor: f32) -> Vec3 {
     [a[0] + b[0] * factor, a[1] + b[1] * factor, a[2] + b[2] * factor]
 }
 
-/// Channel by channel.
-#[inline]
-pub(crate) fn multiply(a: Color, b: Color) -> Color {
-    [a[0] * b[0], a[1] * b[1], a[2] * b[2]]
-}
-
 /// `a` where `share` is 0, `b` where it is 1.
 #[inline]
 pub(crate) fn mix(a: Color, b: Color, share: f32) -> Color {
     [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share]
-}
-
-/// Length.
-#[inline]
-pub(crate) fn length(a: Vec3) -> f32 {
-    dot(a, a).sqrt()
 }
 
 /// The unit vector along `a`; one of length 0 stays as it is.
@@ -63,12 +45,6 @@ pub(crate) fn length(a: Vec3) -> f32 {
 pub(crate) fn normalized(a: Vec3) -> Vec3 {
     let square = dot(a, a);
     if square > 0.0 { scale(a, 1.0 / square.sqrt()) } else { a }
-}
-
-/// The mirror image of direction `d`, which arrives at a surface with unit normal `n`.
-#[inline]
-pub(crate) fn reflected(d: Vec3, n: Vec3) -> Vec3 {
-    add_scaled(d, n, -2.0 * dot(d, n))
 }
 
 /// The largest whole number not above `x`, for numbers between minus and plus four million.
@@ -81,13 +57,6 @@ pub(crate) fn floor(x: f32) -> i32 {
     let sum = x + LARGE;
     let nearest = sum.to_bits().wrapping_sub(LARGE.to_bits()) as i32;
     nearest - i32::from(sum - LARGE > x)
-}
-
-/// 0 up to `from`, 1 from `to` on, smooth between.
-#[inline]
-pub(crate) fn smooth_step(from: f32, to: f32, x: f32) -> f32 {
-    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 /// 2 to the power `x`, to 1e-6 of itself; 0 below -126.
@@ -152,12 +121,5 @@ mod tests {
         {
             assert_eq!(floor(x), x.floor() as i32, "floor of {x}");
         }
-    }
-
-    #[test]
-    fn reflection_keeps_the_angle() {
-        let normal = normalized([0.3, -0.9, 0.2]);
-        let ray = normalized([0.1, 0.4, 1.0]);
-        assert!((dot(reflected(ray, normal), normal) + dot(ray, normal)).abs() < 1e-6);
     }
 }

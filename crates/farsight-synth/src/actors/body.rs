@@ -10,6 +10,17 @@ use crate::shape::Shape;
 /// Half of a cross-section has this many points, from the middle of the floor to the middle of the roof.
 const HALF: usize = 10;
 
+/// Where there are windows behind the front doors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Glazing {
+    /// All around.
+    Full,
+    /// In the rear only.
+    Rear,
+    /// Nowhere.
+    None,
+}
+
 /// The side view and the plan of a body.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Profile {
@@ -41,13 +52,10 @@ pub(super) struct Profile {
     pub(super) pillar: f32,
     /// Where the side windows end.
     pub(super) window_end: f32,
-    /// Side windows behind the pillar.
-    pub(super) rear_windows: bool,
-    /// Rear window.
-    pub(super) rear_window: bool,
+    pub(super) glazing: Glazing,
     /// Black lower edge, as on cross-country cars.
     pub(super) black_sill: bool,
-    /// Height of the rear lamps (top) as a share of the shoulder.
+    /// Rear lamps stand upright.
     pub(super) upright_lamps: bool,
 }
 
@@ -226,7 +234,7 @@ impl Body {
             4 if t > 0.955 => livery.tail_lamp,
             5 => self.side_window(t, livery),
             8 | 7 if in_screen => livery.glass,
-            8 | 7 if in_rear && p.rear_window => livery.glass,
+            8 | 7 if in_rear && p.glazing != Glazing::None => livery.glass,
             _ => livery.body,
         }
     }
@@ -236,7 +244,7 @@ impl Body {
         let p = &self.profile;
         let start = lerp(p.screen[0], p.screen[1], 0.4);
         let is_pillar = (t - p.pillar).abs() < 0.012;
-        if t < start || t > p.window_end || (t > p.pillar && !p.rear_windows) {
+        if t < start || t > p.window_end || (t > p.pillar && p.glazing != Glazing::Full) {
             livery.body
         } else if is_pillar {
             livery.trim

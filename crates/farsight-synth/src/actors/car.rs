@@ -1,6 +1,6 @@
 //! Passenger cars and vans.
 
-use super::body::{Body, Profile};
+use super::body::{Body, Glazing, Profile};
 use super::paint::{Livery, car_livery, fleet_livery};
 use super::wheels::Wheel;
 use super::{Detail, Workshop, faces};
@@ -87,8 +87,7 @@ fn profile(style: Style, dice: &mut Dice) -> Profile {
         tail_width: near(base.tail_width, 0.03),
         pillar: near(base.pillar, 0.02),
         window_end: near(base.window_end, 0.02),
-        rear_windows: base.rear_windows,
-        rear_window: base.rear_window && (style != Style::PanelVan || dice.chance(0.5)),
+        glazing: if base.glazing == Glazing::Rear && dice.chance(0.5) { Glazing::None } else { base.glazing },
         black_sill: base.black_sill && dice.chance(0.7) || dice.chance(0.08),
         upright_lamps: base.upright_lamps && dice.chance(0.7),
     }
@@ -112,8 +111,7 @@ fn base_profile(style: Style) -> Profile {
         tail_width: 0.84,
         pillar: 0.57,
         window_end: 0.84,
-        rear_windows: true,
-        rear_window: true,
+        glazing: Glazing::Full,
         black_sill: false,
         upright_lamps: true,
     };
@@ -181,7 +179,7 @@ fn base_profile(style: Style) -> Profile {
             tail_width: 0.93,
             pillar: 0.39,
             window_end: 0.92,
-            rear_windows: style == Style::Bus,
+            glazing: if style == Style::Bus { Glazing::Full } else { Glazing::Rear },
             ..hatchback
         },
     }

@@ -1,37 +1,49 @@
-//! Lamps, and in which parts of the image their light may be.
+//! Lamps, and where in the image their light may be.
 
 use super::view::{NEAR_M, View};
 use crate::scene::{Lamp, Scene};
 
-/// Side of a tile, pixels.
-const TILE: usize = 32;
+/// Height of the bands that lamps are sorted into, pixels.
+const BAND: usize = 16;
 
-/// The lamps whose light may fall on what a tile of the image shows.
+/// A lamp and the columns, first and end, in which its light may be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LitColumns<'a> {
+    /// The lamp.
+    pub(crate) lamp: &'a Lamp,
+    columns: [u32; 2],
+}
+
+impl LitColumns<'_> {
+    /// Whether its light may be between two columns.
+    #[inline]
+    pub(crate) fn may_light(&self, [first, last]: [u32; 2]) -> bool {
+        self.columns[0] <= last && first < self.columns[1]
+    }
+}
+
+/// The lamps whose light may fall on what a band of rows shows.
 pub(crate) struct Lamps<'a> {
-    columns: usize,
-    tiles: Vec<Vec<&'a Lamp>>,
+    bands: Vec<Vec<LitColumns<'a>>>,
 }
 
 impl<'a> Lamps<'a> {
-    /// Sorts the lamps of a scene into tiles.
+    /// Sorts the lamps of a scene into bands.
     pub(crate) fn of(scene: &'a Scene, view: &View) -> Self {
-        let [columns, rows] = scene.image_size.map(|s| s.div_ceil(TILE));
-        let mut tiles = vec![Vec::new(); columns * rows];
+        let mut bands = vec![Vec::new(); scene.image_size[1].div_ceil(BAND)];
         for lamp in &scene.lamps {
             let [x0, y0, x1, y1] = lit_pixels(lamp, view, scene.image_size);
-            for row in y0 / TILE..y1.div_ceil(TILE) {
-                for column in x0 / TILE..x1.div_ceil(TILE) {
-                    tiles[row * columns + column].push(lamp);
-                }
+            for band in &mut bands[y0 / BAND..y1.div_ceil(BAND)] {
+                band.push(LitColumns { lamp, columns: [x0 as u32, x1 as u32] });
             }
         }
-        Self { columns, tiles }
+        Self { bands }
     }
 
-    /// The lamps to consider at a pixel.
+    /// The lamps to consider in a row of pixels.
     #[inline]
-    pub(crate) fn at(&self, x: usize, y: usize) -> &[&'a Lamp] {
-        &self.tiles[y / TILE * self.columns + x / TILE]
+    pub(crate) fn in_row(&self, row: usize) -> &[LitColumns<'a>] {
+        &self.bands[row / BAND]
     }
 }
 

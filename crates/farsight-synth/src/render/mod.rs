@@ -13,9 +13,11 @@
 //! # How
 //! 1. [`visibility`]: which triangle each of a pixel's four samples sees, with 1/w as depth.
 //! 2. [`shadow`]: depth maps from the sun (near and far) and from above, for the shade beneath and beside things. [`lamps`]: which lamps to ask.
-//! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples: [`resolve`], [`pattern`], [`shade`], [`sky`].
+//! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples; four of one material at a time: [`resolve`], [`pattern`],
+//!    [`shade`], [`sky`].
 
 mod lamps;
+mod lanes;
 mod noise;
 mod pattern;
 mod raster;
@@ -72,13 +74,4 @@ pub fn render(scene: &Scene) -> Rendered {
     let (shadows, lamps) = (Shadows::of(scene, &view), Lamps::of(scene, &view));
     Resolver::new(scene, &view, &seen, &shadows, &lamps).resolve(&mut rendered);
     rendered
-}
-
-impl Rendered {
-    /// Adds the next pixel.
-    fn push(&mut self, color: Color, depth_m: f32, instance: InstanceId) {
-        self.color.push(color);
-        self.depth_m.push(depth_m);
-        self.instance.push(instance);
-    }
 }

@@ -1,24 +1,26 @@
 //! How a surface's colour varies, smoothed to what a pixel can show.
 
-use super::noise::{Noise, TWO_OCTAVES_DEVIATION, hash, unit};
+use super::lanes::{
+    Lanes, Vec3s, add_scaled, all, all3, choose, clamp, exp2, floor, integers, mix, mix_colors, scale, smooth_step,
+};
+use super::noise::{Noise, TWO_OCTAVES_DEVIATION, units};
 use crate::scene::{Color, Material, Pattern};
-use crate::vector::{add, exp2, floor, mix, scale, smooth_step};
 
 /// How much of the pattern one pixel covers, along u and v.
-pub(crate) type Footprint = [f32; 2];
+pub(crate) type Footprint = [Lanes; 2];
 
 /// Light of a lit window.
 const LIT_WINDOW: Color = [0.75, 0.5, 0.24];
 
-/// What is at one place of a surface.
+/// What is at four places of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Look {
     /// Colour.
-    pub(crate) color: Color,
+    pub(crate) color: Vec3s,
     /// Light it gives off.
-    pub(crate) emission: Color,
+    pub(crate) emission: Vec3s,
     /// Factor on the material's gloss and mirror: of a wall with windows only the panes shine.
-    pub(crate) shine: f32,
+    pub(crate) shine: Lanes,
 }
 
 /// Holes in a surface.
@@ -44,126 +46,124 @@ impl Holes {
         (solid < 1.0).then(|| Self { noise, solid, level: Noise::quantile(solid) })
     }
 
-    /// Share of the pixel that is no hole, 0 to 1.
+    /// Share of the places that is no hole, 0 to 1, where each covers `footprint` of the pattern.
     #[inline]
-    pub(crate) fn cover(&self, uv: [f32; 2], footprint: Footprint) -> f32 {
-        let width = widest(footprint) / self.noise.scale;
-        if width >= 2.0 {
-            return self.solid;
+    pub(crate) fn cover(&self, uv: [Lanes; 2], footprint: Lanes) -> Lanes {
+        let width = footprint * all(1.0 / self.noise.scale);
+        if width.simd_lt(all(2.0)).to_bitmask() == 0 {
+            return all(self.solid);
         }
-        // A pixel's width of noise: it rises by about twice its deviation from feature to feature.
-        let edge = 2.0 * TWO_OCTAVES_DEVIATION * width.clamp(0.05, 1.0);
-        let near = ((self.level - self.noise.at(uv, 0.0)) / edge + 0.5).clamp(0.0, 1.0);
+        // The noise rises by about twice its deviation from feature to feature.
+        let edge = clamp(width, 0.03, 1.0) * all(2.0 * TWO_OCTAVES_DEVIATION);
+        let near = clamp((all(self.level) - self.noise.at(uv, Lanes::ZERO)) / edge + all(0.5), 0.0, 1.0);
         // Where a pixel covers whole tufts, it shows their share.
-        if width <= 0.5 { near } else { near + (self.solid - near) * smooth_step(0.5, 2.0, width) }
+        near + (all(self.solid) - near) * smooth_step(all(0.5), all(2.0), width)
     }
 }
 
 /// The look of a material at `uv`.
-pub(crate) fn look(material: &Material, uv: [f32; 2], footprint: Footprint) -> Look {
+#[inline]
+pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) -> Look {
     let base = material.color;
     let color = match material.pattern {
-        Pattern::Plain | Pattern::Worn { .. } => base,
+        Pattern::Plain | Pattern::Worn { .. } => all3(base),
         Pattern::Noise { other, scale, amount, seed } => {
             let noise = Noise { scale, octaves: 4, seed };
-            mix(base, other, (0.5 + noise.at(uv, widest(footprint))) * amount)
+            mix_colors(base, other, (all(0.5) + noise.at(uv, widest(footprint))) * all(amount))
         }
         Pattern::Stripes { other, period, share } => {
-            mix(base, other, pulse(uv[1] / period, share, footprint[1] / period))
+            let per_period = all(1.0 / period);
+            mix_colors(base, other, pulse(uv[1] * per_period, share, footprint[1] * per_period))
         }
         Pattern::Leaves { other, scale, seed, .. } => {
             let noise = Noise { scale, octaves: 3, seed: !seed };
-            mix(base, other, 0.5 + noise.at(uv, widest(footprint)))
+            mix_colors(base, other, all(0.5) + noise.at(uv, widest(footprint)))
         }
         Pattern::Bricks { other, size, joint, variation, seed } => {
-            let wall = Cells { size, seed, uv, footprint };
-            let shifted = wall.in_running_bond();
-            let joints = shifted.covered([joint / size[0], joint / size[1]], joins);
-            mix(shifted.varied(base, variation), other, joints)
+            let bricks = Cells::new(size, seed, uv, footprint).in_running_bond();
+            let [across, up] = bricks.covered([joint / size[0], joint / size[1]], 0.0);
+            mix(bricks.varied(base, variation), all3(other), across + up - across * up)
         }
         Pattern::Windows { other, pitch, fill, lit, seed } => {
-            return windows(material, other, fill, lit, &Cells { size: pitch, seed, uv, footprint });
+            return windows(material, other, fill, lit, &Cells::new(pitch, seed, uv, footprint));
         }
     };
-    Look { color, emission: material.emission, shine: 1.0 }
+    Look { color, emission: all3(material.emission), shine: Lanes::ONE }
 }
 
 fn windows(material: &Material, glass: Color, fill: [f32; 2], lit: f32, cells: &Cells) -> Look {
-    let panes = cells.covered(fill, |across, up| across * up);
-    let shown = cells.shown();
-    let is_lit = if unit(cells.hash(1)) < lit { 1.0 } else { 0.0 };
-    let glow = lit + (is_lit - lit) * shown;
-    let glass = cells.varied(glass, 0.7);
+    let [across, up] = cells.covered(fill, 0.5);
+    let panes = across * up;
+    let is_lit = choose(cells.units(1).simd_lt(all(lit)), Lanes::ONE, Lanes::ZERO);
+    let glow = all(lit) + (is_lit - all(lit)) * cells.shown();
     Look {
-        color: mix(material.color, glass, panes),
-        emission: add(material.emission, scale(LIT_WINDOW, glow * panes)),
+        color: mix(all3(material.color), cells.varied(glass, 0.7), panes),
+        emission: add_scaled(all3(material.emission), all3(LIT_WINDOW), glow * panes),
         shine: panes,
     }
 }
 
-/// Where either of two shares of a cell is covered.
-fn joins(across: f32, up: f32) -> f32 {
-    across + up - across * up
-}
-
-/// A regular grid of rectangles on a surface, seen at one place.
+/// A regular grid of rectangles on a surface, seen at four places.
 #[derive(Clone, Copy)]
 struct Cells {
-    size: [f32; 2],
     seed: u32,
-    uv: [f32; 2],
+    /// Place and footprint, in cells.
+    at: [Lanes; 2],
     footprint: Footprint,
 }
 
 impl Cells {
+    fn new(size: [f32; 2], seed: u32, uv: [Lanes; 2], footprint: Footprint) -> Self {
+        let per_cell = [all(1.0 / size[0]), all(1.0 / size[1])];
+        let in_cells = |values: [Lanes; 2]| [values[0] * per_cell[0], values[1] * per_cell[1]];
+        Self { seed, at: in_cells(uv), footprint: in_cells(footprint) }
+    }
+
     /// Every other row moved by half a cell.
     fn in_running_bond(mut self) -> Self {
-        let row = floor(self.uv[1] / self.size[1]);
-        self.uv[0] += 0.5 * self.size[0] * (row & 1) as f32;
+        let half_row = floor(self.at[1]) * all(0.5);
+        self.at[0] += half_row - floor(half_row);
         self
     }
 
-    /// A number of the cell at this place.
-    fn hash(&self, which: u32) -> u32 {
-        let cell = |axis: usize| floor(self.uv[axis] / self.size[axis]);
-        hash(cell(0), cell(1), self.seed.wrapping_add(which))
+    /// A random number in `[0, 1)` for the cells at these places.
+    fn units(&self, which: u32) -> Lanes {
+        units(integers(floor(self.at[0])), integers(floor(self.at[1])), self.seed.wrapping_add(which))
     }
 
     /// 1 where single cells can be told apart, 0 where a pixel covers several.
-    fn shown(&self) -> f32 {
-        let cells = [0, 1].map(|axis| self.footprint[axis] / self.size[axis]);
-        (2.0 - 2.0 * widest(cells)).clamp(0.0, 1.0)
+    fn shown(&self) -> Lanes {
+        clamp(all(2.0) - all(2.0) * widest(self.footprint), 0.0, 1.0)
     }
 
-    /// `color` with the cell's own brightness.
-    fn varied(&self, color: Color, variation: f32) -> Color {
-        scale(color, exp2((unit(self.hash(0)) - 0.5) * 2.0 * variation * self.shown()))
+    /// `color` with the cells' own brightness.
+    fn varied(&self, color: Color, variation: f32) -> Vec3s {
+        scale(all3(color), exp2((self.units(0) - all(0.5)) * all(2.0 * variation) * self.shown()))
     }
 
-    /// Share of the pixel within `shares` of the cells, around their borders of whole numbers.
-    fn covered(&self, shares: [f32; 2], both: fn(f32, f32) -> f32) -> f32 {
-        let [across, up] = [0, 1].map(|axis| {
-            let (at, width) = (self.uv[axis] / self.size[axis], self.footprint[axis] / self.size[axis]);
-            pulse(at - 0.5 + 0.5 * shares[axis], shares[axis], width)
-        });
-        both(across, up)
+    /// Share of the pixel, across and up, that lies within `shares` of the cells, around `middle` of each (0 is its border).
+    fn covered(&self, shares: [f32; 2], middle: f32) -> [Lanes; 2] {
+        let axis = |i: usize| pulse(self.at[i] + all(0.5 * shares[i] - middle), shares[i], self.footprint[i]);
+        [axis(0), axis(1)]
     }
 }
 
 #[inline]
-fn widest(footprint: Footprint) -> f32 {
-    footprint[0].max(footprint[1])
+pub(crate) fn widest(footprint: Footprint) -> Lanes {
+    footprint[0].fast_max(footprint[1])
 }
 
 /// Mean, over `width` around `x`, of the function that is 1 in the first `share` of every unit and 0 in the rest.
-fn pulse(x: f32, share: f32, width: f32) -> f32 {
-    let width = width.max(1e-3);
-    let x = x - floor(x) as f32;
-    let integral = |x: f32| {
-        let whole = floor(x) as f32;
-        whole * share + (x - whole).min(share)
+#[inline]
+fn pulse(x: Lanes, share: f32, width: Lanes) -> Lanes {
+    let width = width.fast_max(all(1e-3));
+    let x = x - floor(x);
+    let integral = |x: Lanes| {
+        let whole = floor(x);
+        whole * all(share) + (x - whole).fast_min(all(share))
     };
-    (integral(x + 0.5 * width) - integral(x - 0.5 * width)) / width
+    let half = all(0.5) * width;
+    (integral(x + half) - integral(x - half)) / width
 }
 
 #[cfg(test)]
@@ -172,10 +172,11 @@ mod tests {
 
     #[test]
     fn a_pulse_is_sharp_near_and_its_mean_far() {
+        let at = |x: f32, width: f32| pulse(all(x), 0.3, all(width)).to_array()[0];
         for (x, expected) in [(0.1, 1.0), (0.29, 1.0), (0.31, 0.0), (7.1, 1.0), (-0.9, 1.0), (0.9, 0.0), (0.3, 0.5)] {
-            assert!((pulse(x, 0.3, 0.0) - expected).abs() < 1e-2, "pulse at {x}");
+            assert!((at(x, 0.0) - expected).abs() < 1e-2, "pulse at {x}");
         }
-        assert!((pulse(0.77, 0.3, 50.0) - 0.3).abs() < 0.02);
+        assert!((at(0.77, 50.0) - 0.3).abs() < 0.02);
     }
 
     #[test]
@@ -183,9 +184,22 @@ mod tests {
         let leaves = Pattern::Leaves { other: [0.0; 3], scale: 0.5, density: 0.6, seed: 3 };
         let holes = Holes::of(&leaves).expect("holes");
         for footprint in [0.01, 0.3, 0.7, 4.0] {
-            let places = (0..10_000).map(|i| [(i % 100) as f32 * 0.23, (i / 100) as f32 * 0.23]);
-            let mean = places.map(|uv| holes.cover(uv, [footprint; 2])).sum::<f32>() / 10_000.0;
+            let places = (0..10_000).map(|i| [all((i % 100) as f32 * 0.23), all((i / 100) as f32 * 0.23)]);
+            let mean = places.map(|uv| holes.cover(uv, all(footprint)).to_array()[0]).sum::<f32>() / 10_000.0;
             assert!((mean - 0.6).abs() < 0.06, "{mean} of the surface is leaf at footprint {footprint}");
         }
+    }
+
+    #[test]
+    fn windows_shine_and_walls_do_not() {
+        let pattern = Pattern::Windows { other: [0.0; 3], pitch: [2.0, 3.0], fill: [0.5, 0.5], lit: 1.0, seed: 1 };
+        let wall = Material { color: [0.5; 3], pattern, gloss: 0.0, shininess: 1.0, mirror: 0.1, emission: [0.0; 3] };
+        let near = [all(0.01); 2];
+        let pane = look(&wall, [all(1.0), all(1.5)], near);
+        let border = look(&wall, [all(0.1), all(1.5)], near);
+        let [pane_shine, border_shine] = [pane, border].map(|look| look.shine.to_array()[0]);
+        assert!((pane_shine - 1.0).abs() < 1e-3 && border_shine.abs() < 1e-3, "{pane_shine} and {border_shine}");
+        assert!(pane.emission[0].to_array()[0] > 0.5 && border.emission[0].to_array()[0] < 1e-3);
+        assert!((border.color[0].to_array()[0] - 0.5).abs() < 1e-3);
     }
 }

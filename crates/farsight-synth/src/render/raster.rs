@@ -32,11 +32,6 @@ impl Grid {
         Self { size, samples: [offsets(0), offsets(1)], reach: [reach(0), reach(1)] }
     }
 
-    /// Width and height, pixels.
-    pub(crate) fn size(&self) -> [usize; 2] {
-        self.size
-    }
-
     /// First and last pixel along an axis with samples between two places; none when there are none.
     #[inline]
     fn pixels(&self, axis: usize, least: f32, most: f32) -> Option<[usize; 2]> {
@@ -188,7 +183,7 @@ fn fill_within(
     let nearer = f32x4::splat(nearer);
     let narrow = columns[1] - columns[0] < NARROW;
     let crossings = [Crossing::new(&edges[0]), Crossing::new(&edges[1]), Crossing::new(&edges[2])];
-    for y in rows[0]..=rows[1] {
+    for y in rows[0]..rows[1] + 1 {
         let row = y as f64;
         let mut from_to = columns;
         if !narrow {
@@ -204,7 +199,7 @@ fn fill_within(
         }
         let [e0, e1, e2] = [edges[0].row(row), edges[1].row(row), edges[2].row(row)];
         let depth = nearness.row(row);
-        for x in from_to[0]..=from_to[1] {
+        for x in from_to[0]..from_to[1] + 1 {
             let column = f32x4::splat(x as f32);
             // The sign of the least of the three is clear only where all are inside.
             let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);

@@ -1,21 +1,27 @@
 //! From what the samples see to what the pixels show.
+//!
+//! Row by row: each distinct triangle in a pixel gives a piece of surface; the row's pieces are sorted by material and shaded four at a time.
 
 use super::Rendered;
 use super::lamps::Lamps;
-use super::shade::{self, Fragment, Light};
+use super::lanes::{self, Lanes, Vec3s};
+use super::shade::{self, Fragments, Light};
 use super::shadow::Shadows;
 use super::sky;
-use super::surface::{Weights, vertices};
+use super::surface::{Varied, Varying, vertices};
 use super::view::View;
 use super::visibility::{NOTHING, OFFSETS, SAMPLES, Visibility};
-use crate::scene::{Color, InstanceId, Material, Scene, Triangle, Vec3};
-use crate::vector::{add_scaled, dot, normalized, scale, sub};
+use crate::scene::{Color, InstanceId, Scene, Triangle};
+use crate::vector::{add_scaled, dot};
 
-/// Triangles kept ready for shading; neighbouring pixels mostly show the same few.
+/// Triangles kept ready; neighbouring pixels mostly show the same few.
 const KEPT: usize = 64;
 
 /// Triangles of one object and material whose normals are closer than this (cosine) are shaded as one within a pixel.
 const ALIKE: f32 = 0.96;
+
+/// The end of a chain of pieces.
+const END: u32 = u32::MAX;
 
 /// Shades the samples of all pixels.
 pub(crate) struct Resolver<'a> {
@@ -25,17 +31,15 @@ pub(crate) struct Resolver<'a> {
     shadows: &'a Shadows,
     lamps: &'a Lamps<'a>,
     ambient: [Color; 2],
-    faces: Vec<(u32, Option<Face<'a>>)>,
+    faces: Vec<(u32, Face)>,
+    pieces: Pieces,
 }
 
 /// A triangle prepared for shading.
-#[derive(Clone)]
-struct Face<'a> {
-    weights: Weights,
-    positions: [Vec3; 3],
-    normals: [Vec3; 3],
-    uv: [[f32; 2]; 3],
-    material: &'a Material,
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    varying: Varying,
+    material: usize,
     instance: InstanceId,
 }
 
@@ -50,10 +54,9 @@ struct Group {
     offset: [f32; 2],
 }
 
-/// What one group gives to a pixel.
+/// What one group shows, but for its colour.
 #[derive(Clone, Copy)]
 struct Shown {
-    color: Color,
     depth_m: f32,
     instance: InstanceId,
 }
@@ -66,53 +69,60 @@ impl<'a> Resolver<'a> {
         shadows: &'a Shadows,
         lamps: &'a Lamps<'a>,
     ) -> Self {
-        Self { scene, view, seen, shadows, lamps, ambient: shade::ambient(scene), faces: vec![(NOTHING, None); KEPT] }
+        let pieces = Pieces::new(scene.materials.len() + 1);
+        let (ambient, faces) = (shade::ambient(scene), Vec::new());
+        Self { scene, view, seen, shadows, lamps, ambient, faces, pieces }
     }
 
     /// Adds all pixels to `rendered`.
     pub(crate) fn resolve(&mut self, rendered: &mut Rendered) {
         let [width, height] = self.scene.image_size;
-        for y in 0..height {
-            for x in 0..width {
-                let numbers = self.seen.numbers(y * width + x);
-                if numbers == [numbers[0]; SAMPLES] {
-                    let shown = self.shown(numbers[0], [x, y], [0.0; 2]);
-                    rendered.visible[usize::from(shown.instance)] += SAMPLES as u32;
-                    rendered.push(shown.color, shown.depth_m, shown.instance);
-                } else {
-                    self.mixed(&numbers, [x, y], rendered);
-                }
-            }
+        let mut colors = vec![[0.0; 3]; width];
+        for row in 0..height {
+            self.collect(row, rendered);
+            self.shade(row, &mut colors);
+            rendered.color.extend_from_slice(&colors);
+            colors.fill([0.0; 3]);
         }
     }
 
-    /// A pixel that shows several triangles.
-    fn mixed(&mut self, numbers: &[u32; SAMPLES], pixel: [usize; 2], rendered: &mut Rendered) {
+    /// Collects the pieces of a row, and adds the depth and the instance of its pixels to `rendered`.
+    fn collect(&mut self, row: usize, rendered: &mut Rendered) {
+        let width = self.scene.image_size[0];
+        for column in 0..width {
+            let numbers = self.seen.numbers(row * width + column);
+            let shown = if numbers == [numbers[0]; SAMPLES] {
+                let shown = self.add_piece(numbers[0], column, row, [0.0; 2], 1.0);
+                rendered.visible[usize::from(shown.instance)] += SAMPLES as u32;
+                shown
+            } else {
+                self.collect_mixed(&numbers, column, row, &mut rendered.visible)
+            };
+            rendered.depth_m.push(shown.depth_m);
+            rendered.instance.push(shown.instance);
+        }
+    }
+
+    /// A pixel that shows several triangles. Returns what most of it shows.
+    fn collect_mixed(&mut self, numbers: &[u32; SAMPLES], column: usize, row: usize, visible: &mut [u32]) -> Shown {
         let (groups, count) = self.groups(numbers);
-        let groups = &groups[..count];
-        let mut color = [0.0; 3];
-        let mut instances = [0; SAMPLES];
-        for (group, instance) in groups.iter().zip(&mut instances) {
-            *instance = self.instance(group.number);
-        }
-        let mut most = (0, 0, f32::INFINITY, 0);
-        for (group, &instance) in groups.iter().zip(&instances) {
+        let nothing = Shown { depth_m: f32::INFINITY, instance: 0 };
+        let mut shown = [nothing; SAMPLES];
+        for (group, shown) in groups[..count].iter().zip(&mut shown) {
             let scale = 1.0 / group.own as f32;
-            let shown = self.shown(group.number, pixel, [group.offset[0] * scale, group.offset[1] * scale]);
-            color = add_scaled(color, shown.color, group.samples as f32 / SAMPLES as f32);
-            rendered.visible[usize::from(instance)] += group.samples;
-            let same = groups.iter().zip(&instances).filter(|(_, other)| **other == instance);
-            let of_instance: u32 = same.map(|(other, _)| other.samples).sum();
+            let offset = [group.offset[0] * scale, group.offset[1] * scale];
+            *shown = self.add_piece(group.number, column, row, offset, group.samples as f32 / SAMPLES as f32);
+            visible[usize::from(shown.instance)] += group.samples;
+        }
+        let mut most = (0, 0, nothing);
+        for (group, one) in groups.iter().zip(&shown).take(count) {
+            let same = groups.iter().zip(&shown).filter(|(_, other)| other.instance == one.instance);
+            let of_instance: u32 = same.map(|(group, _)| group.samples).sum();
             if (of_instance, group.samples) > (most.0, most.1) {
-                most = (of_instance, group.samples, shown.depth_m, instance);
+                most = (of_instance, group.samples, *one);
             }
         }
-        rendered.push(color, most.2, most.3);
-    }
-
-    /// Whose triangle it is.
-    fn instance(&self, number: u32) -> InstanceId {
-        if number == NOTHING { 0 } else { self.scene.objects[self.seen.drawn(number).object as usize].instance }
+        most.2
     }
 
     /// The samples of a pixel in up to four groups, and how many.
@@ -151,57 +161,172 @@ impl<'a> Resolver<'a> {
         a.material == b.material && a.layer == b.layer && dot(normal(a), normal(b)) > ALIKE
     }
 
-    /// What a triangle, or the sky, looks like in a pixel, `offset` from its centre.
+    /// Adds what a pixel shows of a triangle, or of the sky, `offset` from its centre.
     #[inline]
-    fn shown(&mut self, number: u32, [x, y]: [usize; 2], offset: [f32; 2]) -> Shown {
-        let (u, v) = (x as f32 + offset[0], y as f32 + offset[1]);
+    fn add_piece(&mut self, number: u32, column: usize, row: usize, offset: [f32; 2], share: f32) -> Shown {
+        let (u, v) = (column as f32 + offset[0], row as f32 + offset[1]);
+        let column = column as u32;
         if number == NOTHING {
-            let color = sky::color(self.scene, normalized(self.view.direction(u, v)));
-            return Shown { color, depth_m: f32::INFINITY, instance: 0 };
+            let [x, y, z] = self.view.direction(u, v);
+            let varied = Varied { place: [x, y, z, 0.0], facing: [0.0; 4], slopes: [0.0; 4] };
+            self.pieces.push(self.scene.materials.len(), Piece { varied, column, share, next: END });
+            return Shown { depth_m: f32::INFINITY, instance: 0 };
         }
+        let face = self.face(number);
+        let varied = face.varying.at(u, v);
+        self.pieces.push(face.material, Piece { varied, column, share, next: END });
+        Shown { depth_m: varied.place[2], instance: face.instance }
+    }
+
+    #[inline]
+    fn face(&mut self, number: u32) -> Face {
+        if self.faces.is_empty() {
+            self.faces = vec![(number, self.prepared(number)); KEPT];
+        }
+        let slot = number as usize % KEPT;
+        if self.faces[slot].0 != number {
+            self.faces[slot] = (number, self.prepared(number));
+        }
+        self.faces[slot].1
+    }
+
+    fn prepared(&self, number: u32) -> Face {
+        let drawn = self.seen.drawn(number);
+        let object = &self.scene.objects[drawn.object as usize];
+        let triangle = &object.mesh.triangles[drawn.triangle as usize];
+        let corners = vertices(object, triangle);
+        let [a, b, c] = corners;
+        let homogeneous = [a, b, c].map(|corner| self.view.homogeneous(corner.position));
+        Face {
+            varying: Varying::new(corners, homogeneous),
+            material: usize::from(triangle.material),
+            instance: object.instance,
+        }
+    }
+
+    /// Adds the light of the collected pieces to the pixels of their row, and forgets the pieces.
+    fn shade(&mut self, row: usize, colors: &mut [Color]) {
         let light = Light {
             scene: self.scene,
             shadows: self.shadows,
-            lamps: self.lamps.at(x, y),
+            lamps: self.lamps.in_row(row),
             ambient: self.ambient,
             eye: self.view.eye,
         };
-        let face = self.face(number);
-        let at = face.weights.at(u, v);
-        let position = at.vector(&face.positions);
-        let normal = normalized(at.vector(&face.normals));
-        let towards_eye = sub(light.eye, position);
-        let normal = if dot(normal, towards_eye) < 0.0 { scale(normal, -1.0) } else { normal };
-        let (uv, footprint) = at.uv(&face.uv);
-        let fragment = Fragment { position, normal, uv, footprint, material: face.material };
-        Shown { color: shade::color(&light, &fragment), depth_m: position[2], instance: face.instance }
-    }
-
-    #[inline]
-    fn face(&mut self, number: u32) -> &Face<'a> {
-        let (scene, view, seen) = (self.scene, self.view, self.seen);
-        let (kept, face) = &mut self.faces[number as usize % KEPT];
-        if *kept != number {
-            (*kept, *face) = (number, None);
+        for number in 0..self.pieces.touched.len() {
+            let material = self.pieces.touched[number];
+            let mut next = self.pieces.chains[material].first;
+            while next != END {
+                let batch = self.pieces.batch(&mut next);
+                let seen = match self.scene.materials.get(material) {
+                    Some(material) => shade::color(&light, material, &batch.fragments),
+                    None => sky::color(self.scene, lanes::normalized(batch.fragments.position)),
+                };
+                batch.add_to(colors, seen);
+            }
         }
-        face.get_or_insert_with(|| Face::new(scene, view, seen, number))
+        self.pieces.clear();
     }
 }
 
-impl<'a> Face<'a> {
-    fn new(scene: &'a Scene, view: &View, seen: &Visibility, number: u32) -> Self {
-        let drawn = seen.drawn(number);
-        let object = &scene.objects[drawn.object as usize];
-        let triangle = &object.mesh.triangles[drawn.triangle as usize];
-        let [a, b, c] = vertices(object, triangle);
-        let corners = [view.homogeneous(a.position), view.homogeneous(b.position), view.homogeneous(c.position)];
-        Self {
-            weights: Weights::new(corners),
-            positions: [a.position, b.position, c.position],
-            normals: [a.normal, b.normal, c.normal],
-            uv: [a.uv, b.uv, c.uv],
-            material: &scene.materials[usize::from(triangle.material)],
-            instance: object.instance,
+/// A piece of surface as one pixel shows it.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    varied: Varied,
+    column: u32,
+    /// Share of the pixel that it fills.
+    share: f32,
+    /// The next piece of the same material.
+    next: u32,
+}
+
+/// The pieces of one row in chains, one a material, the last for the sky.
+struct Pieces {
+    all: Vec<Piece>,
+    chains: Vec<Chain>,
+    /// The chains that are not empty, in the order of their first pieces.
+    touched: Vec<usize>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Chain {
+    first: u32,
+    last: u32,
+}
+
+/// Four pieces of one material; fewer at the end of a chain, whose last piece then stands in with a share of 0.
+struct Batch {
+    fragments: Fragments,
+    columns: [u32; 4],
+    shares: [f32; 4],
+}
+
+impl Pieces {
+    fn new(chains: usize) -> Self {
+        let empty = Chain { first: END, last: END };
+        Self { all: Vec::new(), chains: vec![empty; chains], touched: Vec::new() }
+    }
+
+    #[inline]
+    fn push(&mut self, chain: usize, piece: Piece) {
+        let number = self.all.len() as u32;
+        let chain_ends = &mut self.chains[chain];
+        if chain_ends.first == END {
+            chain_ends.first = number;
+            self.touched.push(chain);
+        } else {
+            self.all[chain_ends.last as usize].next = number;
+        }
+        chain_ends.last = number;
+        self.all.push(piece);
+    }
+
+    fn clear(&mut self) {
+        for &chain in &self.touched {
+            self.chains[chain].first = END;
+        }
+        self.touched.clear();
+        self.all.clear();
+    }
+
+    /// The next four pieces of a chain; `next` moves on behind them.
+    #[inline]
+    fn batch(&self, next: &mut u32) -> Batch {
+        let mut pieces = [&self.all[*next as usize]; 4];
+        let mut shares = [0.0; 4];
+        for lane in 0..4 {
+            if *next == END {
+                pieces[lane] = pieces[lane - 1];
+            } else {
+                pieces[lane] = &self.all[*next as usize];
+                shares[lane] = pieces[lane].share;
+                *next = pieces[lane].next;
+            }
+        }
+        let [a, b, c, d] = pieces;
+        let transposed =
+            |of: fn(&Piece) -> [f32; 4]| Lanes::transpose([of(a).into(), of(b).into(), of(c).into(), of(d).into()]);
+        let [x, y, z, u] = transposed(|piece| piece.varied.place);
+        let [nx, ny, nz, v] = transposed(|piece| piece.varied.facing);
+        let [u_across, u_down, v_across, v_down] = transposed(|piece| piece.varied.slopes);
+        let fragments = Fragments {
+            position: [x, y, z],
+            normal: [nx, ny, nz],
+            uv: [u, v],
+            footprint: [u_across.abs() + u_down.abs(), v_across.abs() + v_down.abs()],
+            columns: [a.column, d.column],
+        };
+        Batch { fragments, columns: [a.column, b.column, c.column, d.column], shares }
+    }
+}
+
+impl Batch {
+    #[inline]
+    fn add_to(&self, colors: &mut [Color], seen: Vec3s) {
+        let [red, green, blue] = [seen[0].to_array(), seen[1].to_array(), seen[2].to_array()];
+        for lane in 0..4 {
+            let color = &mut colors[self.columns[lane] as usize];
+            *color = add_scaled(*color, [red[lane], green[lane], blue[lane]], self.shares[lane]);
         }
     }
 }

@@ -1,144 +1,174 @@
-//! The light that a surface sends to the camera.
+//! The light that surfaces send to the camera, at four places of one material at once.
 
+use super::lamps::LitColumns;
+use super::lanes::{
+    Lanes, Vec3s, add, add_scaled, all, all3, choose, clamp, dot, exp, mix, mix_colors, multiply, normalized, pow,
+    scale, smooth_step, sub,
+};
 use super::noise::Noise;
 use super::pattern::{self, Footprint, Look};
 use super::shadow::Shadows;
 use super::sky;
 use crate::scene::{Color, Lamp, Material, Scene, Vec3};
-use crate::vector::{
-    add, add_scaled, dot, exp, length, mix, multiply, normalized, pow, reflected, scale, smooth_step, sub,
-};
+use crate::vector;
 
-/// A piece of surface as seen through one pixel.
+/// Pieces of surface as seen through four pixels.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Fragment<'a> {
+pub(crate) struct Fragments {
     /// Where.
-    pub(crate) position: Vec3,
-    /// Unit normal, on the viewer's side.
-    pub(crate) normal: Vec3,
+    pub(crate) position: Vec3s,
+    /// Normals, of any length and on either side.
+    pub(crate) normal: Vec3s,
     /// Coordinates of the pattern.
-    pub(crate) uv: [f32; 2],
-    /// How much of the pattern the pixel covers.
+    pub(crate) uv: [Lanes; 2],
+    /// How much of the pattern the pixels cover.
     pub(crate) footprint: Footprint,
-    /// What it is made of.
-    pub(crate) material: &'a Material,
+    /// First and last column of the pixels.
+    pub(crate) columns: [u32; 2],
 }
 
-/// What lights a pixel.
+/// What lights the pixels of a row.
 #[derive(Clone, Copy)]
 pub(crate) struct Light<'a> {
     /// The sun, the sky and the air.
     pub(crate) scene: &'a Scene,
     /// What hides sun and sky.
     pub(crate) shadows: &'a Shadows,
-    /// Lamps that may reach it.
-    pub(crate) lamps: &'a [&'a Lamp],
+    /// Lamps that may reach the row.
+    pub(crate) lamps: &'a [LitColumns<'a>],
     /// Light from above and from below.
     pub(crate) ambient: [Color; 2],
     /// Where the camera is.
     pub(crate) eye: Vec3,
 }
 
-/// How a surface answers light, besides its colour.
-struct Finish {
-    gloss: f32,
+/// Surfaces on their way to a colour.
+struct Surface {
+    position: Vec3s,
+    /// Unit normal on the viewer's side.
+    normal: Vec3s,
+    /// Unit direction from the eye.
+    ray: Vec3s,
+    gloss: Lanes,
     shininess: f32,
-    /// Share mirrored straight on.
-    mirror: f32,
-    /// Factor on the mirror image.
-    clear: f32,
 }
 
-/// Light collected on a surface.
+/// Light collected on surfaces.
 struct Lit {
     /// Scattered in all directions, before the surface's colour.
-    scattered: Color,
+    scattered: Vec3s,
     /// Highlights.
-    highlight: Color,
+    highlight: Vec3s,
 }
 
-/// Colour that the eye sees of a fragment, through the air.
-pub(crate) fn color(light: &Light, fragment: &Fragment) -> Color {
-    let ray = sub(fragment.position, light.eye);
-    let distance_m = length(ray);
-    let ray = scale(ray, 1.0 / distance_m);
-    let look = pattern::look(fragment.material, fragment.uv, fragment.footprint);
-    let water = water(light.scene, fragment);
-    let finish = finish(fragment.material, &look, water);
-    let skylight = light.shadows.skylight(fragment.position, fragment.normal);
-    let lit = lit(light, fragment, ray, &finish, skylight);
-    let surface = scale(look.color, 1.0 - 0.45 * water);
-    let mut seen = add(multiply(surface, lit.scattered), lit.highlight);
-    if finish.clear > 0.0 {
-        let image = sky::mirrored(light.scene, reflected(ray, fragment.normal));
-        let share = finish.clear * fresnel(finish.mirror, -dot(ray, fragment.normal));
-        // Beside and under things the surroundings are dark too.
-        seen = mix(seen, scale(image, 0.35 + 0.65 * skylight), share);
+/// Colours that the eye sees of fragments of one material, through the air.
+pub(crate) fn color(light: &Light, material: &Material, fragments: &Fragments) -> Vec3s {
+    let scene = light.scene;
+    let ray = sub(fragments.position, all3(light.eye));
+    let distance_m = dot(ray, ray).sqrt();
+    let ray = scale(ray, all(1.0) / distance_m);
+    let normal = normalized(fragments.normal);
+    let away = dot(normal, ray);
+    let normal = scale(normal, choose(away.simd_gt(Lanes::ZERO), all(-1.0), all(1.0)));
+
+    let look = pattern::look(material, fragments.uv, fragments.footprint);
+    let wet = scene.air.wetness > 0.0;
+    let water = if wet { water(scene, fragments.position, normal) } else { Lanes::ZERO };
+    let gloss = (all(material.gloss) * look.shine).fast_max(all(0.5) * water);
+    let shininess = if wet { material.shininess.max(40.0) } else { material.shininess };
+    let surface = Surface { position: fragments.position, normal, ray, gloss, shininess };
+
+    let skylight = light.shadows.skylight(surface.position, normal);
+    let lit = lit(light, &surface, skylight, fragments.columns);
+    let mut seen = multiply(scale(look.color, all(1.0) - all(0.45) * water), lit.scattered);
+    seen = add(seen, lit.highlight);
+    if material.mirror > 0.0 || wet {
+        seen = mirroring(scene, material, &surface, &look, water, skylight, seen);
     }
-    through_air(light.scene, add(seen, look.emission), distance_m)
+    let left = exp(distance_m * all(-scene.air.fog_density));
+    mix(all3(scene.air.fog_color), add(seen, look.emission), left)
 }
 
-/// How wet the fragment is, 0 to 1: flat surfaces, with puddles and drier patches.
-fn water(scene: &Scene, fragment: &Fragment) -> f32 {
-    let wetness = scene.air.wetness;
-    if wetness <= 0.0 || fragment.normal[1] > -0.7 {
-        return 0.0;
+/// How wet the places are, 0 to 1: flat surfaces, with puddles and drier patches.
+fn water(scene: &Scene, position: Vec3s, normal: Vec3s) -> Lanes {
+    let level = smooth_step(all(0.7), all(0.95), -normal[1]);
+    if level.simd_gt(Lanes::ZERO).to_bitmask() == 0 {
+        return level;
     }
-    let [x, _, z] = fragment.position;
-    let patches = Noise { scale: 3.0, octaves: 3, seed: 0x7a7e_0001 }.at([x, z], 0.0);
-    let level = smooth_step(0.7, 0.95, -fragment.normal[1]);
-    level * (wetness * (1.0 + 1.4 * patches)).clamp(0.0, 1.0)
+    let patches = Noise { scale: 3.0, octaves: 3, seed: 0x7a7e_0001 }.at([position[0], position[2]], Lanes::ZERO);
+    level * clamp(all(scene.air.wetness) * (all(1.0) + all(1.4) * patches), 0.0, 1.0)
 }
 
-fn finish(material: &Material, look: &Look, water: f32) -> Finish {
-    let mirror = material.mirror * look.shine;
-    let clear = if mirror > 0.0 { look.shine } else { 0.0 };
-    Finish {
-        gloss: (material.gloss * look.shine).max(0.5 * water),
-        shininess: if water > 0.0 { material.shininess.max(40.0) } else { material.shininess },
-        mirror: mirror.max(0.02 * water),
-        clear: clear.max(0.85 * water),
+/// `seen` with the mirror image over it: paint, glass, water.
+fn mirroring(
+    scene: &Scene,
+    material: &Material,
+    surface: &Surface,
+    look: &Look,
+    water: Lanes,
+    skylight: Lanes,
+    seen: Vec3s,
+) -> Vec3s {
+    let clear = if material.mirror > 0.0 { look.shine } else { Lanes::ZERO };
+    let clear = clear.fast_max(all(0.85) * water);
+    if clear.simd_gt(Lanes::ZERO).to_bitmask() == 0 {
+        return seen;
     }
-}
-
-/// Schlick's approximation: everything mirrors at a grazing angle.
-fn fresnel(straight: f32, facing: f32) -> f32 {
-    let rest = 1.0 - facing.clamp(0.0, 1.0);
+    let facing = -dot(surface.ray, surface.normal);
+    let straight = (all(material.mirror) * look.shine).fast_max(all(0.02) * water);
+    // Schlick's approximation: everything mirrors at a grazing angle.
+    let rest = all(1.0) - clamp(facing, 0.0, 1.0);
     let square = rest * rest;
-    straight + (1.0 - straight) * square * square * rest
+    let share = clear * (straight + (all(1.0) - straight) * square * square * rest);
+    let image = sky::mirrored(scene, add_scaled(surface.ray, surface.normal, all(2.0) * facing));
+    // Beside and under things the surroundings are dark too.
+    mix(seen, scale(image, all(0.35) + all(0.65) * skylight), share)
 }
 
-fn lit(light: &Light, fragment: &Fragment, ray: Vec3, finish: &Finish, skylight: f32) -> Lit {
-    let Light { scene, shadows, lamps, ambient: [above, below], .. } = *light;
-    let scattered = scale(mix(below, above, 0.5 - 0.5 * fragment.normal[1]), skylight);
-    let mut lit = Lit { scattered, highlight: [0.0; 3] };
-    let sun = scene.sun.direction;
-    if dot(fragment.normal, sun) > 0.0 {
-        let reaching = shadows.sunlight(fragment.position, fragment.normal);
-        if reaching > 0.0 {
-            lit.take(fragment, ray, finish, sun, scale(scene.sun.color, reaching));
-        }
+fn lit(light: &Light, surface: &Surface, skylight: Lanes, columns: [u32; 2]) -> Lit {
+    let [above, below] = light.ambient;
+    let upward = all(0.5) - all(0.5) * surface.normal[1];
+    let mut lit = Lit { scattered: scale(mix_colors(below, above, upward), skylight), highlight: all3([0.0; 3]) };
+    let sun = &light.scene.sun;
+    let facing = dot(surface.normal, all3(sun.direction));
+    let lit_lanes = facing.simd_gt(Lanes::ZERO).to_bitmask();
+    if lit_lanes != 0 {
+        let reaching = light.shadows.sunlight(surface.position, surface.normal, lit_lanes);
+        lit.take(surface, all3(sun.direction), scale(all3(sun.color), reaching));
     }
-    for lamp in lamps {
-        if let Some((towards, arriving)) = lamp_light(lamp, fragment.position) {
-            lit.take(fragment, ray, finish, towards, arriving);
-        }
+    for lamp in light.lamps.iter().filter(|lamp| lamp.may_light(columns)) {
+        lit.take_lamp(surface, lamp.lamp);
     }
     lit
 }
 
 impl Lit {
-    /// Adds light that arrives from unit direction `towards`.
-    fn take(&mut self, fragment: &Fragment, ray: Vec3, finish: &Finish, towards: Vec3, arriving: Color) {
-        let facing = dot(fragment.normal, towards);
-        if facing <= 0.0 {
-            return;
-        }
+    /// Adds light that arrives from unit directions `towards`.
+    fn take(&mut self, surface: &Surface, towards: Vec3s, arriving: Vec3s) {
+        let facing = dot(surface.normal, towards).fast_max(Lanes::ZERO);
         self.scattered = add_scaled(self.scattered, arriving, facing);
-        if finish.gloss > 0.0 {
-            let half = normalized(sub(towards, ray));
-            let highlight = finish.gloss * pow(dot(half, fragment.normal), finish.shininess);
-            self.highlight = add_scaled(self.highlight, arriving, highlight);
+        if surface.gloss.simd_gt(Lanes::ZERO).to_bitmask() != 0 {
+            let half = normalized(sub(towards, surface.ray));
+            let highlight = surface.gloss * pow(dot(half, surface.normal), all(surface.shininess));
+            let shown = facing.simd_gt(Lanes::ZERO) & highlight;
+            self.highlight = add_scaled(self.highlight, arriving, shown);
+        }
+    }
+
+    /// Adds the light of a lamp.
+    fn take_lamp(&mut self, surface: &Surface, lamp: &Lamp) {
+        let towards = sub(all3(lamp.position), surface.position);
+        let square = dot(towards, towards);
+        let nearness = (all(1.0) - square * all(1.0 / (lamp.reach_m * lamp.reach_m))).fast_max(Lanes::ZERO);
+        let towards = scale(towards, all(1.0) / square.fast_max(all(1e-6)).sqrt());
+        let mut strength = nearness * nearness / (square + all(0.05));
+        if lamp.cone_cos > -1.0 {
+            let off_axis = -dot(towards, all3(lamp.direction));
+            let inner = lamp.cone_cos + 0.4 * (1.0 - lamp.cone_cos);
+            strength *= smooth_step(all(lamp.cone_cos), all(inner), off_axis);
+        }
+        if strength.simd_gt(Lanes::ZERO).to_bitmask() != 0 {
+            self.take(surface, towards, scale(all3(lamp.color), strength));
         }
     }
 }
@@ -146,33 +176,7 @@ impl Lit {
 /// Light on a surface that faces the sky, and on one that faces the ground.
 pub(crate) fn ambient(scene: &Scene) -> [Color; 2] {
     let sky = &scene.sky;
-    let clear = mix(sky.zenith, sky.horizon, 0.5);
-    let above = mix(clear, sky.cloud_color, 0.7 * sky.clouds);
-    [scale(above, sky.ambient), scale(sky.ground, sky.ambient)]
-}
-
-/// Unit direction to a lamp and its light on a surface that faces it, if it shines there.
-fn lamp_light(lamp: &Lamp, position: Vec3) -> Option<(Vec3, Color)> {
-    let towards = sub(lamp.position, position);
-    let square = dot(towards, towards);
-    let nearness = 1.0 - square / (lamp.reach_m * lamp.reach_m);
-    if nearness <= 0.0 {
-        return None;
-    }
-    let towards = scale(towards, 1.0 / square.max(1e-6).sqrt());
-    let off_axis = -dot(towards, lamp.direction);
-    if off_axis < lamp.cone_cos {
-        return None;
-    }
-    let cone = if lamp.cone_cos <= -1.0 {
-        1.0
-    } else {
-        smooth_step(lamp.cone_cos, lamp.cone_cos + 0.4 * (1.0 - lamp.cone_cos), off_axis)
-    };
-    Some((towards, scale(lamp.color, cone * nearness * nearness / (square + 0.05))))
-}
-
-/// What is left of a colour after `distance_m` of air.
-fn through_air(scene: &Scene, color: Color, distance_m: f32) -> Color {
-    mix(scene.air.fog_color, color, exp(-scene.air.fog_density * distance_m))
+    let clear = vector::mix(sky.zenith, sky.horizon, 0.5);
+    let above = vector::mix(clear, sky.cloud_color, 0.7 * sky.clouds);
+    [vector::scale(above, sky.ambient), vector::scale(sky.ground, sky.ambient)]
 }

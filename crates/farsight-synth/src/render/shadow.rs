@@ -2,12 +2,13 @@
 
 use wide::f32x4;
 
-use super::noise::{hash, unit};
+use super::lanes::{self, Lanes, Vec3s, all, all3, integers};
+use super::noise::{hash, mask, unit};
 use super::pattern::Holes;
 use super::raster::{Grid, Target, fill};
 use super::view::View;
 use crate::scene::{Material, Object, Scene, Vec3};
-use crate::vector::{add_scaled, cross, dot, floor, normalized, scale};
+use crate::vector::{add_scaled, cross, dot, normalized, scale};
 
 /// Samples of four neighbouring texels: the rasteriser takes four at a time.
 const TEXELS: [[f32; 2]; 4] = [[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [0.75, 0.0]];
@@ -33,6 +34,7 @@ struct DepthMap {
     nearest: Vec<f32>,
     /// The most of them in each block of texels and the blocks to the right and below it.
     blocks: Vec<f32>,
+    block_columns: usize,
 }
 
 /// How wide a region is in the map's axes.
@@ -72,6 +74,7 @@ impl DepthMap {
             texel_origin: [-region.least[0] * per_metre, -region.least[1] * per_metre],
             nearest,
             blocks: Vec::new(),
+            block_columns: size[0].div_ceil(BLOCK),
         };
         let mut corners = Vec::new();
         for object in scene.objects.iter().filter(|object| object.casts_shadow) {
@@ -82,7 +85,7 @@ impl DepthMap {
     }
 
     fn sum_up_blocks(&mut self) {
-        let [columns, rows] = self.block_counts();
+        let (columns, rows) = (self.block_columns, self.size[1].div_ceil(BLOCK));
         let mut single = vec![NOTHING_M; columns * rows];
         for (y, row) in self.nearest.chunks_exact(self.size[0]).enumerate() {
             let blocks = &mut single[y / BLOCK * columns..][..columns];
@@ -93,10 +96,6 @@ impl DepthMap {
         let at = |x: usize, y: usize| single[y.min(rows - 1) * columns + x.min(columns - 1)];
         let most = |x: usize, y: usize| at(x, y).max(at(x + 1, y)).max(at(x, y + 1)).max(at(x + 1, y + 1));
         self.blocks = (0..columns * rows).map(|i| most(i % columns, i / columns)).collect();
-    }
-
-    fn block_counts(&self) -> [usize; 2] {
-        [self.size[0].div_ceil(BLOCK), self.size[1].div_ceil(BLOCK)]
     }
 
     fn draw(&mut self, object: &Object, materials: &[Material], corners: &mut Vec<[f64; 3]>) {
@@ -129,33 +128,54 @@ impl DepthMap {
         [at(0), at(1)]
     }
 
-    /// Weighted mean of `hidden` over the three texels square around `point`; 0 outside the map.
+    /// Weighted mean of `hidden` over the three texels square around four points; 0 outside the map and in lanes that are not `wanted`.
     ///
     /// `hidden` is given how far the nearest surface lies before the point, metres; it must be 0 up to `margin_m`.
     #[inline]
-    fn mean(&self, point: Vec3, margin_m: f32, hidden: impl Fn(f32x4) -> f32x4) -> f32 {
-        let [across, down] = self.texel(point);
-        let (column, row) = (floor(across - 1.0), floor(down - 1.0));
-        if column < 0 || row < 0 || column + 4 > self.size[0] as i32 || row + 4 > self.size[1] as i32 {
-            return 0.0;
+    fn mean(&self, points: Vec3s, wanted: u32, margin_m: f32, hidden: impl Fn(Lanes) -> Lanes) -> Lanes {
+        let texel = |axis: usize| lanes::dot(points, all3(self.texel_axes[axis])) + all(self.texel_origin[axis] - 1.0);
+        let (across, down) = (texel(0), texel(1));
+        let (left, top) = (lanes::floor(across), lanes::floor(down));
+        let (fx, fy) = ((across - left).to_array(), (down - top).to_array());
+        let (columns, rows) = (integers(left).to_array(), integers(top).to_array());
+        let own = lanes::dot(points, all3(self.axes[2])).to_array();
+        let mut means = [0.0; 4];
+        for lane in (0..4).filter(|lane| wanted >> lane & 1 == 1) {
+            // A negative number becomes a very large one.
+            let (column, row) = (columns[lane] as usize, rows[lane] as usize);
+            let inside = column < self.size[0] - 3 && row < self.size[1] - 3;
+            if inside && self.blocks[row / BLOCK * self.block_columns + column / BLOCK] - own[lane] > margin_m {
+                let window = Window { start: row * self.size[0] + column, fx: fx[lane], fy: fy[lane], own: own[lane] };
+                means[lane] = self.mean_in(&window, &hidden);
+            }
         }
-        let own = dot(point, self.axes[2]);
-        let block = row as usize / BLOCK * self.size[0].div_ceil(BLOCK) + column as usize / BLOCK;
-        if self.blocks[block] - own <= margin_m {
-            return 0.0;
-        }
-        let (fx, fy) = (across - 1.0 - column as f32, down - 1.0 - row as f32);
-        let columns = f32x4::from([1.0 - fx, 1.0, 1.0, fx]);
-        let own = f32x4::splat(own);
-        let mut sum = f32x4::splat(0.0);
-        for (number, weight) in [1.0 - fy, 1.0, 1.0, fy].into_iter().enumerate() {
-            let start = (row as usize + number) * self.size[0] + column as usize;
-            let &[a, b, c, d] = &self.nearest[start..start + 4] else { return 0.0 };
-            sum += hidden(f32x4::from([a, b, c, d]) - own) * columns * f32x4::splat(weight);
-        }
+        means.into()
+    }
+
+    #[inline]
+    fn mean_in(&self, window: &Window, hidden: &impl Fn(Lanes) -> Lanes) -> f32 {
+        let &Window { start, fx, fy, own } = window;
+        let columns = Lanes::from([1.0 - fx, 1.0, 1.0, fx]);
+        let texels = &self.nearest[start..start + 3 * self.size[0] + 4];
+        let row = |number: usize| {
+            let row = &texels[number * self.size[0]..][..4];
+            hidden(Lanes::from([row[0], row[1], row[2], row[3]]) - all(own))
+        };
+        let sum = (row(0) * all(1.0 - fy) + row(1) + row(2) + row(3) * all(fy)) * columns;
         let [a, b, c, d] = sum.to_array();
         (a + b + c + d) * (1.0 / 9.0)
     }
+}
+
+/// Four by four texels around a point.
+struct Window {
+    /// Index of the first.
+    start: usize,
+    /// How far the point is on the way from the second texel to the third.
+    fx: f32,
+    fy: f32,
+    /// Position of the point towards the light.
+    own: f32,
 }
 
 /// Keeps what is nearest to the light.
@@ -183,7 +203,7 @@ impl Target for Nearest<'_> {
 /// A mask that is set in a share of all squares of 4x4 texels, without order.
 fn speckles(x: usize, y: usize, share: f32) -> f32x4 {
     let solid = unit(hash(x as i32, (y / 4) as i32, 77)) < share;
-    f32x4::splat(f32::from_bits(if solid { u32::MAX } else { 0 }))
+    mask(if solid { 0b1111 } else { 0 })
 }
 
 /// The part of the scene, ahead of the camera, that a map covers, metres: nearest and farthest depth.
@@ -222,30 +242,32 @@ impl Shadows {
         }
     }
 
-    /// Share of the sun's light that reaches a surface, 0 to 1.
+    /// Share of the sun's light that reaches surfaces, 0 to 1, in the lanes that are `wanted`.
     #[inline]
-    pub(crate) fn sunlight(&self, position: Vec3, normal: Vec3) -> f32 {
-        let map = if position[2] < SUN_REACH_M[0][1] - 1.0 { self.sun.first() } else { self.sun.get(1) };
-        let Some(map) = map else { return 1.0 };
-        // Off the surface by its own texels, so that it does not shade itself.
-        let point = add_scaled(position, normal, 1.6 * map.texel_m);
-        let margin_m = 0.4 * map.texel_m;
-        let (margin, one) = (f32x4::splat(margin_m), f32x4::splat(1.0));
-        1.0 - self.strength * map.mean(point, margin_m, |before| before.simd_gt(margin) & one)
+    pub(crate) fn sunlight(&self, position: Vec3s, normal: Vec3s, wanted: u32) -> Lanes {
+        let near = position[2].simd_lt(all(SUN_REACH_M[0][1] - 1.0)).to_bitmask();
+        let mut hidden = Lanes::ZERO;
+        for (map, lanes) in self.sun.iter().zip([wanted & near, wanted & !near]) {
+            if lanes != 0 {
+                // Off the surface by its own texels, so that it does not shade itself.
+                let points = lanes::add_scaled(position, normal, all(1.6 * map.texel_m));
+                let margin_m = 0.4 * map.texel_m;
+                hidden += map.mean(points, lanes, margin_m, |before| before.simd_gt(all(margin_m)) & Lanes::ONE);
+            }
+        }
+        Lanes::ONE - hidden * all(self.strength)
     }
 
-    /// Share of the sky's light that reaches a surface, 0 to 1: less beneath and beside things.
+    /// Share of the sky's light that reaches surfaces, 0 to 1: less beneath and beside things.
     #[inline]
-    pub(crate) fn skylight(&self, position: Vec3, normal: Vec3) -> f32 {
-        let point = add_scaled(position, normal, 0.3);
-        let (zero, one) = (f32x4::splat(0.0), f32x4::splat(1.0));
-        let hidden = self.above.mean(point, 0.0, |above| {
+    pub(crate) fn skylight(&self, position: Vec3s, normal: Vec3s) -> Lanes {
+        let points = lanes::add_scaled(position, normal, all(0.3));
+        let hidden = self.above.mean(points, 0b1111, 0.0, |above| {
             // What hangs high leaves light from the sides.
-            let low = (one - above * f32x4::splat(1.0 / 7.0)).fast_max(f32x4::splat(0.3)).fast_min(one);
-            let there = (above * f32x4::splat(4.0)).fast_max(zero).fast_min(one);
-            there * low
+            let low = lanes::clamp(Lanes::ONE - above * all(1.0 / 7.0), 0.3, 1.0);
+            lanes::clamp(above * all(4.0), 0.0, 1.0) * low
         });
-        1.0 - 0.85 * hidden
+        Lanes::ONE - all(0.85) * hidden
     }
 }
 

@@ -2,104 +2,114 @@
 
 use wide::f32x4;
 
-use super::pattern::{Footprint, Holes};
+use super::lanes::{Lanes, all};
+use super::pattern::Holes;
 use super::view::inverted;
-use super::visibility::Projected;
-use crate::scene::{Object, Scene, Triangle, Vec3, Vertex};
+use super::visibility::{OFFSETS, Projected};
+use crate::scene::{Object, Scene, Triangle, Vertex};
 
-/// Weights of the three corners as functions of the pixel, right in perspective.
+/// What varies over a triangle, as functions of the pixel, right in perspective.
 ///
-/// Weight / w is linear in the image, also when a corner lies behind the camera.
+/// Weight / w of each corner is linear in the image, also when a corner lies behind the camera.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Weights {
+pub(crate) struct Varying {
+    /// Weight / w of the corners.
     rows: [[f64; 3]; 3],
-    /// Their sum: 1 / w.
-    sums: [f64; 3],
+    /// x, y, z and u of the corners.
+    places: [f32x4; 3],
+    /// Normal and v of the corners.
+    facings: [f32x4; 3],
+    /// Changes of u / w across and down and of v / w across and down, and twice those of 1 / w.
+    slopes: [f32x4; 2],
 }
 
-/// The weights at one pixel.
+/// What varies, at one pixel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct WeightsAt {
-    /// One a corner, sum 1.
-    weights: [f32; 3],
-    /// Their changes a pixel across and down.
-    slopes: [[f32; 3]; 2],
+pub(crate) struct Varied {
+    /// Position and u.
+    pub(crate) place: [f32; 4],
+    /// Normal (of any length) and v.
+    pub(crate) facing: [f32; 4],
+    /// Changes of u across and down and of v across and down, a pixel.
+    pub(crate) slopes: [f32; 4],
 }
 
-impl Weights {
-    /// From homogeneous pixels of the corners.
+impl Varying {
+    /// From the corners and their homogeneous pixels.
     #[inline]
-    pub(crate) fn new([a, b, c]: [[f64; 3]; 3]) -> Self {
+    pub(crate) fn new([p, q, r]: [&Vertex; 3], [a, b, c]: [[f64; 3]; 3]) -> Self {
         let rows = inverted([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [a[2], b[2], c[2]]]);
-        let sum = |axis: usize| rows[0][axis] + rows[1][axis] + rows[2][axis];
-        Self { rows, sums: [sum(0), sum(1), sum(2)] }
-    }
-
-    #[inline]
-    pub(crate) fn at(&self, u: f32, v: f32) -> WeightsAt {
-        let (u, v) = (f64::from(u), f64::from(v));
-        let linear = |row: &[f64; 3]| row[0] * u + row[1] * v + row[2];
-        let w = 1.0 / linear(&self.sums);
-        let [a, b, c] = &self.rows;
-        let weights = [linear(a) * w, linear(b) * w, linear(c) * w];
-        let slope = |i: usize, axis: usize| ((self.rows[i][axis] - weights[i] * self.sums[axis]) * w) as f32;
-        WeightsAt {
-            weights: [weights[0] as f32, weights[1] as f32, weights[2] as f32],
-            slopes: [[slope(0, 0), slope(1, 0), slope(2, 0)], [slope(0, 1), slope(1, 1), slope(2, 1)]],
+        let place = |v: &Vertex| f32x4::from([v.position[0], v.position[1], v.position[2], v.uv[0]]);
+        let facing = |v: &Vertex| f32x4::from([v.normal[0], v.normal[1], v.normal[2], v.uv[1]]);
+        let corner = |v: &Vertex| f32x4::from([v.uv[0], v.uv[0], v.uv[1], v.uv[1]]);
+        let slope = |row: [f64; 3]| f32x4::from([row[0] as f32, row[1] as f32, row[0] as f32, row[1] as f32]);
+        let [d, e, f] = [slope(rows[0]), slope(rows[1]), slope(rows[2])];
+        Self {
+            rows,
+            places: [place(p), place(q), place(r)],
+            facings: [facing(p), facing(q), facing(r)],
+            slopes: [corner(p) * d + corner(q) * e + corner(r) * f, d + e + f],
         }
     }
-}
 
-impl WeightsAt {
-    /// A vector that varies over the triangle.
     #[inline]
-    pub(crate) fn vector(&self, [p, q, r]: &[Vec3; 3]) -> Vec3 {
-        let [a, b, c] = self.weights;
-        let axis = |i: usize| a * p[i] + b * q[i] + c * r[i];
-        [axis(0), axis(1), axis(2)]
-    }
-
-    /// Pattern coordinates and how much of the pattern the pixel covers.
-    #[inline]
-    pub(crate) fn uv(&self, [p, q, r]: &[[f32; 2]; 3]) -> ([f32; 2], Footprint) {
-        let sum = |weights: &[f32; 3], i: usize| weights[0] * p[i] + weights[1] * q[i] + weights[2] * r[i];
-        let extent = |i: usize| sum(&self.slopes[0], i).abs() + sum(&self.slopes[1], i).abs();
-        ([sum(&self.weights, 0), sum(&self.weights, 1)], [extent(0), extent(1)])
+    pub(crate) fn at(&self, u: f32, v: f32) -> Varied {
+        let (u, v) = (f64::from(u), f64::from(v));
+        let linear = |row: &[f64; 3]| row[0] * u + row[1] * v + row[2];
+        let (a, b, c) = (linear(&self.rows[0]), linear(&self.rows[1]), linear(&self.rows[2]));
+        let w = 1.0 / (a + b + c);
+        let (a, b, c) = (all((a * w) as f32), all((b * w) as f32), all((c * w) as f32));
+        let mean = |corners: &[f32x4; 3]| (corners[0] * a + corners[1] * b + corners[2] * c).to_array();
+        let (place, facing) = (mean(&self.places), mean(&self.facings));
+        let uv = f32x4::from([place[3], place[3], facing[3], facing[3]]);
+        let slopes = (self.slopes[0] - uv * self.slopes[1]) * all(w as f32);
+        Varied { place, facing, slopes: slopes.to_array() }
     }
 }
 
 /// A triangle with holes.
 #[derive(Debug, Clone)]
 pub(crate) struct Cutout {
-    weights: Weights,
-    uv: [[f32; 2]; 3],
+    varying: Varying,
     holes: Holes,
 }
 
 impl Cutout {
     /// The holes of a triangle, if its material has any.
+    #[inline]
     pub(crate) fn of(scene: &Scene, object: &Object, triangle: &Triangle, corners: &[Projected]) -> Option<Self> {
         let holes = Holes::of(&scene.materials[usize::from(triangle.material)].pattern)?;
-        let weights = Weights::new(triangle.vertices.map(|v| corners[v as usize].homogeneous));
-        Some(Self { weights, uv: vertices(object, triangle).map(|v| v.uv), holes })
+        let [a, b, c] = triangle.vertices;
+        let homogeneous = |v: u32| corners[v as usize].homogeneous;
+        let corners = [homogeneous(a), homogeneous(b), homogeneous(c)];
+        Some(Self { varying: Varying::new(vertices(object, triangle), corners), holes })
     }
 
     /// The samples of a pixel that are no hole, as a mask.
-    pub(crate) fn kept(&self, x: usize, y: usize) -> f32x4 {
-        let (uv, footprint) = self.weights.at(x as f32, y as f32).uv(&self.uv);
-        let share = self.holes.cover(uv, footprint);
-        // A quarter of the samples for each quarter of the share; which ones differs from pixel to pixel, so that no grain shows.
-        let turn = (x + 3 * y) & 3;
-        let kept = |sample: usize| {
-            let threshold = (((sample + turn) & 3) as f32 + 0.5) * 0.25;
-            f32::from_bits(if share > threshold { u32::MAX } else { 0 })
-        };
-        f32x4::from([kept(0), kept(1), kept(2), kept(3)])
+    pub(crate) fn kept(&self, x: usize, y: usize) -> Lanes {
+        let at = self.varying.at(x as f32, y as f32);
+        let [u_across, u_down, v_across, v_down] = at.slopes;
+        let [dx, dy] = [0, 1].map(|axis| Lanes::from(OFFSETS.map(|offset| offset[axis])));
+        let u = all(at.place[3]) + all(u_across) * dx + all(u_down) * dy;
+        let v = all(at.facing[3]) + all(v_across) * dx + all(v_down) * dy;
+        let extent = (u_across.abs() + u_down.abs()).max(v_across.abs() + v_down.abs());
+        // A sample stands for a quarter of the pixel. Which sample asks for how much differs from pixel to pixel, so that no grain shows.
+        let share = self.holes.cover([u, v], all(0.5 * extent));
+        share.simd_gt(thresholds((x + 3 * y) & 3))
     }
+}
+
+/// How much of a sample must be solid for it to count, in four orders.
+#[inline]
+fn thresholds(turn: usize) -> Lanes {
+    const QUARTERS: [f32; 8] = [0.125, 0.375, 0.625, 0.875, 0.125, 0.375, 0.625, 0.875];
+    Lanes::from([QUARTERS[turn], QUARTERS[turn + 1], QUARTERS[turn + 2], QUARTERS[turn + 3]])
 }
 
 /// The corners of a triangle.
 #[inline]
 pub(crate) fn vertices<'a>(object: &'a Object, triangle: &Triangle) -> [&'a Vertex; 3] {
-    triangle.vertices.map(|v| &object.mesh.vertices[v as usize])
+    let [a, b, c] = triangle.vertices;
+    let vertices = &object.mesh.vertices;
+    [&vertices[a as usize], &vertices[b as usize], &vertices[c as usize]]
 }

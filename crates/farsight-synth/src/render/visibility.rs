@@ -2,6 +2,7 @@
 
 use wide::{bytemuck::cast, f32x4, u32x4};
 
+use super::pattern::Holes;
 use super::raster::{Corner, Grid, Target, fill};
 use super::surface::Cutout;
 use super::view::{NEAR_M, View};
@@ -51,14 +52,23 @@ impl Visibility {
         let mut seen = Self { pixels: vec![empty; width * height], drawn: Vec::new() };
         let grid = Grid::new(scene.image_size, OFFSETS);
         let mut corners = Vec::new();
-        for (number, object) in scene.objects.iter().enumerate() {
-            project(view, object, &mut corners);
-            for (index, triangle) in object.mesh.triangles.iter().enumerate() {
-                seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
-                let number = seen.drawn.len() as u32;
-                let cutout = Cutout::of(scene, object, triangle, &corners);
-                let mut layer = Layer { width, pixels: &mut seen.pixels, number, cutout };
-                draw(&grid, triangle, &corners, &mut layer);
+        // What has no holes first and what is near first: most of what is hidden then needs no second look.
+        for holes in [false, true] {
+            for &number in &nearest_first(scene) {
+                let object = &scene.objects[number];
+                if holes && !has_holes(scene, object) {
+                    continue;
+                }
+                project(view, object, &mut corners);
+                for (index, triangle) in object.mesh.triangles.iter().enumerate() {
+                    let cutout = Cutout::of(scene, object, triangle, &corners);
+                    if cutout.is_some() != holes {
+                        continue;
+                    }
+                    seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
+                    let number = seen.drawn.len() as u32;
+                    draw(&grid, triangle, &corners, &mut Layer { width, pixels: &mut seen.pixels, number, cutout });
+                }
             }
         }
         seen
@@ -75,6 +85,19 @@ impl Visibility {
     pub(crate) fn drawn(&self, number: u32) -> Drawn {
         self.drawn[number as usize - 1]
     }
+}
+
+/// The objects in the order of their nearest corners.
+fn nearest_first(scene: &Scene) -> Vec<usize> {
+    let nearest = |object: &Object| object.mesh.vertices.iter().fold(f32::MAX, |z, v| z.min(v.position[2].abs()));
+    let mut order: Vec<(f32, usize)> = scene.objects.iter().map(nearest).zip(0..).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    order.into_iter().map(|(_, number)| number).collect()
+}
+
+fn has_holes(scene: &Scene, object: &Object) -> bool {
+    let pattern = |triangle: &Triangle| &scene.materials[usize::from(triangle.material)].pattern;
+    object.mesh.triangles.iter().any(|triangle| Holes::of(pattern(triangle)).is_some())
 }
 
 /// A corner of a mesh as the camera sees it.

@@ -56,11 +56,12 @@ fn toward(elevation_rad: f64, dice: &mut Dice) -> Vec3 {
 fn clear(dice: &mut Dice, most_clouds: f32) -> Light {
     let elevation = dice.range(0.17, 1.15);
     let low = 1.0 - ((elevation - 0.17) / 0.5).clamp(0.0, 1.0) as f32;
-    let strength = dice.range32(0.8, 1.7);
-    let ambient = dice.range32(0.25, 0.75);
+    let strength = dice.range32(1.0, 2.6);
+    let ambient = dice.range32(0.14, 0.6);
     let haze = dice.range32(0.0, 1.0);
-    let zenith = [0.12 + 0.1 * haze, 0.28 + 0.12 * haze, 0.70];
-    let pale = dice.range32(0.6, 1.4);
+    let deep = dice.range32(0.6, 1.5);
+    let zenith = times([0.12 + 0.1 * haze, 0.28 + 0.12 * haze, 0.70], deep);
+    let pale = dice.log_range(0.6, 2.4) as f32;
     let horizon = times([0.62 + 0.2 * haze, 0.76 + 0.12 * haze, 0.95], pale);
     Light {
         sun: Sun {

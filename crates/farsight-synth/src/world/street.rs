@@ -108,6 +108,12 @@ impl Street {
                 self.bays(stage, lane, surfaces);
             }
         }
+        for pair in self.lanes.windows(2) {
+            let [left, right] = [pair[0].center + pair[0].width / 2.0, pair[1].center - pair[1].width / 2.0];
+            if right - left > 0.5 {
+                self.ribbon(stage, all, [(left + 0.4, 0.0), (right - 0.4, 0.0)], surfaces.grass, layer::PATCH);
+            }
+        }
         for side in 0..2 {
             self.border(stage, side, surfaces);
         }
@@ -127,7 +133,7 @@ impl Street {
                 match self.markings.stop {
                     0 => {}
                     1 => {
-                        for lane in lanes.filter(|lane| lane.direction == direction) {
+                        for lane in lanes.filter(|lane| lane.direction * direction > 0.0) {
                             let half = lane.width / 2.0 - 0.1;
                             let sides = [(lane.center - half, 0.0), (lane.center + half, 0.0)];
                             let from = if direction > 0.0 { s - 0.9 } else { s + 0.5 };
@@ -233,7 +239,7 @@ impl Street {
         for pair in self.lanes.windows(2) {
             let at = pair[0].center + pair[0].width / 2.0;
             let both_drive = pair.iter().all(|lane| lane.used_for == LaneUse::Drive);
-            let opposed = pair[0].direction != pair[1].direction;
+            let opposed = pair[0].direction * pair[1].direction < 0.0;
             match (both_drive, opposed) {
                 (true, true) => match marks.middle {
                     0 => {}

@@ -30,10 +30,10 @@ pub(crate) struct Traffic<'a> {
 impl Traffic<'_> {
     pub(crate) fn place_all(&mut self) {
         let plan = self.plan;
-        for street in plan.streets() {
+        for (index, street) in plan.streets().enumerate() {
             for lane in &street.lanes {
                 match lane.used_for {
-                    LaneUse::Drive => self.drive(street, lane),
+                    LaneUse::Drive => self.drive(street, lane, index == 0),
                     LaneUse::ParkAlong => self.park_along(street, lane),
                     LaneUse::ParkAcross => self.park_across(street, lane),
                     LaneUse::Cycle => {}
@@ -51,7 +51,7 @@ impl Traffic<'_> {
     }
 
     /// Vehicles that move along a lane, or wait in it.
-    fn drive(&mut self, street: &Street, lane: &Lane) {
+    fn drive(&mut self, street: &Street, lane: &Lane, is_main: bool) {
         let plan = self.plan;
         let is_queue = plan.queue && lane.direction > 0.0 && self.dice.chance(0.7);
         let gap = plan.gap / self.density.max(0.05);
@@ -68,7 +68,7 @@ impl Traffic<'_> {
             let braking = is_queue || self.dice.chance(0.15);
             let lights_on = self.dice.chance(self.stage.light.lights_share);
             let conduct = Conduct { lights_on, braking, moving: true };
-            if !street.is_open(s_middle) || !street_is_main(street, plan) || self.dice.chance(0.5) {
+            if !street.is_open(s_middle) || !is_main || self.dice.chance(0.5) {
                 self.try_place(class, size, node.beside(lane.center + across), yaw, 0.0, conduct);
             }
             let pause = if is_queue { self.dice.range(1.2, 5.0) } else { 3.0 + self.dice.range(0.3, 1.7) * gap };
@@ -257,10 +257,6 @@ impl Traffic<'_> {
         }
         self.stage.add_actor(class, box3d, conduct, dice);
     }
-}
-
-fn street_is_main(street: &Street, plan: &Plan) -> bool {
-    std::ptr::eq(street, &plan.main)
 }
 
 /// A whole number whose mean is `mean`.
