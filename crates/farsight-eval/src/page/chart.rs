@@ -30,8 +30,19 @@ pub struct Chart {
     pub x_end: f64,
     /// Where the vertical axis ends; it starts at 0.
     pub y_end: f64,
+    /// Where the legend hides least.
+    pub legend: Corner,
     /// The lines.
     pub series: Vec<Series>,
+}
+
+/// A corner of a chart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Corner {
+    /// For lines that rise.
+    UpperLeft,
+    /// For lines that fall.
+    LowerLeft,
 }
 
 /// One line.
@@ -106,7 +117,10 @@ impl Chart {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(match self.legend {
+                Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
+                Corner::LowerLeft => SeriesLabelPosition::LowerLeft,
+            })
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))
             .label_font((FONT, 15))

@@ -4,7 +4,7 @@ use crate::ap::{Metric, OverlapSet};
 use crate::ranging::{ClassRanging, Figure, GroupRanging};
 use crate::{Difficulty, EvaluatedClass, Report};
 
-use super::{Chart, Series};
+use super::{Chart, Corner, Series};
 
 /// Colours of the three difficulties, told apart by colour-blind eyes too (Okabe and Ito 2008).
 const LEVEL_COLORS: [[u8; 3]; 3] = [[0, 158, 115], [0, 114, 178], [213, 94, 0]];
@@ -48,6 +48,7 @@ fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option
         y_label: "precision".to_owned(),
         x_end: 1.0,
         y_end: 1.0,
+        legend: Corner::LowerLeft,
         series,
     })
 }
@@ -62,6 +63,7 @@ fn error_chart(ranging: &ClassRanging) -> Chart {
         y_label: "mean absolute error of z, m".to_owned(),
         x_end: 80.0,
         y_end: if highest > 0.0 { 1.1 * highest } else { 1.0 },
+        legend: Corner::UpperLeft,
         series,
     }
 }
@@ -73,6 +75,7 @@ fn share_chart(ranging: &ClassRanging) -> Chart {
         y_label: "found / objects".to_owned(),
         x_end: 80.0,
         y_end: 1.05,
+        legend: Corner::LowerLeft,
         series: level_series(ranging, Figure::Share, 0),
     }
 }

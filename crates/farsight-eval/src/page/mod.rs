@@ -16,7 +16,7 @@ use thiserror::Error;
 use crate::ranging::RangingComparison;
 use crate::{Findings, Frame, Report};
 
-pub use chart::{Chart, Series};
+pub use chart::{Chart, Corner, Series};
 pub use worst::{WorstFrame, worst_frames};
 
 /// Quality of the photographs inside the page, of 100; the PNG files beside it lose nothing.

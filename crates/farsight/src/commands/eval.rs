@@ -21,7 +21,9 @@ use crate::printer::Printer;
 
 /// Arguments of `farsight eval`.
 #[derive(Debug, Args)]
-#[command(after_help = "Memory: about 6 kB a frame is kept. Rules, protocol and how to read the report: docs/evaluation.md")]
+#[command(
+    after_help = "Memory: about 6 kB a frame is kept. Rules, protocol and how to read the report: docs/evaluation.md"
+)]
 pub(crate) struct EvalArgs {
     /// Folder of label files (KITTI's `training/label_2`)
     #[arg(long, value_name = "DIR")]
