@@ -28,7 +28,7 @@ const KITTI_WIDTH_PX: f64 = 1242.0;
 
 impl Default for LabelRules {
     fn default() -> Self {
-        Self { least_height_px: 12.0, least_dont_care_px: 4.0, farthest_m: 100.0, visible_shares: [0.8, 0.4, 0.1] }
+        Self { least_height_px: 15.0, least_dont_care_px: 4.0, farthest_m: 100.0, visible_shares: [0.8, 0.4, 0.1] }
     }
 }
 

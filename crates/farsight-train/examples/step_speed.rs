@@ -13,7 +13,7 @@ use farsight_net::init::initial_weights;
 use farsight_train::adam::Adam;
 use farsight_train::config::RunConfig;
 use farsight_train::executor::{Mode, Network};
-use farsight_train::loss::{BatchTargets, CORNER_DIVISOR_PER_IMAGE, loss};
+use farsight_train::loss::{BatchTargets, CORNER_DIVISOR_PER_IMAGE, CornerWeights, loss};
 use tch::{Device, Kind, Tensor};
 
 /// Objects in each image.
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let start = Instant::now();
         let maps = network.forward(&input, Mode::Train, &outputs);
         let divisor = CORNER_DIVISOR_PER_IMAGE * batch_size as f64;
-        let (objective, _) = loss(&codec, &maps[0], &maps[1], &targets, divisor);
+        let (objective, _) = loss(&codec, &maps[0], &maps[1], &targets, CornerWeights::alike(divisor));
         let parameters: Vec<Tensor> = network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
         let gradients = Tensor::run_backward(&[objective], &parameters, false, false);
         adam.step(&parameters, &gradients, 1e-4);

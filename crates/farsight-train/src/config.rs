@@ -91,6 +91,9 @@ pub struct TrainConfig {
     pub bias_rate_factor: f64,
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
+    /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that relative errors are learnt rather
+    /// than the guesses of the horizon; 0: all count the same, as in SMOKE.
+    pub full_weight_m: f64,
     /// Numbers of the convolutions.
     pub precision: Precision,
     /// Seed of the weights, the order and the augmentation.
@@ -117,6 +120,7 @@ impl Default for TrainConfig {
             warm_up_steps: 0,
             bias_rate_factor: 1.0,
             clip_norm: 0.0,
+            full_weight_m: 0.0,
             precision: Precision::F32,
             seed: 0,
             start_from: None,
@@ -209,7 +213,11 @@ impl RunConfig {
             ("data.workers", self.data.workers as f64),
             ("data.prefetch", self.data.prefetch as f64),
         ];
-        let not_negative = [("train.weight_decay", train.weight_decay), ("train.clip_norm", train.clip_norm)];
+        let not_negative = [
+            ("train.weight_decay", train.weight_decay),
+            ("train.clip_norm", train.clip_norm),
+            ("train.full_weight_m", train.full_weight_m),
+        ];
         let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
         let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
         bad_positive

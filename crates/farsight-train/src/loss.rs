@@ -44,6 +44,27 @@ impl LossTerms {
     }
 }
 
+/// How much each object counts in the corner loss.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CornerWeights {
+    /// Everything is divided by this.
+    pub divisor: f64,
+    /// Objects farther than this, metres, count in inverse proportion to their distance: their relative error is what matters.
+    pub full_weight_m: Option<f64>,
+}
+
+impl CornerWeights {
+    /// SMOKE's: all objects count the same.
+    pub fn alike(divisor: f64) -> Self {
+        Self { divisor, full_weight_m: None }
+    }
+
+    /// The factor on the loss of an object at this depth.
+    pub fn factor(&self, depth_m: f64) -> f64 {
+        self.full_weight_m.map_or(1.0, |full| (full / depth_m.max(full)).min(1.0)) / self.divisor
+    }
+}
+
 /// What to learn from a batch.
 #[derive(Debug)]
 pub struct BatchTargets {
@@ -101,7 +122,7 @@ pub fn loss(
     logits: &Tensor,
     regression: &Tensor,
     targets: &BatchTargets,
-    divisor: f64,
+    weights: CornerWeights,
 ) -> (Tensor, LossTerms) {
     let heat_map = focal_loss(logits, &targets.heat_map);
     let raw = regression_at_objects(regression, targets);
@@ -111,10 +132,11 @@ pub fn loss(
     let mut terms = LossTerms { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0 };
     for ((image, object), raw) in targets.objects.iter().zip(values.as_chunks::<CHANNELS>().0) {
         let part = corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]);
-        terms.orientation += part.orientation / divisor;
-        terms.dimensions += part.dimensions / divisor;
-        terms.location += part.location / divisor;
-        gradient.extend(part.gradient.map(|g| (g / divisor) as f32));
+        let factor = weights.factor(object.box3d.depth_m());
+        terms.orientation += part.orientation * factor;
+        terms.dimensions += part.dimensions * factor;
+        terms.location += part.location * factor;
+        gradient.extend(part.gradient.map(|g| (g * factor) as f32));
     }
     let gradient = Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_device(raw.device());
     terms.heat_map = heat_map.double_value(&[]);

@@ -24,7 +24,7 @@ use crate::adam::Adam;
 use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::config::RunConfig;
 use crate::executor::{ExecutorError, Mode, Network};
-use crate::loss::{CORNER_DIVISOR_PER_IMAGE, LossTerms, loss};
+use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss};
 use crate::metrics::{MetricsWriter, Record};
 use crate::samples::{Sampler, TrainBatch, TrainSample};
 use crate::sources::{FrameSource, KittiSource, RenderedSource};
@@ -271,8 +271,9 @@ impl<'a> Trainer<'a> {
     fn step(&mut self, batch: &TrainBatch, step: u64, epoch: u64, total: u64) -> Result<Record, TrainError> {
         let config = &self.job.run.train;
         let maps = self.network.forward(&batch.input, Mode::Train, &self.outputs);
-        let divisor = CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64;
-        let (objective, terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, divisor);
+        let full_weight_m = (config.full_weight_m > 0.0).then_some(config.full_weight_m);
+        let weights = CornerWeights { divisor: CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64, full_weight_m };
+        let (objective, terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, weights);
         check_terms(&terms, step, batch)?;
 
         let parameters: Vec<Tensor> = self.network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();

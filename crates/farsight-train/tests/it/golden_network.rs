@@ -11,7 +11,7 @@ use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::weights::Weights;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor, weight_from_tensor};
-use farsight_train::loss::{BatchTargets, focal_loss, loss};
+use farsight_train::loss::{BatchTargets, CornerWeights, focal_loss, loss};
 use tch::{Device, Tensor, no_grad};
 
 /// Tolerances of the reference's own README.
@@ -148,7 +148,7 @@ fn losses_and_gradients_of_the_tiny_network() {
     let taps = [LOGITS, REGRESSION].map(|name| network.graph().tap(name).unwrap());
     let maps = network.forward(&io["input"], Mode::Train, &taps);
     let codec: Codec = config.codec();
-    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(&g), 80.0);
+    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(&g), CornerWeights::alike(80.0));
     for (name, value) in [
         ("loss_focal", terms.heat_map),
         ("loss_ori", terms.orientation),

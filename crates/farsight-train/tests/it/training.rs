@@ -6,7 +6,7 @@ use crate::tiny::{Silent, data_set, run_config};
 use farsight_core::corner_loss::corner_loss;
 use farsight_net::model::Model;
 use farsight_train::executor::Precision;
-use farsight_train::loss::{BatchTargets, loss};
+use farsight_train::loss::{BatchTargets, CornerWeights, loss};
 use farsight_train::trainer::{CHECKPOINT_FILE, Job, TrainError, train};
 use tch::{Device, Kind, Tensor};
 
@@ -100,7 +100,7 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     };
     let terms = |batch: i64| {
         let targets = BatchTargets::new(&vec![image.clone(); batch as usize], &vec![true; batch as usize], Device::Cpu);
-        loss(&codec, &maps(batch, 3), &maps(batch, 8), &targets, 37.5 * batch as f64).1
+        loss(&codec, &maps(batch, 3), &maps(batch, 8), &targets, CornerWeights::alike(37.5 * batch as f64)).1
     };
     let (one, eight) = (terms(1), terms(8));
     for ((name, a), (_, b)) in one.named().iter().zip(eight.named()) {
