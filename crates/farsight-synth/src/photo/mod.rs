@@ -78,7 +78,7 @@ impl PhotoSettings {
         let warmth = between(-0.08, 0.08);
         let tint = between(-0.03, 0.03);
         let target_mean = between(0.3, 0.46);
-        let (contrast, saturation) = (between(0.0, 0.6), between(0.7, 1.15));
+        let (contrast, saturation) = (between(0.3, 1.0), between(0.75, 1.2));
         // Squares make small values common and large ones rare.
         let mut rarely = |most: f32| most * between(0.0, 1.0) * between(0.0, 1.0);
         let noise = rarely(1.0);
@@ -89,11 +89,11 @@ impl PhotoSettings {
             contrast,
             saturation,
             vignetting: rarely(0.5),
-            blur_sigma_px: 0.3 + rarely(0.9),
-            motion_px: [rarely(4.0), rarely(1.5)],
+            blur_sigma_px: rarely(1.2),
+            motion_px: [rarely(3.0), rarely(1.5)],
             glare: rarely(0.3),
             read_noise: 0.001 + 0.006 * noise,
-            shot_noise: 1e-5 + 4e-4 * noise,
+            shot_noise: 5e-5 + 6e-4 * noise,
             rain: air.rain,
             jpeg_quality: None,
             seed: rng.random(),

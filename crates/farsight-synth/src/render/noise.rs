@@ -1,6 +1,6 @@
 //! Value noise from hashed whole numbers: the same bits everywhere.
 
-use wide::{i32x4, u32x4};
+use wide::{bytemuck::cast, i32x4, u32x4};
 
 use super::lanes::{Lanes, all, clamp, floor, integers};
 use crate::vector::log2;
@@ -118,6 +118,28 @@ impl Noise {
     }
 }
 
+/// Size of the grains of asphalt, plaster and stone.
+const GRAIN: f32 = 0.03;
+
+/// Fine grain, between -0.5 and 0.5 with mean 0, that gets fainter where a pixel covers many grains.
+///
+/// A level road far away is seen at a grazing angle: pixels that cover many grains along it still cover few across. So the grains are stretched,
+/// in each direction by a power of two, to about the pixel's extent, and lose the strength that the mean over so many would.
+#[inline]
+pub(crate) fn grain([u, v]: [Lanes; 2], [across, along]: [Lanes; 2], seed: u32) -> Lanes {
+    let (wide, long) = (power_above(across * all(2.0 / GRAIN)), power_above(along * all(2.0 / GRAIN)));
+    let cells = |at: Lanes, stretch: Lanes| at * all(1.0 / GRAIN) / stretch;
+    octave(cells(u, wide), cells(v, long), mixed(seed)) / (wide * long).sqrt()
+}
+
+/// The power of two above `x`, at least 1 and at most a million.
+#[inline]
+fn power_above(x: Lanes) -> Lanes {
+    let bits: i32x4 = cast(clamp(x, 0.5, 500_000.0));
+    let exponent = (bits & i32x4::splat(0x7f80_0000)) + i32x4::splat(0x0080_0000);
+    cast(exponent)
+}
+
 /// Standard deviation of noise of two octaves; of more it is a little less.
 pub(crate) const TWO_OCTAVES_DEVIATION: f32 = 0.162;
 
@@ -125,7 +147,7 @@ pub(crate) const TWO_OCTAVES_DEVIATION: f32 = 0.162;
 #[inline]
 pub(crate) fn mask(bits: u32) -> Lanes {
     let each = u32x4::from([1, 2, 4, 8]);
-    wide::bytemuck::cast((u32x4::splat(bits) & each).simd_eq(each))
+    cast((u32x4::splat(bits) & each).simd_eq(each))
 }
 
 #[cfg(test)]
@@ -153,6 +175,20 @@ mod tests {
         let at = |footprint: f32| noise.at([all(0.3), all(0.4)], all(footprint)).to_array()[0];
         assert_eq!(at(1.0), 0.0);
         assert_ne!(at(0.4), 0.0);
+    }
+
+    #[test]
+    fn grain_is_stretched_by_powers_of_two_and_gets_fainter() {
+        for (x, power) in [(0.0, 1.0), (0.9, 1.0), (1.0, 2.0), (3.9, 4.0), (4.0, 8.0), (1e9, 524_288.0)] {
+            assert_eq!(power_above(all(x)).to_array()[0], power, "above {x}");
+        }
+        let spread = |footprint: [f32; 2]| {
+            let at =
+                |i: i32| grain([all(i as f32 * 0.011), all(i as f32 * 0.017)], footprint.map(all), 3).to_array()[0];
+            (0..5000).map(|i| at(i) * at(i)).sum::<f32>().sqrt()
+        };
+        let ratio = spread([0.01, 0.1]) / spread([0.01, 0.01]);
+        assert!((ratio - 0.125_f32.sqrt()).abs() < 0.05, "eight grains long: {ratio}");
     }
 
     #[test]

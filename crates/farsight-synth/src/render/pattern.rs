@@ -3,11 +3,14 @@
 use super::lanes::{
     Lanes, Vec3s, add_scaled, all, all3, choose, clamp, exp2, floor, integers, mix, mix_colors, scale, smooth_step,
 };
-use super::noise::{Noise, TWO_OCTAVES_DEVIATION, units};
+use super::noise::{Noise, TWO_OCTAVES_DEVIATION, grain, units};
 use crate::scene::{Color, Material, Pattern};
 
 /// How much of the pattern one pixel covers, along u and v.
 pub(crate) type Footprint = [Lanes; 2];
+
+/// How much lighter or darker grains can be than the mean, times two.
+const GRAIN_CONTRAST: f32 = 1.2;
 
 /// Light of a lit window.
 const LIT_WINDOW: Color = [0.75, 0.5, 0.24];
@@ -69,7 +72,8 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         Pattern::Plain | Pattern::Worn { .. } => all3(base),
         Pattern::Noise { other, scale, amount, seed } => {
             let noise = Noise { scale, octaves: 4, seed };
-            mix_colors(base, other, (all(0.5) + noise.at(uv, widest(footprint))) * all(amount))
+            let color = mix_colors(base, other, (all(0.5) + noise.at(uv, widest(footprint))) * all(amount));
+            grained(color, uv, footprint, seed)
         }
         Pattern::Stripes { other, period, share } => {
             let per_period = all(1.0 / period);
@@ -82,13 +86,19 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         Pattern::Bricks { other, size, joint, variation, seed } => {
             let bricks = Cells::new(size, seed, uv, footprint).in_running_bond();
             let [across, up] = bricks.covered([joint / size[0], joint / size[1]], 0.0);
-            mix(bricks.varied(base, variation), all3(other), across + up - across * up)
+            let color = mix(bricks.varied(base, variation), all3(other), across + up - across * up);
+            grained(color, uv, footprint, seed)
         }
         Pattern::Windows { other, pitch, fill, lit, seed } => {
             return windows(material, other, fill, lit, &Cells::new(pitch, seed, uv, footprint));
         }
     };
     Look { color, emission: all3(material.emission), shine: Lanes::ONE }
+}
+
+/// `color`, lighter and darker from grain to grain.
+fn grained(color: Vec3s, uv: [Lanes; 2], footprint: Footprint, seed: u32) -> Vec3s {
+    scale(color, all(1.0) + all(GRAIN_CONTRAST) * grain(uv, footprint, seed))
 }
 
 fn windows(material: &Material, glass: Color, fill: [f32; 2], lit: f32, cells: &Cells) -> Look {
