@@ -98,7 +98,7 @@ fn oncoming_traffic_keeps_to_its_side() {
         let mut config = WorldConfig { left_hand_share, ..WorldConfig::default() };
         config.places =
             PlaceWeights { city: 0.0, residential: 0.0, suburban: 0.0, rural: 0.0, motorway: 1.0, car_park: 0.0 };
-        let drawn: Vec<Drawn> = (0..10).map(|index| draw_scene(&config, 2, index)).collect();
+        let drawn: Vec<Drawn> = (0..40).map(|index| draw_scene(&config, 2, index)).collect();
         let near = drawn.iter().flat_map(|d| &d.actors).map(|a| a.box3d).filter(|b| b.location[2] < 30.0);
         let oncoming: Vec<f64> = near.filter(|b| b.yaw.sin() > 0.9).map(|b| b.location[0] * sign).collect();
         assert!(oncoming.len() > 10 && oncoming.iter().all(|&x| x > 0.0), "{oncoming:?}");

@@ -5,7 +5,7 @@ use crate::dice::Dice;
 use crate::palette::{any_color, grey, times, varied};
 use crate::scene::{Color, MaterialId, Pattern};
 
-/// Colours of cars and how often they are seen: new registrations in Germany 2000 to 2015 by the KBA's statistics, rounded.
+/// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen by eye, not counted.
 const CAR_COLORS: [(Color, f64); 14] = [
     ([0.018, 0.018, 0.02], 24.0),
     ([0.40, 0.41, 0.42], 17.0),
