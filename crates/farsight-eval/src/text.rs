@@ -97,10 +97,7 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
         let has_intervals = class.groups.iter().any(|group| group.whole.intervals.is_some());
         let intervals = if has_intervals { "; 95% intervals over frames" } else { "" };
         lines.push(format!("distance of {}s, metres{intervals}", class.class));
-        lines.push(format!(
-            "{:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
-            "", "objects", "found", "share", "  MAE z", "  RMSE z", "bias z", "AbsRel", "MAE gr."
-        ));
+        lines.push(columns());
         for group in &class.groups {
             lines.push(slice_line(group.group.name(), &group.whole));
             if let Some(fixed) = &group.fixed_recall {
@@ -112,6 +109,24 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
         }
     }
     lines
+}
+
+/// The errors of one class at moderate difficulty, as a whole and by distance; nothing for a class without such objects.
+pub fn moderate_lines(report: &RangingReport, class: EvaluatedClass) -> Vec<String> {
+    let classes = report.classes.iter().filter(|of_class| of_class.class == class);
+    let groups = classes.flat_map(|of_class| &of_class.groups);
+    groups
+        .filter(|group| group.group.name() == "moderate" && group.whole.found > 0)
+        .flat_map(|group| [vec![columns(), slice_line("moderate", &group.whole)], distance_lines(group)].concat())
+        .collect()
+}
+
+/// The names of the columns of [`slice_line`].
+fn columns() -> String {
+    format!(
+        "{:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
+        "", "objects", "found", "share", "  MAE z", "  RMSE z", "bias z", "AbsRel", "MAE gr."
+    )
 }
 
 fn distance_lines(group: &GroupRanging) -> Vec<String> {

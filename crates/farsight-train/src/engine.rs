@@ -1,7 +1,5 @@
 //! libtorch as an engine of `farsight-infer`.
 
-use std::path::Path;
-
 use farsight_core::HeadMaps;
 use farsight_infer::{Engine, EngineError};
 use farsight_net::graph::{LOGITS, REGRESSION};
@@ -19,14 +17,12 @@ pub struct TorchEngine {
 }
 
 impl TorchEngine {
-    /// Reads the model file at `path`; returns the engine and the model's description.
+    /// The engine for a model that is in memory, on the GPU when there is one.
     ///
     /// # Errors
-    /// When the file is not a model.
-    pub fn open(path: &Path) -> Result<(Self, farsight_net::config::ModelConfig), ModelError> {
-        let model = Model::read(path)?;
-        let config = model.config.clone();
-        Ok((Self::new(model, Device::cuda_if_available())?, config))
+    /// When the weights do not fit the network.
+    pub fn on_any_device(model: Model) -> Result<Self, ModelError> {
+        Self::new(model, Device::cuda_if_available())
     }
 
     /// The engine for a model that is in memory, on the CPU.

@@ -10,6 +10,7 @@ use farsight_net::config::ModelConfig;
 use farsight_net::onnx::{OnnxModel, PeaksOnly, Target};
 
 use crate::libraries::{Found, Library};
+use crate::shipped;
 
 /// What runs the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -60,13 +61,14 @@ fn threads(text: &str) -> Result<usize, String> {
     count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
 }
 
-/// The model at `path`, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.
-pub(crate) fn open_detector(args: &EngineArgs, path: &Path, options: DecodeOptions) -> Result<Detector> {
+/// The model at `path`, or the shipped one, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.
+pub(crate) fn open_detector(args: &EngineArgs, path: Option<&Path>, options: DecodeOptions) -> Result<Detector> {
     if args.engine == EngineName::Libtorch {
         let (engine, config) = libtorch(path)?;
         return Ok(Detector::new(engine, DetectorSpec::new(&config, options)));
     }
     let model = read(args.engine, path)?;
+    let path = path.unwrap_or(Path::new(shipped::NAME));
     let spec = DetectorSpec::new(model.config(), options);
     Ok(match PeaksOnly::new(&model, path)? {
         Some(cut) => {
@@ -80,18 +82,21 @@ pub(crate) fn open_detector(args: &EngineArgs, path: &Path, options: DecodeOptio
 /// The whole network of the model at `path`, every head map as it is.
 pub(crate) fn open_engine(args: &EngineArgs, path: &Path) -> Result<Box<dyn Engine>> {
     match args.engine {
-        EngineName::Libtorch => Ok(libtorch(path)?.0),
-        engine => start(args, read(engine, path)?, path),
+        EngineName::Libtorch => Ok(libtorch(Some(path))?.0),
+        engine => start(args, read(engine, Some(path))?, path),
     }
 }
 
 /// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.
-fn read(engine: EngineName, path: &Path) -> Result<OnnxModel> {
-    check_there(path)?;
+fn read(engine: EngineName, path: Option<&Path>) -> Result<OnnxModel> {
     let target = match engine {
         EngineName::Onnxruntime => Target::OnnxRuntime,
         _ => Target::Portable,
     };
+    let Some(path) = path else {
+        return Ok(OnnxModel::from_model(&shipped::model()?, target, Path::new(shipped::NAME))?);
+    };
+    check_there(path)?;
     Ok(OnnxModel::read_any(path, target)?)
 }
 
@@ -152,14 +157,20 @@ fn openvino(_: &Path, _: OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
 
 /// libtorch runs our own model files, and no ONNX.
 #[cfg(feature = "train")]
-fn libtorch(path: &Path) -> Result<(Box<dyn Engine>, ModelConfig)> {
-    check_there(path)?;
-    let (engine, config) = farsight_train::engine::TorchEngine::open(path)?;
-    Ok((Box::new(engine), config))
+fn libtorch(path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig)> {
+    let model = match path {
+        None => shipped::model()?,
+        Some(path) => {
+            check_there(path)?;
+            farsight_net::model::Model::read(path)?
+        }
+    };
+    let config = model.config.clone();
+    Ok((Box::new(farsight_train::engine::TorchEngine::on_any_device(model)?), config))
 }
 
 #[cfg(not(feature = "train"))]
-fn libtorch(_: &Path) -> Result<(Box<dyn Engine>, ModelConfig)> {
+fn libtorch(_: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig)> {
     bail!(
         "this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it"
     )

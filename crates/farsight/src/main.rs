@@ -11,6 +11,7 @@ mod names;
 mod printer;
 mod range_json;
 mod range_table;
+mod shipped;
 
 use std::process::ExitCode;
 

@@ -120,6 +120,11 @@ impl KittiDataset {
         self.ids.is_empty()
     }
 
+    /// The folder of the label files.
+    pub fn label_folder(&self) -> PathBuf {
+        self.folder.join("label_2")
+    }
+
     /// Frame number `index`: its pixels, camera and labels.
     ///
     /// # Errors

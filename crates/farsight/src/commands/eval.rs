@@ -1,6 +1,8 @@
 //! `farsight eval`: KITTI AP and ranging errors of result files.
 
+mod classic;
 mod explained;
+mod modelled;
 mod pictured;
 
 use std::collections::BTreeMap;
@@ -8,7 +10,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use farsight_data::kitti::read_split;
 use farsight_eval::ap::Metric;
 use farsight_eval::page::Page;
 use farsight_eval::ranging::{Bootstrap, MATCH_IOU, RangingComparison, RangingOptions};
@@ -17,7 +18,10 @@ use farsight_files::write_quickly;
 use serde::Serialize;
 
 use super::Outcome;
+use crate::engines::EngineArgs;
 use crate::printer::Printer;
+use crate::shipped;
+use modelled::Files;
 
 /// Arguments of `farsight eval`.
 #[derive(Debug, Args)]
@@ -26,12 +30,21 @@ use crate::printer::Printer;
 )]
 pub(crate) struct EvalArgs {
     /// Folder of label files (KITTI's `training/label_2`)
+    #[arg(long, value_name = "DIR", required_unless_present = "data", conflicts_with = "data")]
+    labels: Option<PathBuf>,
+    /// Folder of result files, one a frame, 16 columns (a 17th is taken for the error bar of the distance, metres); with --data, where the model's
+    /// results are kept
+    #[arg(long, value_name = "DIR", required_unless_present = "data")]
+    results: Option<PathBuf>,
+    /// Data in KITTI's layout to run a model on first
     #[arg(long, value_name = "DIR")]
-    labels: PathBuf,
-    /// Folder of result files, one a frame, 16 columns (a 17th is taken for the error bar of the distance, metres)
-    #[arg(long, value_name = "DIR")]
-    results: PathBuf,
-    /// Frames to evaluate, one id a line [default: all that have a result file]
+    data: Option<PathBuf>,
+    /// The model to run [default: the one that comes with the program]
+    #[arg(long, value_name = "FILE", requires = "data")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineArgs,
+    /// Frames to evaluate, one id a line [default: all that have a result file; with --data, all that have an image]
     #[arg(long, value_name = "FILE")]
     split: Option<PathBuf>,
     /// Write all figures as JSON
@@ -55,6 +68,15 @@ pub(crate) struct EvalArgs {
     /// Let --explain ask for the loose overlaps from above and in space: 0.5 for cars, 0.25 for others
     #[arg(long, requires = "explain")]
     loose: bool,
+    /// Tell also what the same detections would give with the distances of the classic rangers: from the height of the 2D box, and from its bottom edge
+    #[arg(long, conflicts_with = "explain")]
+    classic: bool,
+    /// Folder of calibration files, for --classic [default: `calib` beside the labels]
+    #[arg(long, value_name = "DIR", requires = "classic")]
+    calib: Option<PathBuf>,
+    /// Height of the camera above the ground, metres, for --classic
+    #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M)]
+    camera_height: f64,
     /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
     #[arg(long, value_name = "SCORE")]
     min_score: Option<f64>,
@@ -98,8 +120,8 @@ struct Answer<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
-    let split = args.split.as_deref().map(read_split).transpose()?;
-    let files = FrameFiles::open(&args.labels, &args.results, split)?;
+    let mut source = Files::new(args, printer)?;
+    let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?;
     if let Some(id) = &args.explain {
         return explained::run(args, &files, id, printer);
     }
@@ -122,19 +144,23 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     for note in text::notes(&report) {
         printer.note(&note);
     }
-    let comparison = others.map(|(theirs, _)| compare(args, &theirs, &evaluation)).transpose()?;
+    let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
     if let Some(comparison) = &comparison {
         printer.line("");
         for line in text::comparison_lines(comparison) {
             printer.line(&line);
         }
     }
+    if args.classic {
+        let beside = source.labels.with_file_name("calib");
+        classic::run(args, args.calib.as_deref().unwrap_or(&beside), &files, printer)?;
+    }
     if let Some(path) = &args.json {
         write_json(path, &report, &findings, comparison.as_ref())?;
     }
     let Some(folder) = &args.report else { return Ok(Outcome::Done) };
     let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
-    let title = format!("{} against {}", args.results.display(), args.labels.display());
+    let title = format!("{} against {}", args.title(), source.labels.display());
     let page =
         Page { title: &title, report: &report, findings: &findings, comparison: comparison.as_ref(), worst: &worst };
     let page = page.write(folder)?;
@@ -143,6 +169,13 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 impl EvalArgs {
+    /// What is being judged.
+    fn title(&self) -> String {
+        let model =
+            || self.model.as_deref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string());
+        self.results.as_ref().map_or_else(model, |results| results.display().to_string())
+    }
+
     fn ranging_options(&self) -> RangingOptions {
         let bootstrap = (self.resamples > 0).then_some(Bootstrap { resamples: self.resamples, seed: self.seed });
         RangingOptions { min_score: self.min_score, min_iou: self.ranging_overlap, bootstrap }
@@ -194,10 +227,10 @@ fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -
     Ok(files.with_results(against)?.evaluate(&RangingOptions { bootstrap: None, ..options.clone() })?)
 }
 
-fn compare(args: &EvalArgs, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
+fn compare(args: &EvalArgs, labels: &Path, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
     let bootstrap = Bootstrap { resamples: args.resamples, seed: args.seed };
     RangingComparison::new(ours.targets(), theirs.targets(), ours.frames(), &bootstrap)
-        .with_context(|| format!("{}: the labels changed while they were read", args.labels.display()))
+        .with_context(|| format!("{}: the labels changed while they were read", labels.display()))
 }
 
 fn write_json(path: &Path, report: &Report, findings: &Findings, against: Option<&RangingComparison>) -> Result<()> {

@@ -1,5 +1,6 @@
 //! One file a command.
 
+mod demo;
 mod doctor;
 mod engine;
 mod eval;
@@ -19,6 +20,8 @@ use crate::printer::Printer;
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// Try it: the model that comes with the program on scenes that come with it
+    Demo(demo::DemoArgs),
     /// Find vehicles in images and say how far away each is
     Range(range::RangeArgs),
     /// Judge result files as KITTI does, and their errors of distance
@@ -54,6 +57,7 @@ impl Command {
     /// Runs the command; an error means that it could not run.
     pub(crate) fn run(self, printer: &mut Printer) -> Result<Outcome> {
         match self {
+            Self::Demo(args) => demo::run(&args, printer),
             Self::Range(args) => range::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),
             Self::Synth(args) => synth::run(&args, printer),

@@ -24,9 +24,9 @@ pub(crate) struct RangeArgs {
     /// Images (PNG, JPEG), folders of images, patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Model that `farsight train`, `farsight import` or `farsight export` wrote
+    /// Model that `farsight train`, `farsight import` or `farsight export` wrote [default: the one that comes with the program]
     #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    model: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineArgs,
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
@@ -50,6 +50,24 @@ pub(crate) struct RangeArgs {
     // Last, because its help heading would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
+}
+
+impl RangeArgs {
+    /// The shipped model on a folder of images in KITTI's layout: pictures into the folder `out`, everything into the file `json`.
+    pub(super) fn demo(images: PathBuf, out: PathBuf, json: PathBuf) -> Self {
+        Self {
+            inputs: vec![images],
+            model: None,
+            engine: EngineArgs::default(),
+            out: Some(out),
+            json: Some(json),
+            kitti: None,
+            range: RangeKind::Depth,
+            min_score: DecodeOptions::default().min_score,
+            strict: false,
+            camera: CameraArgs::default(),
+        }
+    }
 }
 
 /// What "distance" means.
@@ -89,7 +107,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let job = Job::new(args, found.images, printer)?;
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut detector = engines::open_detector(&args.engine, &args.model, options)?;
+    let mut detector = engines::open_detector(&args.engine, args.model.as_deref(), options)?;
     let failed = found.problems.len() + job.run(&mut detector, printer)?;
     Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
 }

@@ -1,6 +1,7 @@
 //! `farsight synth`: a data set of rendered scenes in KITTI's layout.
 
 use std::fs;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -10,8 +11,9 @@ use farsight_data::Frame;
 use farsight_data::kitti::{Calibration, image_size, read_labels, write_labels};
 use farsight_files::{write_atomically, write_quickly};
 use farsight_synth::{SceneStream, WorldConfig, twin};
-use image::ImageEncoder;
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ImageResult, RgbImage};
 use indicatif::{ParallelProgressIterator, ProgressBar};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
@@ -30,6 +32,9 @@ pub(crate) struct SynthArgs {
     /// Decides about everything that is random
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
+    /// Write JPEG files of this quality instead of PNG: a sixth of the size
+    #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
+    jpeg: Option<u8>,
     /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]
     #[arg(long, value_name = "FILE", conflicts_with = "layout")]
     world: Option<PathBuf>,
@@ -45,7 +50,7 @@ pub(crate) struct SynthArgs {
 pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     let source = Source::new(args)?;
     let ids = source.ids();
-    let folder = Folder::new(&args.out)?;
+    let folder = Folder::new(&args.out, args.jpeg)?;
     let bar = ProgressBar::new(ids.len() as u64);
     let failure = Mutex::new(None);
     ids.par_iter()
@@ -135,10 +140,11 @@ fn label_ids(folder: &Path) -> Result<Vec<String>> {
 /// A data set being written.
 struct Folder {
     root: PathBuf,
+    jpeg: Option<u8>,
 }
 
 impl Folder {
-    fn new(root: &Path) -> Result<Self> {
+    fn new(root: &Path, jpeg: Option<u8>) -> Result<Self> {
         let images = root.join("training/image_2");
         ensure!(!images.exists(), "{}: there is a data set here already; name another --out", root.display());
         for folder in
@@ -146,20 +152,26 @@ impl Folder {
         {
             fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
         }
-        Ok(Self { root: root.to_owned() })
+        Ok(Self { root: root.to_owned(), jpeg })
     }
 
     fn write(&self, frame: &Frame) -> Result<()> {
         let path =
             |folder: &str, extension: &str| self.root.join(format!("training/{folder}/{}.{extension}", frame.id));
-        let (width, height) = frame.image.dimensions();
-        write_quickly(&path("image_2", "png"), |file| {
-            let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
-            let color = image::ExtendedColorType::Rgb8;
-            encoder.write_image(frame.image.as_raw(), width, height, color).map_err(std::io::Error::other)
-        })?;
+        let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
+        write_quickly(&path("image_2", extension), |file| self.encode(&frame.image, file).map_err(io::Error::other))?;
         write_labels(&path("label_2", "txt"), &frame.labels)?;
         Ok(Calibration::from_camera(&frame.camera).write(&path("calib", "txt"))?)
+    }
+
+    fn encode(&self, image: &RgbImage, file: &mut dyn Write) -> ImageResult<()> {
+        match self.jpeg {
+            Some(quality) => image.write_with_encoder(JpegEncoder::new_with_quality(file, quality)),
+            None => {
+                let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
+                image.write_with_encoder(encoder)
+            }
+        }
     }
 
     /// Written last: a data set without a split was interrupted.

@@ -1,5 +1,6 @@
 //! The images of one call, one after the other; what fails is told and the others are still done.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use farsight_core::{Box3d, Camera, Detection};
 use farsight_data::kitti::write_results;
 use farsight_data::read_image;
 use farsight_files::write_atomically;
-use farsight_infer::Detector;
+use farsight_infer::{Detector, UnfamiliarCamera};
 use farsight_viz::{DrawOptions, Scene, picture};
 use image::RgbImage;
 use image::codecs::png::PngEncoder;
@@ -25,6 +26,9 @@ use crate::range_table::RangeTable;
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
+
+/// The size of an image, what is in it, and a camera that the model does not know.
+type Looked = ((u32, u32), Vec<Detection>, Option<UnfamiliarCamera>);
 
 /// Everything but the detector.
 pub(super) struct Job<'a> {
@@ -82,10 +86,11 @@ impl<'a> Job<'a> {
         } else {
             ProgressBar::new(self.images.len() as u64)
         };
-        let (mut done, mut found) = (Vec::new(), 0);
+        let (mut done, mut found, mut warnings) = (Vec::new(), 0, BTreeMap::new());
         for (image, name) in self.images.iter().zip(&self.names) {
             match self.image(image, name, detector) {
-                Ok((size, detections)) => {
+                Ok((size, detections, unfamiliar)) => {
+                    unfamiliar.into_iter().for_each(|camera| *warnings.entry(camera.to_string()).or_insert(0) += 1);
                     bar.suspend(|| table.rows(name, &detections).iter().for_each(|row| printer.line(row)));
                     found += detections.len();
                     done.push(ImageJson::new(image, size, &detections, self.range_m));
@@ -95,6 +100,9 @@ impl<'a> Job<'a> {
             bar.inc(1);
         }
         bar.finish_and_clear();
+        for (warning, images) in warnings {
+            printer.warning(&format!("{warning} ({})", counted(images, "image")));
+        }
         self.finish(&done, found, printer)
     }
 
@@ -111,10 +119,11 @@ impl<'a> Job<'a> {
         Ok(failed)
     }
 
-    /// The size of one image and what is in it, after its files are written.
-    fn image(&self, path: &Path, name: &str, detector: &mut Detector) -> Result<((u32, u32), Vec<Detection>)> {
+    /// The size of one image, what is in it, and what is odd about its camera, after its files are written.
+    fn image(&self, path: &Path, name: &str, detector: &mut Detector) -> Result<Looked> {
         let image = read_image(path)?;
-        let camera = self.cameras.camera(path, [image.width() as usize, image.height() as usize])?;
+        let size = [image.width() as usize, image.height() as usize];
+        let camera = self.cameras.camera(path, size)?;
         let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
         if let Some(target) = self.picture_path(name) {
             self.write_picture(&target, &image, &camera, &detections)?;
@@ -122,7 +131,7 @@ impl<'a> Job<'a> {
         if let Some(folder) = &self.args.kitti {
             write_results(&folder.join(format!("{name}.txt")), &detections)?;
         }
-        Ok((image.dimensions(), detections))
+        Ok((image.dimensions(), detections, detector.spec().unfamiliar(size, &camera)))
     }
 
     fn write_picture(&self, target: &Path, image: &RgbImage, camera: &Camera, detections: &[Detection]) -> Result<()> {

@@ -1,0 +1,69 @@
+//! `farsight eval --model`: the model's own result files, then evaluated like any others.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use farsight_core::detection::DecodeOptions;
+use farsight_data::KittiDataset;
+use farsight_data::kitti::write_results;
+use farsight_data::read_image;
+use indicatif::ProgressBar;
+use tempfile::TempDir;
+
+use super::EvalArgs;
+use crate::engines::open_detector;
+use crate::printer::Printer;
+
+/// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
+const MIN_SCORE: f64 = 0.05;
+
+/// Where the files to evaluate are.
+pub(super) struct Files {
+    pub(super) labels: PathBuf,
+    pub(super) results: PathBuf,
+    pub(super) ids: Option<Vec<String>>,
+    /// Removed when the evaluation is over.
+    _folder: Option<TempDir>,
+}
+
+impl Files {
+    /// The folders that the user named, or those of a data set and of the results that the model has for it now.
+    pub(super) fn new(args: &EvalArgs, printer: &mut Printer) -> Result<Self> {
+        match (&args.labels, &args.results, &args.data) {
+            (Some(labels), Some(results), None) => {
+                let ids = args.split.as_deref().map(farsight_data::kitti::read_split).transpose()?;
+                Ok(Self { labels: labels.clone(), results: results.clone(), ids, _folder: None })
+            }
+            (None, results, Some(data)) => modelled(args, results.as_deref(), data, printer),
+            _ => bail!("expected --labels and --results, or --data (and --model)"),
+        }
+    }
+}
+
+fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut Printer) -> Result<Files> {
+    let dataset = KittiDataset::open(data, args.split.as_deref())?;
+    let (results, folder) = match results {
+        Some(kept) => {
+            fs::create_dir_all(kept).with_context(|| format!("{}: cannot be made", kept.display()))?;
+            (kept.to_owned(), None)
+        }
+        None => {
+            let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
+            (folder.path().to_owned(), Some(folder))
+        }
+    };
+    let options = DecodeOptions { min_score: MIN_SCORE, ..DecodeOptions::default() };
+    let mut detector = open_detector(&args.engine, args.model.as_deref(), options)?;
+    let bar = ProgressBar::new(dataset.len() as u64);
+    for (index, id) in dataset.ids().iter().enumerate() {
+        let path = dataset.image_path(index);
+        let detections = detector.detect(&read_image(&path)?, &dataset.load_camera(index)?);
+        let detections = detections.with_context(|| path.display().to_string())?;
+        write_results(&results.join(format!("{id}.txt")), &detections)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    printer.status(&format!("{} frames looked at by {}", dataset.len(), detector.engine_name()));
+    Ok(Files { labels: dataset.label_folder(), results, ids: Some(dataset.ids().to_vec()), _folder: folder })
+}

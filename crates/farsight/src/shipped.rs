@@ -1,0 +1,44 @@
+//! What comes with the program: a trained model and scenes to try it on. Both are in the executable, so that it works wherever it is copied to.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use farsight_files::write_quickly;
+use farsight_net::model::Model;
+
+/// Name of the model; its card is `assets/models/farsight-s.md`.
+pub(crate) const NAME: &str = "farsight-s";
+
+const MODEL: &[u8] = include_bytes!("../../../assets/models/farsight-s.safetensors");
+
+/// One scene's name, image and calibration.
+macro_rules! scene {
+    ($id:literal) => {
+        (
+            $id,
+            include_bytes!(concat!("../../../assets/scenes/image_2/", $id, ".jpg")).as_slice(),
+            include_str!(concat!("../../../assets/scenes/calib/", $id, ".txt")),
+        )
+    };
+}
+/// Images and calibrations, rendered by Farsight (`assets/scenes/README.md`).
+const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), scene!("000002"), scene!("000003")];
+
+/// The model that comes with the program.
+pub(crate) fn model() -> Result<Model> {
+    Ok(Model::from_safetensors(MODEL, Path::new(NAME))?)
+}
+
+/// Writes the scenes to `folder` in KITTI's layout and returns the folder of the images.
+pub(crate) fn write_scenes(folder: &Path) -> Result<PathBuf> {
+    let [images, calibrations] = ["image_2", "calib"].map(|name| folder.join(name));
+    for made in [&images, &calibrations] {
+        fs::create_dir_all(made).with_context(|| format!("{}: cannot be made", made.display()))?;
+    }
+    for (id, image, calibration) in SCENES {
+        write_quickly(&images.join(format!("{id}.jpg")), |file| file.write_all(image))?;
+        write_quickly(&calibrations.join(format!("{id}.txt")), |file| file.write_all(calibration.as_bytes()))?;
+    }
+    Ok(images)
+}
