@@ -50,7 +50,8 @@ impl OrtEngine {
     pub fn version(path: &Path) -> Result<String, EngineError> {
         unpanicked(NAME, || {
             environment(path)?;
-            Ok(ort::info().to_owned())
+            let minor = ort::util::probe(path).ok_or("no version is known of it")?;
+            Ok(format!("1.{minor}"))
         })
     }
 

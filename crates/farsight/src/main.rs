@@ -30,6 +30,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    report_no_caught_panics();
     let mut printer = Printer::new();
     match cli.command.run(&mut printer) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
@@ -39,4 +40,14 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// A panic in the library of an engine becomes an error of ours; what Rust prints about it by itself would only confuse.
+fn report_no_caught_panics() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !farsight_infer::engine::inside_library() {
+            report(panic);
+        }
+    }));
 }

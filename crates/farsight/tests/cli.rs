@@ -55,7 +55,7 @@ fn a_typo() {
     let expected = "\
 error: unrecognized subcommand 'rnage'
 
-  tip: a similar subcommand exists: 'range'
+  tip: some similar subcommands exist: 'engine', 'range'
 
 Usage: farsight <COMMAND>
 

@@ -54,6 +54,9 @@ pub enum OnnxProblem {
     /// It was not written by us.
     #[error("no \"{0}\" in its metadata; expected a file written by `farsight export`", super::key::MODEL)]
     Foreign,
+    /// It ends too early, between two parts.
+    #[error("no \"{}\" in its metadata; the file has been cut short", super::key::WEIGHTS_SHA256)]
+    Cut,
     /// Its description is broken.
     #[error("\"{}\" in its metadata: {problem}", super::key::MODEL)]
     Config {

@@ -23,7 +23,8 @@ pub mod key {
     pub const NORMALISATION: &str = "farsight.normalisation";
     /// Reference depth and reference sizes that the regression is relative to, JSON.
     pub const REFERENCE: &str = "farsight.reference";
-    /// SHA-256 of the weights as they were trained: names, shapes and values in the order of the names.
+    /// SHA-256 of the weights as they were trained: names, shapes and values in the order of the names. The last of the keys, and so of the
+    /// file: what lacks it has been cut short.
     pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
     /// Where the regression head lies that can be computed at single cells, JSON; see [`super::PeaksOnly`].
     pub const PEAKS_HEAD: &str = "farsight.peaks_head";

@@ -187,6 +187,7 @@ fn checked(bytes: &[u8]) -> Result<(ModelConfig, Facts, bool), OnnxProblem> {
     let model = Message::new(bytes);
     let facts = facts(model)?;
     let config = config(&facts)?;
+    facts.get(key::WEIGHTS_SHA256).ok_or(OnnxProblem::Cut)?;
     let graph = model.last(field::MODEL_GRAPH)?.ok_or(OnnxProblem::NoGraph)?;
     if let Some(function) = model.all(field::MODEL_FUNCTIONS).next() {
         function?;

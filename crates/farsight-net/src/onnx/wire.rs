@@ -94,6 +94,9 @@ impl<'a> Fields<'a> {
         let start = self.at;
         let from_here = self.rest;
         let key = self.varint()?;
+        if key >> 3 == 0 {
+            return Err(WireError { at: start, problem: "a field without a number" });
+        }
         let value = match key & 7 {
             0 => Value::Number(self.varint()?),
             1 => self.take(8).map(|_| Value::Fixed)?,

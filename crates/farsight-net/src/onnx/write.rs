@@ -30,14 +30,17 @@ const IR_VERSION: i64 = 9;
 /// When a weight is missing or has another shape.
 pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>, WeightsError> {
     let (graph, head) = graph(network, target)?;
-    let head = head.map(|head| (key::PEAKS_HEAD.to_owned(), head));
+    let mut facts = facts.clone();
+    if let Some(head) = head {
+        facts.set(key::PEAKS_HEAD, head);
+    }
     let model = ModelProto {
         ir_version: IR_VERSION,
         producer_name: "farsight".to_owned(),
         producer_version: env!("CARGO_PKG_VERSION").to_owned(),
         graph: Some(graph),
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
-        metadata_props: facts.entries().chain(head).map(|(key, value)| StringStringEntryProto { key, value }).collect(),
+        metadata_props: facts.entries().map(|(key, value)| StringStringEntryProto { key, value }).collect(),
     };
     Ok(model.encode_to_vec())
 }

@@ -7,8 +7,6 @@ use clap::{Args, ValueEnum};
 use farsight_core::HeadMaps;
 use farsight_files::write_atomically;
 use farsight_infer::Engine;
-#[cfg(not(feature = "train"))]
-use farsight_infer::RtenEngine;
 use farsight_infer::probe::{self, Difference};
 #[cfg(not(feature = "train"))]
 use farsight_net::graph::{LOGITS, REGRESSION};
@@ -18,9 +16,11 @@ use farsight_net::transform::Network;
 
 use super::Outcome;
 use crate::engines::{self, EngineArgs, EngineName};
+#[cfg(not(feature = "train"))]
+use crate::libraries::Library;
 use crate::printer::Printer;
 
-/// The largest difference of a head map that is let pass (single precision).
+/// The largest difference of a head map that is let pass (single precision), for values up to 1.
 pub(super) const TOLERANCE: f32 = 1e-4;
 
 /// Arguments of `farsight export`.
@@ -65,15 +65,16 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = OnnxModel::from_bytes(bytes, &args.out)?;
     let differences = check(&model, &file, &args.out, printer)?;
-    for Difference { name, largest } in &differences {
-        printer.line(&format!("{name:10} largest difference {largest:.1e}"));
+    for Difference { name, largest, scale } in &differences {
+        printer.line(&format!("{name:10} largest difference {largest:.1e}, values up to {scale:.1}"));
     }
     if let Some(worst) = differences.iter().find(|difference| !difference.within(TOLERANCE)) {
         bail!(
-            "{}: not written: {} differs by {:.1e}; expected at most {TOLERANCE:.0e}",
+            "{}: not written: {} differs by {:.1e} in values up to {:.1}; expected at most {TOLERANCE:.0e} of that",
             args.out.display(),
             worst.name,
-            worst.largest
+            worst.largest,
+            worst.scale
         );
     }
     write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
@@ -100,14 +101,13 @@ fn facts(args: &ExportArgs, model: &Model, target: Target) -> Result<Facts> {
 
 /// How far the head maps of the file are from those of the model on a fixed input of noise.
 fn check(model: &Model, file: &OnnxModel, path: &Path, printer: &mut Printer) -> Result<Vec<Difference>> {
-    let size = model.config.input;
-    let input = probe::input(size);
+    let input = probe::input(probe::SIZE);
     let mut engine = file_engine(file, path)?;
-    let found = engine.head_maps(&input, size)?;
-    let (expected, reference) = reference(model, &input)?;
+    let found = engine.head_maps(&input, probe::SIZE)?;
+    let (expected, reference) = reference(model, file, &input)?;
+    let [width, height] = probe::SIZE;
     let by = engine.name();
-    printer
-        .status(&format!("checked: the file on {by} against {reference}, {} x {} pixels of noise", size[0], size[1]));
+    printer.status(&format!("checked: the file on {by} against {reference}, {width} x {height} pixels of noise"));
     Ok(probe::differences(&found, &expected))
 }
 
@@ -119,19 +119,24 @@ fn file_engine(file: &OnnxModel, path: &Path) -> Result<Box<dyn Engine>> {
         .with_context(|| format!("{}: not written, because it cannot be checked", path.display()))
 }
 
-/// What the model itself answers: libtorch's answer where there is one.
+/// What the model itself answers: libtorch's answer.
 #[cfg(feature = "train")]
-fn reference(model: &Model, input: &[f32]) -> Result<(HeadMaps, &'static str)> {
+fn reference(model: &Model, _: &OnnxModel, input: &[f32]) -> Result<(HeadMaps, String)> {
     let mut engine = farsight_train::engine::TorchEngine::on_cpu(model.clone())?;
-    Ok((engine.head_maps(input, model.config.input)?, "libtorch"))
+    Ok((engine.head_maps(input, probe::SIZE)?, "libtorch".to_owned()))
 }
 
-/// What the model itself answers: the same network before any transform, with its norms as they are.
+/// What the model itself answers: the network before any transform, on an engine that the file itself was not run on where there is one,
+/// with deformable convolutions in the other form where that can be.
 #[cfg(not(feature = "train"))]
-fn reference(model: &Model, input: &[f32]) -> Result<(HeadMaps, &'static str)> {
+fn reference(model: &Model, file: &OnnxModel, input: &[f32]) -> Result<(HeadMaps, String)> {
+    let library = Library::Onnxruntime.find(None).is_ok_and(|found| Library::Onnxruntime.version(&found.path).is_ok());
+    let engine = if library && !file.has_deform_conv() { EngineName::Onnxruntime } else { EngineName::Rten };
+    let target = if engine == EngineName::Onnxruntime { Target::OnnxRuntime } else { Target::Portable };
     let whole = Network::new(model).keeping(&[LOGITS, REGRESSION]);
-    let bytes = write(&whole, &Facts::new(model, Target::Portable), Target::Portable)?;
-    let file = OnnxModel::from_bytes(bytes, Path::new("the untransformed network"))?;
-    let mut engine = RtenEngine::new(file, None)?;
-    Ok((engine.head_maps(input, model.config.input)?, "the untransformed network"))
+    let source = Path::new("the untransformed network");
+    let whole = OnnxModel::from_bytes(write(&whole, &Facts::new(model, target), target)?, source)?;
+    let mut engine = engines::start(&EngineArgs { engine, ..EngineArgs::default() }, whole, source)?;
+    let maps = engine.head_maps(input, probe::SIZE)?;
+    Ok((maps, format!("the untransformed network on {}", engine.name())))
 }

@@ -1,0 +1,249 @@
+//! The same answers from every engine that is there, and from ONNX Runtime's own Python.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "the helpers of a test may panic and say that they were skipped"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use farsight_core::HeadMaps;
+use farsight_infer::{Engine, RtenEngine, probe};
+use farsight_net::build::network;
+use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
+use farsight_net::init::initial_weights;
+use farsight_net::model::Model;
+use farsight_net::onnx::{OnnxModel, Target};
+use farsight_net::weights::{WeightTensor, Weights};
+use serde_json::Value;
+
+/// Head maps in single precision.
+const MAPS: f64 = 1e-4;
+
+/// Boxes, metres.
+const BOXES_M: f64 = 1e-3;
+
+/// Detections with a higher score are compared one by one.
+const BEST: f64 = 0.3;
+
+/// Scores.
+const SCORES: f64 = 1e-4;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn farsight(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+/// Standard output of a command that must work.
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = farsight(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Engines that are ready here; says which are not.
+fn engines(folder: &Path) -> Vec<String> {
+    let diagnosis: Value = serde_json::from_str(&done(folder, &["doctor", "--json"])).unwrap();
+    let engines = diagnosis["engines"].as_array().unwrap();
+    let name = |engine: &Value| engine["name"].as_str().unwrap().to_owned();
+    let (ready, missing): (Vec<&Value>, Vec<&Value>) = engines.iter().partition(|engine| engine["ready"] == true);
+    for engine in missing {
+        println!("skipped: {}: {}", name(engine), engine["note"]);
+    }
+    // libtorch runs our own files and has tests of its own.
+    ready.into_iter().map(name).filter(|name| name != "libtorch").collect()
+}
+
+/// Networks with drawn weights: one whose head is cut off, one with everything that is hard to export.
+fn models() -> [(&'static str, Model); 2] {
+    let model = |norm, neck, msfe| {
+        let config = ModelConfig { input: [320, 96], width: 0.25, norm, neck, msfe, ..ModelConfig::default() };
+        let mut weights = initial_weights(&network(&config), 9);
+        for (name, tensor) in &mut weights.tensors {
+            // Offsets of a fraction of a cell; a fresh network has none.
+            if name.ends_with("conv_offset_mask.weight") {
+                let len = tensor.values.len() as f32;
+                tensor
+                    .values
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(i, value)| *value = 0.005 * (i as f32 * 7919.0 / len).sin());
+            }
+        }
+        with_ordinary_answers(Model::new(config, weights).unwrap())
+    };
+    [
+        ("plain", model(NormKind::Batch, NeckKind::Plain, Msfe::A)),
+        ("hard", model(NormKind::Group, NeckKind::Deformable, Msfe::C)),
+    ]
+}
+
+/// The model with its last convolutions scaled so that it answers with numbers of the size that trained networks answer with.
+fn with_ordinary_answers(mut model: Model) -> Model {
+    let maps = answer(&model);
+    let largest = |values: &[f32]| values.iter().fold(0.0_f32, |largest, value| value.abs().max(largest));
+    for (head, values, size) in [("class_head", &maps.logits, 2.0), ("regression_head", &maps.regression, 0.5)] {
+        for part in ["weight", "bias"] {
+            let name = format!("heads.predictor.{head}.3.{part}");
+            for value in &mut model.weights.tensors.get_mut(&name).unwrap().values {
+                *value *= size / largest(values);
+            }
+        }
+    }
+    model
+}
+
+/// What rten answers to the fixed input.
+fn answer(model: &Model) -> HeadMaps {
+    let file = OnnxModel::from_model(model, Target::Portable, Path::new("in memory")).unwrap();
+    RtenEngine::new(file, None).unwrap().head_maps(&probe::input(probe::SIZE), probe::SIZE).unwrap()
+}
+
+/// Real frames where they are at hand, else noise; copied to `folder`.
+fn images(folder: &Path) -> Vec<String> {
+    let kitti = std::env::var_os("FARSIGHT_KITTI").map_or_else(|| root().join("../shared/kitti"), PathBuf::from);
+    let frames = kitti.join("frames/training/image_2");
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(&frames).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    if paths.is_empty() {
+        println!("real frames skipped: no {} (set FARSIGHT_KITTI)", frames.display());
+        let path = folder.join("noise.png");
+        image::RgbImage::from_fn(1242, 375, |x, y| image::Rgb([(x * y) as u8, (x + y) as u8, (3 * x) as u8]))
+            .save(&path)
+            .unwrap();
+        paths.push(path);
+    }
+    paths.iter().take(2).map(|path| path.to_str().unwrap().to_owned()).collect()
+}
+
+fn detections(folder: &Path, model: &str, engine: &str, images: &[String]) -> Vec<Value> {
+    let mut arguments = vec!["range"];
+    arguments.extend(images.iter().map(String::as_str));
+    let options =
+        ["--model", model, "--engine", engine, "--hfov", "80", "--min-score", "0.02", "--json", "answer.json"];
+    arguments.extend(options);
+    done(folder, &arguments);
+    let text = std::fs::read_to_string(folder.join("answer.json")).unwrap();
+    let answer: Vec<Value> = serde_json::from_str(&text).unwrap();
+    answer.iter().flat_map(|image| image["detections"].as_array().unwrap().clone()).collect()
+}
+
+/// Each of the best detections has its twin. Their order may differ where scores are equal up to rounding.
+fn assert_same_detections(what: &str, found: &[Value], expected: &[Value]) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for best in expected.iter().filter(|detection| detection["score"].as_f64() > Some(BEST)) {
+        assert!(found.iter().any(|other| same(best, other)), "{what}: {best} has no twin");
+    }
+}
+
+fn same(a: &Value, b: &Value) -> bool {
+    let apart = |a: &Value, b: &Value| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs();
+    let lengths_apart = |key: &str| {
+        let pairs = a[key].as_array().unwrap().iter().zip(b[key].as_array().unwrap());
+        pairs.map(|(a, b)| apart(a, b)).fold(0.0, f64::max)
+    };
+    a["class"] == b["class"]
+        && apart(&a["score"], &b["score"]) <= SCORES
+        && lengths_apart("location") <= BOXES_M
+        && lengths_apart("dimensions_hwl") <= BOXES_M
+}
+
+#[test]
+fn every_engine_finds_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (engines, images) = (engines(folder), images(folder));
+    for (name, model) in models() {
+        let [own, file] = ["safetensors", "onnx"].map(|extension| format!("{name}.{extension}"));
+        model.write(&folder.join(&own)).unwrap();
+        done(folder, &["export", "--model", &own, "--out", &file]);
+        let expected = detections(folder, &file, "rten", &images);
+        let best = expected.iter().filter(|detection| detection["score"].as_f64() > Some(BEST)).count();
+        assert!(best > 5, "{best} detections prove little");
+        for engine in &engines {
+            for model in [&file, &own] {
+                assert_same_detections(
+                    &format!("{engine} {model}"),
+                    &detections(folder, model, engine, &images),
+                    &expected,
+                );
+            }
+        }
+    }
+}
+
+/// Writes what rten answers to the fixed input, as reference tensors.
+fn write_reference(model: &Model, path: &Path) {
+    let (input, maps) = (probe::input(probe::SIZE), answer(model));
+    let tensor = |channels: usize, [width, height]: [usize; 2], values: Vec<f32>| {
+        WeightTensor::new(vec![1, channels, height, width], values).unwrap()
+    };
+    let mut reference = Weights::default();
+    reference.tensors.insert("input".to_owned(), tensor(3, probe::SIZE, input));
+    reference.tensors.insert("cls_logits".to_owned(), tensor(3, maps.map_size, maps.logits));
+    reference.tensors.insert("reg_raw".to_owned(), tensor(8, maps.map_size, maps.regression));
+    reference.write(path).unwrap();
+}
+
+#[test]
+fn the_checker_and_onnx_runtimes_python_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, model) in models() {
+        let reference = folder.join("reference.safetensors");
+        write_reference(&model, &reference);
+        for target in [Target::Portable, Target::OnnxRuntime] {
+            let file = folder.join(format!("{name}-{}.onnx", target.name()));
+            std::fs::write(&file, OnnxModel::from_model(&model, target, &file).unwrap().bytes()).unwrap();
+            let python = std::env::var_os("FARSIGHT_PYTHON").unwrap_or_else(|| "python3".into());
+            let output =
+                Command::new(python).arg(root().join("scripts/check_onnx.py")).args([&file, &reference]).output();
+            let Ok(output) = output else {
+                println!("skipped: no python3 (set FARSIGHT_PYTHON)");
+                return;
+            };
+            let text = String::from_utf8_lossy(&output.stdout);
+            if output.status.code() == Some(77) {
+                println!(
+                    "skipped: {} (set FARSIGHT_PYTHON to a Python that has onnx, onnxruntime and numpy)",
+                    text.trim()
+                );
+                return;
+            }
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            for line in text.lines() {
+                println!("{name} {} {line}", target.name());
+                let difference: f64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+                assert!(difference <= MAPS, "{name}: {line}");
+            }
+            assert_eq!(text.lines().count(), 2);
+        }
+    }
+}
+
+#[test]
+fn parity_tells_by_its_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let [(_, model), _] = models();
+    model.write(&folder.join("m.safetensors")).unwrap();
+    let reference = folder.join("reference.safetensors");
+    write_reference(&model, &reference);
+    let arguments = ["parity", "--model", "m.safetensors", "--golden", "reference.safetensors", "--json", "p.json"];
+    assert!(done(folder, &arguments).contains("same"));
+
+    let mut wrong = Weights::read(&reference).unwrap();
+    wrong.tensors.get_mut("reg_raw").unwrap().values[5] += 0.01;
+    wrong.write(&reference).unwrap();
+    let output = farsight(folder, &arguments);
+    assert_eq!(output.status.code(), Some(1));
+    let parity: Value = serde_json::from_str(&std::fs::read_to_string(folder.join("p.json")).unwrap()).unwrap();
+    assert_eq!(parity["within"], false);
+    let largest = parity["outputs"][1]["largest_difference"].as_f64().unwrap();
+    assert!((largest - 0.01).abs() < 1e-4, "{largest}");
+}
