@@ -16,10 +16,12 @@
 //! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples; four of one material at a time: [`resolve`], [`pattern`],
 //!    [`shade`], [`sky`].
 
+mod depth_map;
 mod lamps;
 mod lanes;
 mod noise;
 mod pattern;
+mod pieces;
 mod raster;
 mod resolve;
 mod shade;

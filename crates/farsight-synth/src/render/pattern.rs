@@ -10,7 +10,7 @@ use crate::scene::{Color, Material, Pattern};
 pub(crate) type Footprint = [Lanes; 2];
 
 /// How much lighter or darker grains can be than the mean, times two.
-const GRAIN_CONTRAST: f32 = 1.2;
+const GRAIN_CONTRAST: f32 = 1.0;
 
 /// Light of a lit window.
 const LIT_WINDOW: Color = [0.75, 0.5, 0.24];

@@ -65,7 +65,7 @@ impl Plane {
     /// Positive on one side of the line from `p` to `q`; exchanging them changes the sign and nothing else.
     #[inline]
     fn edge(p: &Corner, q: &Corner) -> Self {
-        let swapped = q[1] < p[1] || (q[1] == p[1] && q[0] < p[0]);
+        let swapped = q[1] < p[1] || (q[1] <= p[1] && q[0] < p[0]);
         let (first, second) = if swapped { (q, p) } else { (p, q) };
         let (a, b) = (first[1] - second[1], second[0] - first[0]);
         let plane = Self { a, b, c: -(a * first[0] + b * first[1]) };
@@ -134,7 +134,7 @@ impl Crossing {
     fn new(edge: &Slope) -> Self {
         let slope = edge.plane.a as f32;
         let [a, b, c, d] = edge.offsets.to_array();
-        let turned = if slope == 0.0 { 0.0 } else { -1.0 / slope };
+        let turned = if slope.abs() > 0.0 { -1.0 / slope } else { 0.0 };
         Self { slope, turned, reach: a.max(b).max(c.max(d)) }
     }
 
@@ -183,7 +183,9 @@ fn fill_within(
     let nearer = f32x4::splat(nearer);
     let narrow = columns[1] - columns[0] < NARROW;
     let crossings = [Crossing::new(&edges[0]), Crossing::new(&edges[1]), Crossing::new(&edges[2])];
-    for y in rows[0]..rows[1] + 1 {
+    // Ranges that name their last number cost twice as much in loops as short as these.
+    let end_row = rows[1] + 1;
+    for y in rows[0]..end_row {
         let row = y as f64;
         let mut from_to = columns;
         if !narrow {
@@ -199,7 +201,8 @@ fn fill_within(
         }
         let [e0, e1, e2] = [edges[0].row(row), edges[1].row(row), edges[2].row(row)];
         let depth = nearness.row(row);
-        for x in from_to[0]..from_to[1] + 1 {
+        let end = from_to[1] + 1;
+        for x in from_to[0]..end {
             let column = f32x4::splat(x as f32);
             // The sign of the least of the three is clear only where all are inside.
             let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);
