@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     names.sort();
     let count: usize = arguments.get(2).map_or(Ok(0), |n| n.parse())?;
     let mut sheet = RgbImage::new(2 * CELL[0], count as u32 * CELL[1]);
-    let (mut actors, start) = (0, Instant::now());
+    let (mut actors, mut shares, start) = (0, Vec::new(), Instant::now());
     for (index, path) in names.iter().enumerate() {
         let labels = read_labels(path)?;
         let stem = path.file_stem().ok_or("a label file has no name")?.to_string_lossy().into_owned();
@@ -34,7 +34,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         if count > 0 && index % step == 0 && index / step < count {
             let row = i64::from(CELL[1]) * (index / step) as i64;
             let photo = image::open(root.join("image_2").join(format!("{stem}.png")))?.to_rgb8();
-            let made = PhotoSettings::PLAIN.develop(&render::render(&drawn.scene));
+            let rendered = render::render(&drawn.scene);
+            shares.extend(clear_shares(&labels, &drawn, &rendered));
+            let made = PhotoSettings::PLAIN.develop(&rendered);
             for (column, picture) in [photo, made].iter().enumerate() {
                 let small = imageops::resize(picture, CELL[0], CELL[1], imageops::FilterType::Triangle);
                 imageops::replace(&mut sheet, &small, i64::from(CELL[0]) * column as i64, row);
@@ -42,6 +44,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     println!("{} frames rebuilt with {actors} actors in {:.1} s", names.len(), start.elapsed().as_secs_f64());
+    let clear = shares.iter().filter(|&&share| share > 0.7).count();
+    println!("{} objects labelled as not occluded were rendered; of {clear} more than 70 % is seen", shares.len());
     if let Some(path) = arguments.get(1) {
         sheet.save(path)?;
     }
@@ -58,4 +62,12 @@ fn rebuilt(labels: &[Label], camera: &Camera, seed: u64) -> Result<Drawn, String
     } else {
         Err(format!("frame {seed} is not what its labels say"))
     }
+}
+
+/// The visible shares of the objects that are labelled as not occluded.
+fn clear_shares(labels: &[Label], drawn: &Drawn, rendered: &render::Rendered) -> Vec<f64> {
+    let kept = labels.iter().filter(|label| label.class != ObjectClass::DontCare);
+    let clear = kept.zip(&drawn.actors).filter(|(label, _)| label.occlusion == 0);
+    let share = |instance: usize| f64::from(rendered.visible[instance]) / f64::from(rendered.alone[instance].max(1));
+    clear.map(|(_, actor)| share(usize::from(actor.instance))).collect()
 }

@@ -4,7 +4,7 @@ use farsight_core::overlap::Block;
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_synth::scene::Object;
 use farsight_synth::sizes::{SizeStatistics, Spread};
-use farsight_synth::{CameraRanges, Drawn, WorldConfig, draw_scene, scene_from_labels};
+use farsight_synth::{CameraRanges, Drawn, PlaceWeights, WorldConfig, draw_scene, scene_from_labels};
 
 /// Meshes are stored in single precision, in scene coordinates of up to 100 m.
 const EXTENT_TOLERANCE_M: f64 = 2e-4;
@@ -90,6 +90,19 @@ fn the_same_seed_draws_the_same_scene_and_another_draws_another() {
     assert_eq!(draw_scene(&config, 5, 7), draw_scene(&config, 5, 7));
     assert_ne!(draw_scene(&config, 5, 7), draw_scene(&config, 5, 8));
     assert_ne!(draw_scene(&config, 5, 7), draw_scene(&config, 6, 7));
+}
+
+#[test]
+fn oncoming_traffic_keeps_to_its_side() {
+    for (left_hand_share, sign) in [(0.0, -1.0), (1.0, 1.0)] {
+        let mut config = WorldConfig { left_hand_share, ..WorldConfig::default() };
+        config.places =
+            PlaceWeights { city: 0.0, residential: 0.0, suburban: 0.0, rural: 0.0, motorway: 1.0, car_park: 0.0 };
+        let drawn: Vec<Drawn> = (0..40).map(|index| draw_scene(&config, 2, index)).collect();
+        let near = drawn.iter().flat_map(|d| &d.actors).map(|a| a.box3d).filter(|b| b.location[2] < 30.0);
+        let oncoming: Vec<f64> = near.filter(|b| b.yaw.sin() > 0.9).map(|b| b.location[0] * sign).collect();
+        assert!(oncoming.len() > 10 && oncoming.iter().all(|&x| x > 0.0), "{oncoming:?}");
+    }
 }
 
 #[test]

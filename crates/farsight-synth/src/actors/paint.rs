@@ -2,10 +2,10 @@
 
 use super::Workshop;
 use crate::dice::Dice;
-use crate::palette::{any_color, grey, varied};
-use crate::scene::{Color, MaterialId};
+use crate::palette::{any_color, grey, times, varied};
+use crate::scene::{Color, MaterialId, Pattern};
 
-/// Colours of cars and how often they are seen: new registrations in Germany 2000 to 2015 by the KBA's statistics, rounded.
+/// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen by eye, not counted.
 const CAR_COLORS: [(Color, f64); 14] = [
     ([0.018, 0.018, 0.02], 24.0),
     ([0.40, 0.41, 0.42], 17.0),
@@ -85,8 +85,15 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
         (clean * 0.8, dice.range32(30.0, 160.0), clean * dice.range32(0.04, 0.14));
     let glass_tone = dice.range32(0.006, 0.04);
     let (rim_tone, rim_gloss) = (dice.range32(0.12, 0.6), dice.range32(0.2, 0.9));
+    let body = palette.glossy(color, body_gloss, body_shine, body_mirror);
+    if dice.chance(0.35) {
+        let amount = dice.range32(0.1, 0.5);
+        let scale = dice.log_range(0.2, 1.5) as f32;
+        let other = times([0.2, 0.17, 0.13], dice.range32(0.4, 1.2));
+        palette.materials[usize::from(body)].pattern = Pattern::Noise { other, scale, amount, seed: dice.seed() };
+    }
     Livery {
-        body: palette.glossy(color, body_gloss, body_shine, body_mirror),
+        body,
         second: palette.glossy(second, body_gloss, body_shine, body_mirror),
         glass: palette.glossy(tinted(dice, glass_tone), 0.9, 250.0, dice.range32(0.03, 0.12)),
         trim: palette.glossy(grey(dice.range32(0.012, 0.05)), 0.15, 12.0, 0.01),

@@ -2,11 +2,14 @@
 //!
 //! First the place, the light and the camera are drawn; then the streets with what lines them; then the things and the traffic along them.
 
+mod background;
 pub mod config;
 pub(crate) mod ground;
 pub(crate) mod light;
+mod lining;
 mod path;
 pub(crate) mod plan;
+mod plants;
 mod props;
 pub(crate) mod stage;
 mod street;
@@ -41,7 +44,8 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
     let unusual = dice.chance(config.unusual_share);
     let light = Light::draw(weather, unusual, &mut dice);
     let ground = Ground::draw(view.height_m, &mut dice);
-    let plan = Plan::draw(place, view.lateral_m, &mut dice);
+    let left_hand = dice.chance(config.left_hand_share);
+    let plan = Plan::draw(place, view.lateral_m, left_hand, &mut dice);
     let mut stage = Stage::new(view, ground, light, unusual);
     let density = dice.range(config.density[0], config.density[1]);
     let traffic_dice = dice.fork();

@@ -1,6 +1,7 @@
 //! From a place to the layout of its streets.
 
 use super::config::Place;
+use super::lining::Lining;
 use super::path::Path;
 use super::street::{Border, Lane, LaneUse, Markings, Street};
 use crate::dice::Dice;
@@ -37,28 +38,6 @@ pub(crate) struct Found {
     pub(crate) vehicles: usize,
 }
 
-/// What lines one side of a street.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Lining {
-    /// Mean gap between houses over their width; no houses where negative.
-    pub(crate) house_gap: f64,
-    /// Metres behind the pavement.
-    pub(crate) setback: f64,
-    pub(crate) house_height: [f64; 2],
-    pub(crate) house_width: [f64; 2],
-    /// Distance between trees at the kerb; none where 0.
-    pub(crate) tree_pitch: f64,
-    /// Trees and bushes behind the pavement, a hundred metres.
-    pub(crate) plants: f64,
-    /// A wall of leaves behind everything: a wood, distance from the road; none where 0.
-    pub(crate) wood: f64,
-    /// Garden walls, hedges and fences.
-    pub(crate) fenced: f64,
-    pub(crate) guard_rail: bool,
-    /// Posts, signs and lamps, a hundred metres.
-    pub(crate) posts: f64,
-}
-
 /// How the carriageway of a place is divided.
 struct Lanes {
     /// Lanes of the camera's direction and of the other one.
@@ -70,6 +49,8 @@ struct Lanes {
     cycle: bool,
     /// Grass between the directions, metres.
     island: f64,
+    /// People drive on the left.
+    left_hand: bool,
 }
 
 impl Lanes {
@@ -83,6 +64,7 @@ impl Lanes {
                 parking: [along(0.6, dice), along(0.6, dice)],
                 cycle: dice.chance(0.2),
                 island: 0.0,
+                left_hand: false,
             },
             Place::Residential => {
                 let across = dice.chance(0.15).then_some(LaneUse::ParkAcross);
@@ -93,6 +75,7 @@ impl Lanes {
                     parking: [across.or_else(|| along(0.8, dice)), along(0.8, dice)],
                     cycle: false,
                     island: 0.0,
+                    left_hand: false,
                 }
             }
             Place::Suburban => Self {
@@ -102,10 +85,17 @@ impl Lanes {
                 parking: [along(0.25, dice), along(0.3, dice)],
                 cycle: dice.chance(0.25),
                 island: 0.0,
+                left_hand: false,
             },
-            Place::Rural => {
-                Self { own: 1, oncoming: 1, width: dice.range(2.7, 3.7), parking: [None; 2], cycle: false, island: 0.0 }
-            }
+            Place::Rural => Self {
+                own: 1,
+                oncoming: 1,
+                width: dice.range(2.7, 3.7),
+                parking: [None; 2],
+                cycle: false,
+                island: 0.0,
+                left_hand: false,
+            },
             Place::Motorway => Self {
                 own: dice.whole(2, 4),
                 oncoming: dice.whole(2, 3),
@@ -113,6 +103,7 @@ impl Lanes {
                 parking: [None; 2],
                 cycle: false,
                 island: dice.range(2.0, 8.0),
+                left_hand: false,
             },
             Place::CarPark => Self {
                 own: 1,
@@ -121,11 +112,12 @@ impl Lanes {
                 parking: [Some(LaneUse::ParkAcross), Some(LaneUse::ParkAcross)],
                 cycle: false,
                 island: 0.0,
+                left_hand: false,
             },
         }
     }
 
-    /// The lanes from left to right (people drive on the right), the edges, and the offset of the camera's lane.
+    /// The lanes from left to right, the edges, and the offset of the camera's lane.
     fn lay(&self, own_lane: usize) -> (Vec<Lane>, [f64; 2], f64) {
         let mut strips: Vec<(LaneUse, f64, f64)> = Vec::new();
         let depth = |used_for: LaneUse| if used_for == LaneUse::ParkAlong { 2.2 } else { 5.0 };
@@ -151,14 +143,21 @@ impl Lanes {
             at += width;
         }
         let own = lanes[before + own_lane.min(self.own - 1)].center;
-        (lanes, [0.0, at], own)
+        if !self.left_hand {
+            return (lanes, [0.0, at], own);
+        }
+        lanes.reverse();
+        for lane in &mut lanes {
+            lane.center = -lane.center;
+        }
+        (lanes, [-at, 0.0], -own)
     }
 }
 
 impl Plan {
     /// Draws the plan of a place; the camera stands at the origin, `lateral_m` beside the middle of its lane.
-    pub(crate) fn draw(place: Place, lateral_m: f64, dice: &mut Dice) -> Self {
-        let lanes_plan = Lanes::draw(place, dice);
+    pub(crate) fn draw(place: Place, lateral_m: f64, left_hand: bool, dice: &mut Dice) -> Self {
+        let lanes_plan = Lanes { left_hand, ..Lanes::draw(place, dice) };
         let own_lane = dice.whole(0, lanes_plan.own - 1);
         let (mut lanes, mut edges, own) = lanes_plan.lay(own_lane);
         let shift = own + lateral_m;
@@ -177,7 +176,7 @@ impl Plan {
         let borders = [border(place, dice), border(place, dice)];
         let markings = markings(place, dice);
         let main = Street { path, lanes, edges, borders, markings, openings: Vec::new() };
-        let lining = [lining(place, dice), lining(place, dice)];
+        let lining = [Lining::draw(place, dice), Lining::draw(place, dice)];
         let mut plan = Self {
             place,
             main,
@@ -197,7 +196,7 @@ impl Plan {
         };
         let mut s = dice.range(8.0, 45.0);
         for _ in 0..crossings {
-            plan.add_crossing(s, dice);
+            plan.add_crossing(s, left_hand, dice);
             s += dice.range(45.0, 80.0);
         }
         plan
@@ -226,17 +225,18 @@ impl Plan {
         let markings = markings(place, dice);
         let lanes = (0..count as usize).map(lane).collect();
         let main = Street { path, lanes, edges: found.edges, borders, markings, openings: Vec::new() };
-        let lining = [lining(place, dice), lining(place, dice)];
+        let lining = [Lining::draw(place, dice), Lining::draw(place, dice)];
         Self { place, main, side: Vec::new(), parked: 0.0, gap: 0.0, queue: false, people: 0.0, cyclists: 0.0, lining }
     }
 
     /// A road that crosses the main one at `s`.
-    fn add_crossing(&mut self, s: f64, dice: &mut Dice) {
+    fn add_crossing(&mut self, s: f64, left_hand: bool, dice: &mut Dice) {
         let node = self.main.path.at(s);
         let turn = std::f64::consts::FRAC_PI_2 + dice.symmetric(0.25);
         let width = dice.range(2.8, 3.6);
         let count = dice.weighted(&[(1, 3.0), (2, 1.0)]);
-        let lanes_plan = Lanes { own: count, oncoming: count, width, parking: [None; 2], cycle: false, island: 0.0 };
+        let lanes_plan =
+            Lanes { own: count, oncoming: count, width, parking: [None; 2], cycle: false, island: 0.0, left_hand };
         let (mut lanes, edges, _) = lanes_plan.lay(0);
         let middle = f64::midpoint(edges[0], edges[1]);
         for lane in &mut lanes {
@@ -324,81 +324,5 @@ fn people(place: Place, dice: &mut Dice) -> f64 {
         Place::Residential | Place::Suburban | Place::CarPark => dice.range(0.0, 1.5),
         Place::Rural => dice.range(0.0, 0.3),
         Place::Motorway => 0.0,
-    }
-}
-
-fn lining(place: Place, dice: &mut Dice) -> Lining {
-    let none = Lining {
-        house_gap: -1.0,
-        setback: 0.0,
-        house_height: [5.0, 9.0],
-        house_width: [8.0, 16.0],
-        tree_pitch: 0.0,
-        plants: 0.0,
-        wood: 0.0,
-        fenced: 0.0,
-        guard_rail: false,
-        posts: 3.0,
-    };
-    let street_trees = |share: f64, dice: &mut Dice| if dice.chance(share) { dice.range(7.0, 22.0) } else { 0.0 };
-    match place {
-        Place::City => Lining {
-            house_gap: if dice.chance(0.7) { 0.02 } else { 0.5 },
-            setback: if dice.chance(0.6) { 0.0 } else { dice.range(1.0, 8.0) },
-            house_height: [8.0, 22.0],
-            house_width: [9.0, 24.0],
-            tree_pitch: street_trees(0.6, dice),
-            plants: dice.range(0.0, 14.0),
-            posts: dice.range(4.0, 12.0),
-            ..none
-        },
-        Place::Residential => Lining {
-            house_gap: dice.range(0.1, 0.9),
-            setback: dice.range(1.5, 7.0),
-            tree_pitch: street_trees(0.3, dice),
-            plants: dice.range(8.0, 40.0),
-            fenced: dice.range(0.3, 1.0),
-            posts: dice.range(2.0, 6.0),
-            ..none
-        },
-        Place::Suburban => Lining {
-            house_gap: if dice.chance(0.6) { dice.range(0.5, 3.0) } else { -1.0 },
-            setback: dice.range(4.0, 16.0),
-            house_height: [5.0, 15.0],
-            house_width: [9.0, 26.0],
-            tree_pitch: street_trees(0.6, dice),
-            plants: dice.range(10.0, 50.0),
-            wood: if dice.chance(0.4) { dice.range(8.0, 40.0) } else { 0.0 },
-            fenced: dice.range(0.0, 0.6),
-            posts: dice.range(2.0, 7.0),
-            ..none
-        },
-        Place::Rural => Lining {
-            house_gap: if dice.chance(0.1) { dice.range(4.0, 9.0) } else { -1.0 },
-            setback: dice.range(6.0, 20.0),
-            tree_pitch: street_trees(0.3, dice),
-            plants: dice.range(0.0, 50.0),
-            wood: if dice.chance(0.7) { dice.range(2.0, 30.0) } else { 0.0 },
-            guard_rail: dice.chance(0.15),
-            posts: dice.range(1.0, 4.0),
-            ..none
-        },
-        Place::Motorway => Lining {
-            plants: dice.range(0.0, 20.0),
-            wood: if dice.chance(0.5) { dice.range(6.0, 30.0) } else { 0.0 },
-            guard_rail: dice.chance(0.8),
-            posts: dice.range(1.0, 3.0),
-            ..none
-        },
-        Place::CarPark => Lining {
-            house_gap: if dice.chance(0.6) { dice.range(0.1, 1.0) } else { -1.0 },
-            setback: dice.range(2.0, 12.0),
-            house_height: [5.0, 16.0],
-            house_width: [14.0, 40.0],
-            tree_pitch: street_trees(0.4, dice),
-            plants: dice.range(2.0, 20.0),
-            wood: if dice.chance(0.3) { dice.range(10.0, 30.0) } else { 0.0 },
-            ..none
-        },
     }
 }

@@ -108,6 +108,12 @@ impl Street {
                 self.bays(stage, lane, surfaces);
             }
         }
+        for pair in self.lanes.windows(2) {
+            let [left, right] = [pair[0].center + pair[0].width / 2.0, pair[1].center - pair[1].width / 2.0];
+            if right - left > 0.5 {
+                self.ribbon(stage, all, [(left + 0.4, 0.0), (right - 0.4, 0.0)], surfaces.grass, layer::PATCH);
+            }
+        }
         for side in 0..2 {
             self.border(stage, side, surfaces);
         }
