@@ -77,6 +77,12 @@ impl Plane {
         Self { a: self.a * factor, b: self.b * factor, c: self.c * factor }
     }
 
+    /// The same, with columns counted from `first`.
+    #[inline]
+    fn from_column(self, first: f64) -> Self {
+        Self { c: self.c + self.a * first, ..self }
+    }
+
     /// How the samples of a pixel differ from its centre.
     #[inline]
     fn offsets(&self, grid: &Grid) -> f32x4 {
@@ -177,7 +183,10 @@ fn fill_within(
     let inwards = if area < 0.0 { -1.0 } else { 1.0 };
     let edge = |i: usize| Slope::new(planes[i].times(inwards), grid);
     let edges = [edge(0), edge(1), edge(2)];
-    let nearness = Slope::new(nearness_plane(&planes, [p[2], q[2], r[2]], area), grid);
+    // Counted from the triangle's own first column: far away from it the plane's values are large and lose digits.
+    let origin = f32x4::splat(columns[0] as f32);
+    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).from_column(columns[0] as f64);
+    let nearness = Slope::new(nearness, grid);
     let least = f32x4::splat(p[2].min(q[2]).min(r[2]) as f32);
     let most = f32x4::splat(p[2].max(q[2]).max(r[2]) as f32);
     let nearer = f32x4::splat(nearer);
@@ -207,7 +216,7 @@ fn fill_within(
             // The sign of the least of the three is clear only where all are inside.
             let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);
             if inside.to_bitmask() != 0 {
-                target.put(x, y, inside, depth.at(column).fast_max(least).fast_min(most) * nearer);
+                target.put(x, y, inside, depth.at(column - origin).fast_max(least).fast_min(most) * nearer);
             }
         }
     }
