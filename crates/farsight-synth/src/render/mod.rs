@@ -28,8 +28,8 @@ mod shade;
 mod shadow;
 mod sky;
 mod surface;
-pub(crate) mod view;
-pub(crate) mod visibility;
+mod view;
+mod visibility;
 
 use lamps::Lamps;
 use resolve::Resolver;

@@ -123,7 +123,7 @@ fn divided([u, v, w]: [f64; 3]) -> Corner {
 }
 
 /// All the object's corners as the camera sees them.
-pub(crate) fn project(view: &View, object: &Object, corners: &mut Vec<Projected>) {
+fn project(view: &View, object: &Object, corners: &mut Vec<Projected>) {
     corners.clear();
     corners.extend(object.mesh.vertices.iter().map(|vertex| Projected::new(view.homogeneous(vertex.position))));
 }
@@ -147,7 +147,7 @@ fn draw(grid: &Grid, triangle: &Triangle, corners: &[Projected], target: &mut im
 }
 
 /// The part of a triangle beyond the near plane: up to four corners, and how many.
-pub(crate) fn clipped(corners: [[f64; 3]; 3]) -> ([[f64; 3]; 4], usize) {
+fn clipped(corners: [[f64; 3]; 3]) -> ([[f64; 3]; 4], usize) {
     let mut kept = [[0.0; 3]; 4];
     let mut count = 0;
     let mut keep = |corner| {
