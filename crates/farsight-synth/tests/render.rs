@@ -251,3 +251,32 @@ fn what_lies_behind_the_camera_is_not_drawn() {
     assert_eq!(rendered.visible[1], 0);
     assert_eq!(rendered.alone[1], 0);
 }
+
+#[test]
+fn awkward_scenes_are_rendered_too() {
+    let photo = PhotoSettings {
+        blur_sigma_px: 1.0,
+        motion_px: [3.0, 2.0],
+        glare: 0.3,
+        rain: 1.0,
+        jpeg_quality: Some(50),
+        ..PhotoSettings::PLAIN
+    };
+    for size in [[1, 1], [3, 2], [17, 1], [1, 33]] {
+        let mut scene = street();
+        scene.image_size = size;
+        let rendered = render(&scene);
+        assert_eq!((rendered.color.len(), rendered.depth_m.len()), (size[0] * size[1], size[0] * size[1]));
+        assert_eq!(photo.develop(&rendered).dimensions(), (size[0] as u32, size[1] as u32));
+    }
+    // Vertices that are nowhere, flat triangles, and triangles that pass through the camera.
+    for strange in [f32::NAN, f32::INFINITY, 0.0, 1e30] {
+        let mut mesh = block([0.0, 1.0, 4.0], [1.0, 1.0, 1.0], 0);
+        mesh.vertices[0].position = [strange; 3];
+        mesh.vertices[5].position[2] = strange;
+        let rendered = render(&scene_of(vec![object(mesh, 1), object(block([0.0; 3], [2.0; 3], 0), 2)]));
+        assert_eq!(rendered.visible.iter().sum::<u32>(), 320 * 160 * 4, "with {strange}");
+    }
+    let nothing = render(&scene_of(Vec::new()));
+    assert!(nothing.depth_m.iter().all(|d| d.is_infinite()) && nothing.visible == [320 * 160 * 4]);
+}

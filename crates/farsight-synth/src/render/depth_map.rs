@@ -6,7 +6,7 @@ use super::lanes::{self, Lanes, Vec3s, all, all3, integers};
 use super::noise::{hash, mask, unit};
 use super::pattern::Holes;
 use super::raster::{Grid, Target, fill};
-use crate::scene::{Material, Object, Scene, Vec3};
+use crate::scene::{Object, Scene, Vec3};
 use crate::vector::{dot, scale};
 
 /// Samples of four neighbouring texels: the rasteriser takes four at a time.
@@ -75,8 +75,9 @@ impl DepthMap {
             block_columns: size[0].div_ceil(BLOCK),
         };
         let mut corners = Vec::new();
+        let holes = Holes::of_all(&scene.materials);
         for object in scene.objects.iter().filter(|object| object.casts_shadow) {
-            map.draw(object, &scene.materials, &mut corners);
+            map.draw(object, &holes, &mut corners);
         }
         map.sum_up_blocks();
         map
@@ -96,7 +97,7 @@ impl DepthMap {
         self.blocks = (0..columns * rows).map(|i| most(i % columns, i / columns)).collect();
     }
 
-    fn draw(&mut self, object: &Object, materials: &[Material], corners: &mut Vec<[f64; 3]>) {
+    fn draw(&mut self, object: &Object, holes: &[Option<Holes>], corners: &mut Vec<[f64; 3]>) {
         corners.clear();
         let (mut least, mut most) = ([f32::MAX; 2], [f32::MIN; 2]);
         for vertex in &object.mesh.vertices {
@@ -111,8 +112,7 @@ impl DepthMap {
         }
         let grid = Grid::new([self.size[0] / 4, self.size[1]], TEXELS);
         for triangle in &object.mesh.triangles {
-            let holes = Holes::of(&materials[usize::from(triangle.material)].pattern);
-            let solid = holes.map_or(1.0, |holes| holes.solid);
+            let solid = holes[usize::from(triangle.material)].map_or(1.0, |holes| holes.solid);
             let [a, b, c] = triangle.vertices;
             let places = [corners[a as usize], corners[b as usize], corners[c as usize]];
             fill(&grid, &places, 1.0, &mut Nearest { width: self.size[0], texels: &mut self.nearest, solid });

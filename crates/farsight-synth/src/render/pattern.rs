@@ -37,9 +37,12 @@ pub(crate) struct Holes {
 }
 
 impl Holes {
-    /// The holes of a pattern, if one can look through parts of it.
-    #[inline]
-    pub(crate) fn of(pattern: &Pattern) -> Option<Self> {
+    /// The holes of each material, if one can look through parts of it.
+    pub(crate) fn of_all(materials: &[Material]) -> Vec<Option<Self>> {
+        materials.iter().map(|material| Self::of(&material.pattern)).collect()
+    }
+
+    fn of(pattern: &Pattern) -> Option<Self> {
         let (scale, solid, seed) = match *pattern {
             Pattern::Leaves { scale, density, seed, .. } => (scale, density, seed),
             Pattern::Worn { scale, wear, seed } => (scale, 1.0 - wear, seed),

@@ -79,7 +79,7 @@ impl Plane {
 
     /// The same, with columns counted from `first`.
     #[inline]
-    fn from_column(self, first: f64) -> Self {
+    fn counted_from(self, first: f64) -> Self {
         Self { c: self.c + self.a * first, ..self }
     }
 
@@ -185,7 +185,7 @@ fn fill_within(
     let edges = [edge(0), edge(1), edge(2)];
     // Counted from the triangle's own first column: far away from it the plane's values are large and lose digits.
     let origin = f32x4::splat(columns[0] as f32);
-    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).from_column(columns[0] as f64);
+    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).counted_from(columns[0] as f64);
     let nearness = Slope::new(nearness, grid);
     let least = f32x4::splat(p[2].min(q[2]).min(r[2]) as f32);
     let most = f32x4::splat(p[2].max(q[2]).max(r[2]) as f32);
