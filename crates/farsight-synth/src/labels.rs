@@ -1,14 +1,15 @@
 //! KITTI labels from the scene and from what the image shows of it.
 //!
-//! Boxes are exact: the 3D box is the actor's own, the 2D box is that of the projected corners of its mesh, truncation is the share of the 2D box
-//! outside the image, and occlusion follows from counted samples. KITTI's annotators judged all these by eye.
+//! The 3D box is the actor's own, the 2D box is the one around its projection, truncation is the share of the 2D box outside the image, and occlusion
+//! follows from counted samples.
+//!
+//! KITTI's 2D boxes are projections too, corrected by hand: on 18 cars in full view their mean overlap with the projected 3D box is 0.97, with the box
+//! around the outline of a car built into the same 3D box 0.90, because outlines are round where boxes have corners.
 
 use farsight_core::{Box2d, Box3d, Dimensions, Label, ObjectClass};
 
 use crate::render::Rendered;
-use crate::render::view::View;
-use crate::render::visibility::{Projected, clipped, project};
-use crate::scene::{Actor, InstanceId, Object, Scene};
+use crate::scene::{Actor, InstanceId, Scene};
 
 /// When an actor is labelled, and how its occlusion is graded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,11 +47,10 @@ impl LabelRules {
 
     /// The labels of the actors that the image shows, in their order. Actors of whom nothing is seen have none.
     pub fn labels(&self, scene: &Scene, actors: &[Actor], rendered: &Rendered) -> Vec<Label> {
-        let view = View::new(&scene.camera);
         let [width, height] = scene.image_size.map(|s| s as f64);
         let labels = actors.iter().filter_map(|actor| {
             let visible = share_visible(rendered, actor.instance)?;
-            let whole = projected_extent(scene, &view, actor.instance)?;
+            let whole = actor.box3d.projected(&scene.camera)?;
             let box2d = whole.clamped(width - 1.0, height - 1.0);
             let truncation = if whole.area() > 0.0 { 1.0 - box2d.area() / whole.area() } else { 0.0 };
             self.label(actor, box2d, truncation, visible)
@@ -80,24 +80,6 @@ impl LabelRules {
 fn share_visible(rendered: &Rendered, instance: InstanceId) -> Option<f64> {
     let count = |counts: &[u32]| counts.get(usize::from(instance)).copied().filter(|&samples| samples > 0);
     Some(f64::from(count(&rendered.visible)?) / f64::from(count(&rendered.alone)?))
-}
-
-/// The box around the projections of all corners of an instance, not clipped to the image.
-fn projected_extent(scene: &Scene, view: &View, instance: InstanceId) -> Option<Box2d> {
-    let mut pixels = Vec::new();
-    let mut corners = Vec::new();
-    for object in scene.objects.iter().filter(|object| object.instance == instance) {
-        project(view, object, &mut corners);
-        push_pixels(object, &corners, &mut pixels);
-    }
-    Box2d::around(pixels)
-}
-
-fn push_pixels(object: &Object, corners: &[Projected], pixels: &mut Vec<[f64; 2]>) {
-    for triangle in &object.mesh.triangles {
-        let (kept, count) = clipped(triangle.vertices.map(|v| corners[v as usize].homogeneous));
-        pixels.extend(kept[..count].iter().map(|[u, v, w]| [u / w, v / w]));
-    }
 }
 
 /// A region without a label, with KITTI's marks for "no value".

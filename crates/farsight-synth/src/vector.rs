@@ -112,7 +112,9 @@ mod tests {
             assert!((exp(y) / y.exp() - 1.0).abs() < 1e-5, "exp({y})");
             assert!((pow(x, 2.2) / x.powf(2.2) - 1.0).abs() < 1e-4, "pow({x})");
         }
-        assert_eq!([exp2(0.0), exp2(-200.0), pow(0.0, 2.0)], [1.0, 0.0, 0.0]);
+        for (found, expected) in [(exp2(0.0), 1.0), (exp2(-200.0), 0.0), (pow(0.0, 2.0), 0.0)] {
+            assert!((found - expected).abs() < 1e-7, "{found} is not {expected}");
+        }
     }
 
     #[test]

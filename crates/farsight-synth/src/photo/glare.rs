@@ -19,7 +19,7 @@ pub(super) fn spread(light: &mut [Color], size: [usize; 2], exposure: f32, share
     }
     let grid = size.map(|s| s.div_ceil(SQUARE));
     let mut squares = excess(light, size, grid, exposure);
-    if squares.iter().all(|square| *square == [0.0; 3]) {
+    if squares.as_flattened().iter().all(|&light| light <= 0.0) {
         return;
     }
     for _ in 0..3 {

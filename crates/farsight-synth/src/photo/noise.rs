@@ -61,7 +61,7 @@ fn normal(bits: u64) -> f32x4 {
     (f32x4::from_i32x4(sum) - f32x4::splat(SUM_MEAN)) * f32x4::splat(1.0 / SUM_DEVIATION)
 }
 
-/// Random bits of a pixel (SplitMix64's finisher).
+/// Random bits of a pixel (the finisher of `SplitMix64`).
 #[inline]
 fn random_bits(seed: u64, number: u64) -> u64 {
     let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -16,18 +16,20 @@
 //! 3. Each distinct triangle in a pixel is shaded once and weighted with its samples; four of one material at a time: [`resolve`], [`pattern`],
 //!    [`shade`], [`sky`].
 
+mod depth_map;
 mod lamps;
 mod lanes;
 mod noise;
 mod pattern;
+mod pieces;
 mod raster;
 mod resolve;
 mod shade;
 mod shadow;
 mod sky;
 mod surface;
-pub(crate) mod view;
-pub(crate) mod visibility;
+mod view;
+mod visibility;
 
 use lamps::Lamps;
 use resolve::Resolver;

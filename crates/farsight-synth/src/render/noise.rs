@@ -119,7 +119,7 @@ impl Noise {
 }
 
 /// Size of the grains of asphalt, plaster and stone.
-const GRAIN: f32 = 0.03;
+const GRAIN: f32 = 0.02;
 
 /// Fine grain, between -0.5 and 0.5 with mean 0, that gets fainter where a pixel covers many grains.
 ///
@@ -173,21 +173,20 @@ mod tests {
     fn features_smaller_than_a_pixel_are_not_there() {
         let noise = Noise { scale: 1.0, octaves: 4, seed: 7 };
         let at = |footprint: f32| noise.at([all(0.3), all(0.4)], all(footprint)).to_array()[0];
-        assert_eq!(at(1.0), 0.0);
-        assert_ne!(at(0.4), 0.0);
+        assert!(at(1.0).abs() < 1e-9 && at(0.4).abs() > 1e-3);
     }
 
     #[test]
     fn grain_is_stretched_by_powers_of_two_and_gets_fainter() {
         for (x, power) in [(0.0, 1.0), (0.9, 1.0), (1.0, 2.0), (3.9, 4.0), (4.0, 8.0), (1e9, 524_288.0)] {
-            assert_eq!(power_above(all(x)).to_array()[0], power, "above {x}");
+            assert!((power_above(all(x)).to_array()[0] - power).abs() < 1e-6, "above {x}");
         }
         let spread = |footprint: [f32; 2]| {
             let at =
                 |i: i32| grain([all(i as f32 * 0.011), all(i as f32 * 0.017)], footprint.map(all), 3).to_array()[0];
             (0..5000).map(|i| at(i) * at(i)).sum::<f32>().sqrt()
         };
-        let ratio = spread([0.01, 0.1]) / spread([0.01, 0.01]);
+        let ratio = spread([0.5 * GRAIN * 0.9, 0.5 * GRAIN * 7.9]) / spread([0.5 * GRAIN * 0.9; 2]);
         assert!((ratio - 0.125_f32.sqrt()).abs() < 0.05, "eight grains long: {ratio}");
     }
 

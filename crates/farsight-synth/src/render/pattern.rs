@@ -10,7 +10,7 @@ use crate::scene::{Color, Material, Pattern};
 pub(crate) type Footprint = [Lanes; 2];
 
 /// How much lighter or darker grains can be than the mean, times two.
-const GRAIN_CONTRAST: f32 = 1.2;
+const GRAIN_CONTRAST: f32 = 1.0;
 
 /// Light of a lit window.
 const LIT_WINDOW: Color = [0.75, 0.5, 0.24];
@@ -37,9 +37,12 @@ pub(crate) struct Holes {
 }
 
 impl Holes {
-    /// The holes of a pattern, if one can look through parts of it.
-    #[inline]
-    pub(crate) fn of(pattern: &Pattern) -> Option<Self> {
+    /// The holes of each material, if one can look through parts of it.
+    pub(crate) fn of_all(materials: &[Material]) -> Vec<Option<Self>> {
+        materials.iter().map(|material| Self::of(&material.pattern)).collect()
+    }
+
+    fn of(pattern: &Pattern) -> Option<Self> {
         let (scale, solid, seed) = match *pattern {
             Pattern::Leaves { scale, density, seed, .. } => (scale, density, seed),
             Pattern::Worn { scale, wear, seed } => (scale, 1.0 - wear, seed),
@@ -73,7 +76,7 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         Pattern::Noise { other, scale, amount, seed } => {
             let noise = Noise { scale, octaves: 4, seed };
             let color = mix_colors(base, other, (all(0.5) + noise.at(uv, widest(footprint))) * all(amount));
-            grained(color, uv, footprint, seed)
+            grained(color, material, uv, footprint, seed)
         }
         Pattern::Stripes { other, period, share } => {
             let per_period = all(1.0 / period);
@@ -87,7 +90,7 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
             let bricks = Cells::new(size, seed, uv, footprint).in_running_bond();
             let [across, up] = bricks.covered([joint / size[0], joint / size[1]], 0.0);
             let color = mix(bricks.varied(base, variation), all3(other), across + up - across * up);
-            grained(color, uv, footprint, seed)
+            grained(color, material, uv, footprint, seed)
         }
         Pattern::Windows { other, pitch, fill, lit, seed } => {
             return windows(material, other, fill, lit, &Cells::new(pitch, seed, uv, footprint));
@@ -96,8 +99,11 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
     Look { color, emission: all3(material.emission), shine: Lanes::ONE }
 }
 
-/// `color`, lighter and darker from grain to grain.
-fn grained(color: Vec3s, uv: [Lanes; 2], footprint: Footprint, seed: u32) -> Vec3s {
+/// `color`, lighter and darker from grain to grain; paint and metal have none.
+fn grained(color: Vec3s, material: &Material, uv: [Lanes; 2], footprint: Footprint, seed: u32) -> Vec3s {
+    if material.gloss > 0.0 || material.mirror > 0.0 {
+        return color;
+    }
     scale(color, all(1.0) + all(GRAIN_CONTRAST) * grain(uv, footprint, seed))
 }
 

@@ -65,7 +65,7 @@ impl Plane {
     /// Positive on one side of the line from `p` to `q`; exchanging them changes the sign and nothing else.
     #[inline]
     fn edge(p: &Corner, q: &Corner) -> Self {
-        let swapped = q[1] < p[1] || (q[1] == p[1] && q[0] < p[0]);
+        let swapped = q[1] < p[1] || (q[1] <= p[1] && q[0] < p[0]);
         let (first, second) = if swapped { (q, p) } else { (p, q) };
         let (a, b) = (first[1] - second[1], second[0] - first[0]);
         let plane = Self { a, b, c: -(a * first[0] + b * first[1]) };
@@ -75,6 +75,12 @@ impl Plane {
     #[inline]
     fn times(self, factor: f64) -> Self {
         Self { a: self.a * factor, b: self.b * factor, c: self.c * factor }
+    }
+
+    /// The same, with columns counted from `first`.
+    #[inline]
+    fn counted_from(self, first: f64) -> Self {
+        Self { c: self.c + self.a * first, ..self }
     }
 
     /// How the samples of a pixel differ from its centre.
@@ -134,7 +140,7 @@ impl Crossing {
     fn new(edge: &Slope) -> Self {
         let slope = edge.plane.a as f32;
         let [a, b, c, d] = edge.offsets.to_array();
-        let turned = if slope == 0.0 { 0.0 } else { -1.0 / slope };
+        let turned = if slope.abs() > 0.0 { -1.0 / slope } else { 0.0 };
         Self { slope, turned, reach: a.max(b).max(c.max(d)) }
     }
 
@@ -177,13 +183,18 @@ fn fill_within(
     let inwards = if area < 0.0 { -1.0 } else { 1.0 };
     let edge = |i: usize| Slope::new(planes[i].times(inwards), grid);
     let edges = [edge(0), edge(1), edge(2)];
-    let nearness = Slope::new(nearness_plane(&planes, [p[2], q[2], r[2]], area), grid);
+    // Counted from the triangle's own first column: far away from it the plane's values are large and lose digits.
+    let origin = f32x4::splat(columns[0] as f32);
+    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).counted_from(columns[0] as f64);
+    let nearness = Slope::new(nearness, grid);
     let least = f32x4::splat(p[2].min(q[2]).min(r[2]) as f32);
     let most = f32x4::splat(p[2].max(q[2]).max(r[2]) as f32);
     let nearer = f32x4::splat(nearer);
     let narrow = columns[1] - columns[0] < NARROW;
     let crossings = [Crossing::new(&edges[0]), Crossing::new(&edges[1]), Crossing::new(&edges[2])];
-    for y in rows[0]..rows[1] + 1 {
+    // Ranges that name their last number cost twice as much in loops as short as these.
+    let end_row = rows[1] + 1;
+    for y in rows[0]..end_row {
         let row = y as f64;
         let mut from_to = columns;
         if !narrow {
@@ -199,12 +210,13 @@ fn fill_within(
         }
         let [e0, e1, e2] = [edges[0].row(row), edges[1].row(row), edges[2].row(row)];
         let depth = nearness.row(row);
-        for x in from_to[0]..from_to[1] + 1 {
+        let end = from_to[1] + 1;
+        for x in from_to[0]..end {
             let column = f32x4::splat(x as f32);
             // The sign of the least of the three is clear only where all are inside.
             let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);
             if inside.to_bitmask() != 0 {
-                target.put(x, y, inside, depth.at(column).fast_max(least).fast_min(most) * nearer);
+                target.put(x, y, inside, depth.at(column - origin).fast_max(least).fast_min(most) * nearer);
             }
         }
     }

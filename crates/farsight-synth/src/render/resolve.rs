@@ -4,24 +4,22 @@
 
 use super::Rendered;
 use super::lamps::Lamps;
-use super::lanes::{self, Lanes, Vec3s};
-use super::shade::{self, Fragments, Light};
+use super::lanes;
+use super::pieces::{END, Piece, Pieces};
+use super::shade::{self, Light};
 use super::shadow::Shadows;
 use super::sky;
 use super::surface::{Varied, Varying, vertices};
 use super::view::View;
 use super::visibility::{NOTHING, OFFSETS, SAMPLES, Visibility};
 use crate::scene::{Color, InstanceId, Scene, Triangle};
-use crate::vector::{add_scaled, dot};
+use crate::vector::dot;
 
 /// Triangles kept ready; neighbouring pixels mostly show the same few.
 const KEPT: usize = 64;
 
 /// Triangles of one object and material whose normals are closer than this (cosine) are shaded as one within a pixel.
 const ALIKE: f32 = 0.96;
-
-/// The end of a chain of pieces.
-const END: u32 = u32::MAX;
 
 /// Shades the samples of all pixels.
 pub(crate) struct Resolver<'a> {
@@ -213,9 +211,8 @@ impl<'a> Resolver<'a> {
             ambient: self.ambient,
             eye: self.view.eye,
         };
-        for number in 0..self.pieces.touched.len() {
-            let material = self.pieces.touched[number];
-            let mut next = self.pieces.chains[material].first;
+        for number in 0..self.pieces.chains() {
+            let (material, mut next) = self.pieces.chain(number);
             while next != END {
                 let batch = self.pieces.batch(&mut next);
                 let seen = match self.scene.materials.get(material) {
@@ -226,107 +223,5 @@ impl<'a> Resolver<'a> {
             }
         }
         self.pieces.clear();
-    }
-}
-
-/// A piece of surface as one pixel shows it.
-#[derive(Debug, Clone, Copy)]
-struct Piece {
-    varied: Varied,
-    column: u32,
-    /// Share of the pixel that it fills.
-    share: f32,
-    /// The next piece of the same material.
-    next: u32,
-}
-
-/// The pieces of one row in chains, one a material, the last for the sky.
-struct Pieces {
-    all: Vec<Piece>,
-    chains: Vec<Chain>,
-    /// The chains that are not empty, in the order of their first pieces.
-    touched: Vec<usize>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Chain {
-    first: u32,
-    last: u32,
-}
-
-/// Four pieces of one material; fewer at the end of a chain, whose last piece then stands in with a share of 0.
-struct Batch {
-    fragments: Fragments,
-    columns: [u32; 4],
-    shares: [f32; 4],
-}
-
-impl Pieces {
-    fn new(chains: usize) -> Self {
-        let empty = Chain { first: END, last: END };
-        Self { all: Vec::new(), chains: vec![empty; chains], touched: Vec::new() }
-    }
-
-    #[inline]
-    fn push(&mut self, chain: usize, piece: Piece) {
-        let number = self.all.len() as u32;
-        let chain_ends = &mut self.chains[chain];
-        if chain_ends.first == END {
-            chain_ends.first = number;
-            self.touched.push(chain);
-        } else {
-            self.all[chain_ends.last as usize].next = number;
-        }
-        chain_ends.last = number;
-        self.all.push(piece);
-    }
-
-    fn clear(&mut self) {
-        for &chain in &self.touched {
-            self.chains[chain].first = END;
-        }
-        self.touched.clear();
-        self.all.clear();
-    }
-
-    /// The next four pieces of a chain; `next` moves on behind them.
-    #[inline]
-    fn batch(&self, next: &mut u32) -> Batch {
-        let mut pieces = [&self.all[*next as usize]; 4];
-        let mut shares = [0.0; 4];
-        for lane in 0..4 {
-            if *next == END {
-                pieces[lane] = pieces[lane - 1];
-            } else {
-                pieces[lane] = &self.all[*next as usize];
-                shares[lane] = pieces[lane].share;
-                *next = pieces[lane].next;
-            }
-        }
-        let [a, b, c, d] = pieces;
-        let transposed =
-            |of: fn(&Piece) -> [f32; 4]| Lanes::transpose([of(a).into(), of(b).into(), of(c).into(), of(d).into()]);
-        let [x, y, z, u] = transposed(|piece| piece.varied.place);
-        let [nx, ny, nz, v] = transposed(|piece| piece.varied.facing);
-        let [u_across, u_down, v_across, v_down] = transposed(|piece| piece.varied.slopes);
-        let fragments = Fragments {
-            position: [x, y, z],
-            normal: [nx, ny, nz],
-            uv: [u, v],
-            footprint: [u_across.abs() + u_down.abs(), v_across.abs() + v_down.abs()],
-            columns: [a.column, d.column],
-        };
-        Batch { fragments, columns: [a.column, b.column, c.column, d.column], shares }
-    }
-}
-
-impl Batch {
-    #[inline]
-    fn add_to(&self, colors: &mut [Color], seen: Vec3s) {
-        let [red, green, blue] = [seen[0].to_array(), seen[1].to_array(), seen[2].to_array()];
-        for lane in 0..4 {
-            let color = &mut colors[self.columns[lane] as usize];
-            *color = add_scaled(*color, [red[lane], green[lane], blue[lane]], self.shares[lane]);
-        }
     }
 }

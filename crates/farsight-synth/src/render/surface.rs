@@ -6,7 +6,7 @@ use super::lanes::{Lanes, all};
 use super::pattern::Holes;
 use super::view::inverted;
 use super::visibility::{OFFSETS, Projected};
-use crate::scene::{Object, Scene, Triangle, Vertex};
+use crate::scene::{Object, Triangle, Vertex};
 
 /// What varies over a triangle, as functions of the pixel, right in perspective.
 ///
@@ -75,14 +75,13 @@ pub(crate) struct Cutout {
 }
 
 impl Cutout {
-    /// The holes of a triangle, if its material has any.
+    /// A triangle with these holes.
     #[inline]
-    pub(crate) fn of(scene: &Scene, object: &Object, triangle: &Triangle, corners: &[Projected]) -> Option<Self> {
-        let holes = Holes::of(&scene.materials[usize::from(triangle.material)].pattern)?;
+    pub(crate) fn new(holes: Holes, object: &Object, triangle: &Triangle, corners: &[Projected]) -> Self {
         let [a, b, c] = triangle.vertices;
         let homogeneous = |v: u32| corners[v as usize].homogeneous;
         let corners = [homogeneous(a), homogeneous(b), homogeneous(c)];
-        Some(Self { varying: Varying::new(vertices(object, triangle), corners), holes })
+        Self { varying: Varying::new(vertices(object, triangle), corners), holes }
     }
 
     /// The samples of a pixel that are no hole, as a mask.

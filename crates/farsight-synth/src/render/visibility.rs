@@ -52,19 +52,21 @@ impl Visibility {
         let mut seen = Self { pixels: vec![empty; width * height], drawn: Vec::new() };
         let grid = Grid::new(scene.image_size, OFFSETS);
         let mut corners = Vec::new();
+        let all_holes = Holes::of_all(&scene.materials);
         // What has no holes first and what is near first: most of what is hidden then needs no second look.
-        for holes in [false, true] {
+        for with_holes in [false, true] {
             for &number in &nearest_first(scene) {
                 let object = &scene.objects[number];
-                if holes && !has_holes(scene, object) {
+                if with_holes && !has_holes(&all_holes, object) {
                     continue;
                 }
                 project(view, object, &mut corners);
                 for (index, triangle) in object.mesh.triangles.iter().enumerate() {
-                    let cutout = Cutout::of(scene, object, triangle, &corners);
-                    if cutout.is_some() != holes {
+                    let holes = all_holes[usize::from(triangle.material)];
+                    if holes.is_some() != with_holes {
                         continue;
                     }
+                    let cutout = holes.map(|holes| Cutout::new(holes, object, triangle, &corners));
                     seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
                     let number = seen.drawn.len() as u32;
                     draw(&grid, triangle, &corners, &mut Layer { width, pixels: &mut seen.pixels, number, cutout });
@@ -95,9 +97,8 @@ fn nearest_first(scene: &Scene) -> Vec<usize> {
     order.into_iter().map(|(_, number)| number).collect()
 }
 
-fn has_holes(scene: &Scene, object: &Object) -> bool {
-    let pattern = |triangle: &Triangle| &scene.materials[usize::from(triangle.material)].pattern;
-    object.mesh.triangles.iter().any(|triangle| Holes::of(pattern(triangle)).is_some())
+fn has_holes(holes: &[Option<Holes>], object: &Object) -> bool {
+    object.mesh.triangles.iter().any(|triangle| holes[usize::from(triangle.material)].is_some())
 }
 
 /// A corner of a mesh as the camera sees it.
@@ -123,7 +124,7 @@ fn divided([u, v, w]: [f64; 3]) -> Corner {
 }
 
 /// All the object's corners as the camera sees them.
-pub(crate) fn project(view: &View, object: &Object, corners: &mut Vec<Projected>) {
+fn project(view: &View, object: &Object, corners: &mut Vec<Projected>) {
     corners.clear();
     corners.extend(object.mesh.vertices.iter().map(|vertex| Projected::new(view.homogeneous(vertex.position))));
 }
@@ -147,7 +148,7 @@ fn draw(grid: &Grid, triangle: &Triangle, corners: &[Projected], target: &mut im
 }
 
 /// The part of a triangle beyond the near plane: up to four corners, and how many.
-pub(crate) fn clipped(corners: [[f64; 3]; 3]) -> ([[f64; 3]; 4], usize) {
+fn clipped(corners: [[f64; 3]; 3]) -> ([[f64; 3]; 4], usize) {
     let mut kept = [[0.0; 3]; 4];
     let mut count = 0;
     let mut keep = |corner| {
@@ -205,6 +206,7 @@ pub(crate) fn alone(scene: &Scene, view: &View) -> Vec<u32> {
     let [width, height] = scene.image_size;
     let mut mask = Mask { width, owners: vec![(0, 0); width * height], instance: 0, cutout: None, count: 0 };
     let mut corners = Vec::new();
+    let all_holes = Holes::of_all(&scene.materials);
     let mut counts = vec![0; usize::from(instances) + 1];
     for instance in 1..=instances {
         mask.instance = instance;
@@ -212,7 +214,8 @@ pub(crate) fn alone(scene: &Scene, view: &View) -> Vec<u32> {
         for object in scene.objects.iter().filter(|o| o.instance == instance) {
             project(view, object, &mut corners);
             for triangle in &object.mesh.triangles {
-                mask.cutout = Cutout::of(scene, object, triangle, &corners);
+                let holes = all_holes[usize::from(triangle.material)];
+                mask.cutout = holes.map(|holes| Cutout::new(holes, object, triangle, &corners));
                 draw(&grid, triangle, &corners, &mut mask);
             }
         }

@@ -1,5 +1,5 @@
 //! Scenes made by hand, for tests and for measuring.
-#![allow(dead_code, unreachable_pub)] // Each test uses some of it.
+#![allow(dead_code, unreachable_pub, clippy::expect_used)] // Each test uses some of it, and it is used by nothing else.
 
 use farsight_core::Camera;
 use farsight_synth::scene::{
@@ -181,7 +181,7 @@ fn tree(foot: Vec3) -> Mesh {
     let mut mesh = block(foot, [0.3, 2.5, 0.3], 2);
     for i in 0..8_u8 {
         let turn = f32::from(i) * 0.39;
-        let (dx, dz) = (2.0 * turn.cos(), 2.0 * turn.sin());
+        let (dx, dz) = (2.0 * libm::cosf(turn), 2.0 * libm::sinf(turn));
         let (low, high) = (y - 1.8, y - 6.0);
         let corners = [[x - dx, low, z - dz], [x + dx, low, z + dz], [x + dx, high, z + dz], [x - dx, high, z - dz]];
         mesh = joined(mesh, quad(corners, 5, 0));
