@@ -111,7 +111,12 @@ impl Model {
 
     /// Whether layers are narrower than the config says.
     pub fn is_narrowed(&self) -> bool {
-        self.weights.metadata.contains_key(NARROWED_KEY)
+        Self::marks_narrowed(&self.weights)
+    }
+
+    /// Whether these are the weights of a model whose layers are narrower than its config says.
+    pub fn marks_narrowed(weights: &Weights) -> bool {
+        weights.metadata.contains_key(NARROWED_KEY)
     }
 
     /// Reads a model file.
@@ -135,8 +140,7 @@ impl Model {
         let bad = |problem: String| ModelError::BadConfig { path: path.into(), problem };
         let config: ModelConfig = serde_json::from_str(text).map_err(|e| bad(e.to_string()))?;
         config.validate().map_err(|e: ConfigError| bad(e.to_string()))?;
-        let narrowed = weights.metadata.contains_key(NARROWED_KEY);
-        if narrowed { Self::narrowed(config, weights) } else { Self::new(config, weights) }
+        if Self::marks_narrowed(&weights) { Self::narrowed(config, weights) } else { Self::new(config, weights) }
     }
 
     /// Writes the model file, whole or not at all.

@@ -12,7 +12,7 @@ use farsight_data::loader::{ItemError, LoaderError};
 use farsight_data::{Batch, KittiDataset, Loader, LoaderConfig, Position};
 use farsight_files::{DurableError, write_atomically};
 use farsight_net::build::network;
-use farsight_net::graph::{LOGITS, NodeId, REGRESSION};
+use farsight_net::graph::{Graph, LOGITS, NodeId, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};
 use farsight_net::weights::{Weights, WeightsError};
@@ -246,7 +246,7 @@ impl<'a> Trainer<'a> {
         let run = &job.run;
         let stored =
             if job.resume && checkpoint_path.exists() { Some(checkpoint::read(checkpoint_path, run)?) } else { None };
-        let graph = network(&run.model);
+        let graph = start_graph(run)?;
         let fresh = initial_weights(&graph, run.train.seed);
         let start = match (&stored, &run.train.start_from) {
             (Some((weights, _)), _) => weights.clone(),
@@ -314,8 +314,20 @@ impl<'a> Trainer<'a> {
             "data": if run.data.rendered.is_some() { "rendered scenes".into() } else { run.data.split.display().to_string() },
         });
         weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
-        Model::new(run.model.clone(), weights)
+        let is_pruned = self.network.graph() != &network(&run.model);
+        if is_pruned { Model::narrowed(run.model.clone(), weights) } else { Model::new(run.model.clone(), weights) }
     }
+}
+
+/// The network of the config, or the narrower one of the same kind that the run starts from.
+fn start_graph(run: &RunConfig) -> Result<Graph, TrainError> {
+    if let Some(path) = &run.train.start_from {
+        let weights = Weights::read(path)?;
+        if Model::marks_narrowed(&weights) {
+            return Ok(Model::narrowed(run.model.clone(), weights)?.graph);
+        }
+    }
+    Ok(network(&run.model))
 }
 
 /// `fresh` with the tensors of `loaded` that have a place and the right shape in it.

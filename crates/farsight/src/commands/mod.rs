@@ -1,5 +1,6 @@
 //! One file a command.
 
+mod bench;
 mod demo;
 mod doctor;
 mod engine;
@@ -8,6 +9,7 @@ mod export;
 mod import;
 mod info;
 mod parity;
+mod prune;
 mod range;
 mod synth;
 mod train;
@@ -40,6 +42,10 @@ pub(crate) enum Command {
     Engine(engine::EngineCommandArgs),
     /// Show what this machine has to run models with, and what would help
     Doctor(doctor::DoctorArgs),
+    /// Time every stage, from the image file to the picture
+    Bench(bench::BenchArgs),
+    /// Remove the channels of a model that matter least
+    Prune(prune::PruneArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
 }
@@ -67,6 +73,8 @@ impl Command {
             Self::Parity(args) => parity::run(&args, printer),
             Self::Engine(args) => engine::run(&args, printer),
             Self::Doctor(args) => doctor::run(&args, printer),
+            Self::Bench(args) => bench::run(&args, printer),
+            Self::Prune(args) => prune::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),
         }
     }

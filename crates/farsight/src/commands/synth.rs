@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use farsight_data::Frame;
-use farsight_data::kitti::{Calibration, image_size, read_labels, write_labels};
+use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
 use farsight_files::{write_atomically, write_quickly};
 use farsight_synth::{SceneStream, WorldConfig, twin};
 use image::codecs::jpeg::JpegEncoder;
@@ -41,6 +41,9 @@ pub(crate) struct SynthArgs {
     /// Render the objects of these label files at their own positions instead of random traffic
     #[arg(long, value_name = "LABEL_DIR", requires = "calib_dir")]
     layout: Option<PathBuf>,
+    /// Only the label files of these frames, one id a line
+    #[arg(long, value_name = "FILE", requires = "layout")]
+    split: Option<PathBuf>,
     /// The cameras of the label files
     #[arg(long, value_name = "DIR", requires = "layout")]
     calib_dir: Option<PathBuf>,
@@ -88,7 +91,7 @@ impl Source {
             ensure!(frames > 0, "--frames is 0; expected at least one");
             return Ok(Self::Stream { stream: SceneStream { world, seed: args.seed }, frames });
         };
-        let mut ids = label_ids(labels)?;
+        let mut ids = args.split.as_deref().map_or_else(|| label_ids(labels), |split| Ok(read_split(split)?))?;
         ensure!(!ids.is_empty(), "{}: no label files; expected files such as 000000.txt", labels.display());
         ids.truncate(args.frames.unwrap_or(ids.len()));
         Ok(Self::Layout { labels: labels.clone(), calibrations: calibrations.clone(), ids })

@@ -1,0 +1,192 @@
+//! `farsight bench`: where the time goes, from the image file to the picture.
+
+use std::fs;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use farsight_core::Camera;
+use farsight_core::detection::DecodeOptions;
+use farsight_data::read_image;
+use farsight_files::write_atomically;
+use farsight_infer::timing::timed;
+use farsight_infer::{Detector, StageTimes};
+use farsight_viz::{DrawOptions, Scene, picture};
+use serde::Serialize;
+
+use super::Outcome;
+use crate::engines::{EngineArgs, open_detector};
+use crate::printer::Printer;
+use crate::shipped;
+
+/// Runs before the clock counts: engines plan and allocate in the first ones.
+const WARM_UP: usize = 3;
+
+/// Arguments of `farsight bench`.
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    /// Model [default: the one that comes with the program]
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineArgs,
+    /// Image to look at [default: a scene that comes with the program, 1242x375 JPEG]
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+    /// How often each stage is timed
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    runs: usize,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// All figures.
+#[derive(Debug, Serialize)]
+struct Figures {
+    engine: String,
+    model: String,
+    image: [usize; 2],
+    input: [usize; 2],
+    /// Of the network, as asked for; none is the engine's own choice.
+    threads: Option<usize>,
+    batch: usize,
+    runs: usize,
+    /// From the image file to the detections, milliseconds.
+    total: Spread,
+    stages: Vec<(&'static str, Spread)>,
+    /// The most memory that the process ever held, megabytes, where the system tells.
+    peak_memory_mb: Option<f64>,
+}
+
+/// Median and quartiles, milliseconds.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Spread {
+    median_ms: f64,
+    quartiles_ms: [f64; 2],
+}
+
+/// One pass over the image.
+struct Pass {
+    times: StageTimes,
+    draw: Duration,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
+    ensure!(args.runs > 0, "--runs is 0; expected at least one");
+    let folder = tempfile::tempdir().context("no folder for the scene")?;
+    let image = match &args.image {
+        Some(image) => image.clone(),
+        None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
+    };
+    let mut detector = open_detector(&args.engine, args.model.as_deref(), DecodeOptions::default())?;
+    for _ in 0..WARM_UP {
+        pass(&image, &mut detector)?;
+    }
+    let passes = (0..args.runs).map(|_| pass(&image, &mut detector)).collect::<Result<Vec<Pass>>>()?;
+    let figures = figures(args, &image, &detector, &passes)?;
+    print(&figures, printer);
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&figures)? + "\n";
+        write_atomically(path, |file| file.write_all(text.as_bytes()))?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn pass(path: &std::path::Path, detector: &mut Detector) -> Result<Pass> {
+    let (image, load) = timed(|| read_image(path));
+    let image = image?;
+    let camera = camera(image.width() as usize, image.height() as usize)?;
+    let (detections, times) = detector.detect_timed(&image, &camera)?;
+    let scene = Scene { camera: &camera, detections: &detections, truth: &[] };
+    let (_, draw) = timed(|| picture(&image, &scene, &DrawOptions::default()));
+    Ok(Pass { times: StageTimes { load, ..times }, draw })
+}
+
+/// KITTI's field of view: the answers do not matter here, and the time does not depend on it.
+fn camera(width: usize, height: usize) -> Result<Camera> {
+    const HFOV_DEG: f64 = 81.4;
+    Ok(Camera::from_hfov(HFOV_DEG, width, height)?)
+}
+
+fn figures(args: &BenchArgs, path: &std::path::Path, detector: &Detector, passes: &[Pass]) -> Result<Figures> {
+    let (width, height) = image::image_dimensions(path).with_context(|| path.display().to_string())?;
+    let image = [width as usize, height as usize];
+    let stage = |time: fn(&Pass) -> Duration| Spread::of(passes.iter().map(time));
+    Ok(Figures {
+        engine: detector.engine_name().to_owned(),
+        model: args.model.as_ref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string()),
+        image,
+        input: detector.spec().input_for(image, &camera(image[0], image[1])?).size,
+        threads: args.engine.threads,
+        batch: 1,
+        runs: passes.len(),
+        total: stage(|pass| pass.times.total()),
+        stages: vec![
+            ("load", stage(|pass| pass.times.load)),
+            ("warp", stage(|pass| pass.times.warp)),
+            ("network", stage(|pass| pass.times.network)),
+            ("decode", stage(|pass| pass.times.decode)),
+            ("draw", stage(|pass| pass.draw)),
+        ],
+        peak_memory_mb: peak_memory_mb(),
+    })
+}
+
+fn print(figures: &Figures, printer: &mut Printer) {
+    let Figures { engine, model, image: [width, height], input: [input_width, input_height], runs, .. } = figures;
+    printer.heading(&format!(
+        "{model} on {engine}: image {width}x{height}, input {input_width}x{input_height}, batch 1, {runs} runs, milliseconds"
+    ));
+    let row = |name: &str, spread: &Spread| {
+        let [low, high] = spread.quartiles_ms;
+        format!("{name:<24}{:>9.2}   quartiles {low:.2} to {high:.2}", spread.median_ms)
+    };
+    for (name, spread) in &figures.stages {
+        printer.line(&row(name, spread));
+    }
+    printer.line(&row("file to detections", &figures.total));
+    printer.line(&format!("{:<24}{:>9.1}", "images a second", 1e3 / figures.total.median_ms));
+    if let Some(megabytes) = figures.peak_memory_mb {
+        printer.line(&format!("{:<24}{megabytes:>9.0} MB", "most memory held"));
+    }
+}
+
+impl Spread {
+    fn of(times: impl Iterator<Item = Duration>) -> Self {
+        let mut times: Vec<f64> = times.map(|time| time.as_secs_f64() * 1e3).collect();
+        times.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let place = share * (times.len() - 1) as f64;
+            let (low, high) = (times[place.floor() as usize], times[place.ceil() as usize]);
+            low + (high - low) * place.fract()
+        };
+        Self { median_ms: at(0.5), quartiles_ms: [at(0.25), at(0.75)] }
+    }
+}
+
+/// Linux tells it in `/proc/self/status`, in kilobytes.
+fn peak_memory_mb() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kilobytes / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::Spread;
+
+    #[test]
+    fn spread_of_a_few_times() {
+        let spread = Spread::of([5, 1, 3, 2, 4].into_iter().map(Duration::from_millis));
+        assert!((spread.median_ms - 3.0).abs() < 1e-9);
+        assert!((spread.quartiles_ms[0] - 2.0).abs() < 1e-9 && (spread.quartiles_ms[1] - 4.0).abs() < 1e-9);
+        let even = Spread::of([1, 2].into_iter().map(Duration::from_millis));
+        assert!((even.median_ms - 1.5).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,40 @@
+//! `farsight prune`: a smaller network of the same kind.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Args;
+use farsight_net::count::{count, total};
+use farsight_net::model::Model;
+use farsight_net::prune::prune;
+
+use super::Outcome;
+use crate::printer::Printer;
+
+/// Arguments of `farsight prune`.
+#[derive(Debug, Args)]
+pub(crate) struct PruneArgs {
+    /// Model that `farsight train` or `farsight import` wrote
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// Share of the channels of every layer to keep, above 0 and at most 1
+    #[arg(long, value_name = "SHARE")]
+    keep: f64,
+    /// Where to write the pruned model (.safetensors)
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &PruneArgs, printer: &mut Printer) -> Result<Outcome> {
+    let model = Model::read(&args.model)?;
+    let pruned = prune(&model, args.keep)?;
+    let [width, height] = model.config.input;
+    let costs = |model: &Model| count(&model.graph, width, height).map(|stages| total(&stages));
+    let (before, after) = costs(&model).zip(costs(&pruned)).context("the model's input does not fit its network")?;
+    pruned.write(&args.out)?;
+    printer.line(&format!("parameters {:>12} -> {:>12}", before.parameters, after.parameters));
+    printer.line(&format!("GMAC       {:>12.3} -> {:>12.3}", before.macs as f64 / 1e9, after.macs as f64 / 1e9));
+    printer.note("a pruned model must be trained on: name it as train.start_from in a config");
+    Ok(Outcome::Done)
+}
