@@ -59,6 +59,7 @@ pub fn largest_difference(found: &[f32], expected: &[f32]) -> f32 {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "these values are exact")]
 mod tests {
     use super::{input, largest_difference};
 

@@ -1,0 +1,52 @@
+//! How long one core takes from an image file to the network's input: reading and decoding, then warp and normalisation in one pass.
+//!
+//! `cargo run --release -p farsight-data --example input_speed -- IMAGE [WIDTHxHEIGHT] [ROUNDS]`; the image is timed as it is and as a JPEG of quality 95.
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_data::{network_input, read_image};
+use image::codecs::jpeg::JpegEncoder;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let image = PathBuf::from(arguments.first().ok_or("expected an image")?);
+    let size = arguments.get(1).map_or("1280x384", String::as_str);
+    let (width, height) = size.split_once('x').ok_or("expected WIDTHxHEIGHT")?;
+    let rounds = arguments.get(2).map_or(Ok(101), |text| text.parse())?;
+    let size = [width.parse()?, height.parse()?];
+    let rules = InputRules { size, channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+
+    let jpeg = std::env::temp_dir().join(format!("farsight-input-speed-{}.jpg", std::process::id()));
+    JpegEncoder::new_with_quality(File::create(&jpeg)?, 95).encode_image(&read_image(&image)?)?;
+    let told = [&image, &jpeg].into_iter().try_for_each(|path| tell(path, &rules, rounds));
+    std::fs::remove_file(&jpeg)?;
+    told
+}
+
+/// Prints median and range of each part.
+fn tell(path: &Path, rules: &InputRules, rounds: usize) -> Result<(), Box<dyn Error>> {
+    let [mut load, mut input, mut total] = [const { Vec::new() }; 3];
+    for _ in 0..rounds {
+        let start = Instant::now();
+        let image = read_image(path)?;
+        let loaded = start.elapsed();
+        let affine = rules.whole_image([image.width() as usize, image.height() as usize]);
+        std::hint::black_box(network_input(&image, &affine, rules, None));
+        load.push(loaded);
+        input.push(start.elapsed() - loaded);
+        total.push(start.elapsed());
+    }
+    println!("{}", path.extension().unwrap_or_default().display());
+    for (name, mut times) in [("load", load), ("warp and normalise", input), ("together", total)] {
+        times.sort();
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let [fastest, median] = [times[0], times[times.len() / 2]].map(ms);
+        println!("  {name:20} median {median:6.2} ms, fastest {fastest:6.2} ms");
+    }
+    Ok(())
+}
