@@ -1,7 +1,7 @@
 //! Glare: bright lights spread over their surroundings.
 
 use crate::scene::Color;
-use crate::vector::{add, add_scaled, mix, scale};
+use crate::vector::{add, add_scaled, float, mix, scale};
 
 /// Side of the squares that glare is computed in, pixels.
 const SQUARE: usize = 8;
@@ -27,10 +27,11 @@ pub(super) fn spread(light: &mut [Color], size: [usize; 2], exposure: f32, share
         squares = boxed(&squares, grid, grid[0], grid[1]);
     }
     let share = share / exposure;
+    let places: Vec<(usize, f32)> = (0..size[0]).map(place).collect();
     for (y, row) in light.chunks_exact_mut(size[0]).enumerate() {
-        let line = Line::new(&squares, grid, y);
-        for (x, pixel) in row.iter_mut().enumerate() {
-            *pixel = add_scaled(*pixel, line.at(x), share);
+        let line = mixed_line(&squares, grid, y);
+        for (pixel, &(square, part)) in row.iter_mut().zip(&places) {
+            *pixel = add_scaled(*pixel, mix(line[square], line[square + 1], part), share);
         }
     }
 }
@@ -63,28 +64,17 @@ fn boxed(squares: &[Color], grid: [usize; 2], step: usize, count: usize) -> Vec<
     (0..grid[0] * grid[1]).map(mean).collect()
 }
 
-/// The squares around one line of pixels, mixed into one row.
-struct Line {
-    squares: Vec<Color>,
-}
-
-impl Line {
-    fn new(squares: &[Color], [columns, rows]: [usize; 2], y: usize) -> Self {
-        let (row, share) = place(y);
-        let line = |row: usize| &squares[row.min(rows - 1) * columns..][..columns];
-        let mixed = line(row).iter().zip(line(row + 1)).map(|(&a, &b)| mix(a, b, share));
-        Self { squares: mixed.collect() }
-    }
-
-    fn at(&self, x: usize) -> Color {
-        let (column, share) = place(x);
-        let last = self.squares.len() - 1;
-        mix(self.squares[column.min(last)], self.squares[(column + 1).min(last)], share)
-    }
+/// The squares around one line of pixels, mixed into one row; its last square twice.
+fn mixed_line(squares: &[Color], [columns, rows]: [usize; 2], y: usize) -> Vec<Color> {
+    let (row, share) = place(y);
+    let line = |row: usize| &squares[row.min(rows - 1) * columns..][..columns];
+    let mut mixed: Vec<Color> = line(row).iter().zip(line(row + 1)).map(|(&a, &b)| mix(a, b, share)).collect();
+    mixed.push(mixed[columns - 1]);
+    mixed
 }
 
 /// The square whose centre is before a pixel, and how far on to the next centre the pixel is.
 fn place(pixel: usize) -> (usize, f32) {
-    let at = ((pixel as f32 + 0.5) / SQUARE as f32 - 0.5).max(0.0);
-    (at as usize, at - (at as usize) as f32)
+    let at = ((float(pixel) + 0.5) / SQUARE as f32 - 0.5).max(0.0);
+    (at as usize, at - at.floor())
 }

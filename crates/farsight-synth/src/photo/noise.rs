@@ -5,6 +5,7 @@ use wide::{bytemuck::cast, f32x4, i32x4, u32x4};
 use super::PhotoSettings;
 use super::curve::Curve;
 use crate::scene::Color;
+use crate::vector::float;
 
 /// Share of red, green and blue in what the eye sees as grey (ITU-R BT.709, linear light).
 const LUMA: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -36,9 +37,9 @@ impl Sensor<'_> {
         let saturation = f32x4::splat(settings.saturation);
         let lines = light.chunks_exact(self.size[0]).zip(bytes.chunks_exact_mut(3 * self.size[0]));
         for (row, (pixels, out)) in lines.enumerate() {
-            let y = 2.0 * row as f32 - height;
+            let y = 2.0 * float(row) - height;
             for (column, (&[r, g, b], out)) in pixels.iter().zip(out.as_chunks_mut().0).enumerate() {
-                let x = 2.0 * column as f32 - width;
+                let x = 2.0 * float(column) - width;
                 let kept = 1.0 - per_square * (x * x + y * y);
                 let grey = f32x4::splat(LUMA[0] * r + LUMA[1] * g + LUMA[2] * b);
                 let color = f32x4::from([r, g, b, 0.0]);

@@ -4,7 +4,7 @@
 
 use wide::f32x4;
 
-use crate::vector::floor;
+use crate::vector::{float, floor};
 
 /// Added on both sides of a row's span against rounding, pixels.
 const SPAN_MARGIN_PX: f32 = 0.002;
@@ -37,7 +37,7 @@ impl Grid {
     fn pixels(&self, axis: usize, least: f32, most: f32) -> Option<[usize; 2]> {
         let [before, after] = self.reach[axis];
         // Cut to the picture before rounding: numbers that are too large for an integer, or none, end up at its edges.
-        let limit = self.size[axis] as f32;
+        let limit = float(self.size[axis]);
         let first = -floor(-(least - after - SPAN_MARGIN_PX).clamp(0.0, limit));
         let last = floor((most - before + SPAN_MARGIN_PX).clamp(-1.0, limit - 1.0));
         (first <= last).then_some([first as usize, last.max(0) as usize])
@@ -184,8 +184,8 @@ fn fill_within(
     let edge = |i: usize| Slope::new(planes[i].times(inwards), grid);
     let edges = [edge(0), edge(1), edge(2)];
     // Counted from the triangle's own first column: far away from it the plane's values are large and lose digits.
-    let origin = f32x4::splat(columns[0] as f32);
-    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).counted_from(columns[0] as f64);
+    let origin = f32x4::splat(float(columns[0]));
+    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).counted_from(f64::from(float(columns[0])));
     let nearness = Slope::new(nearness, grid);
     let least = f32x4::splat(p[2].min(q[2]).min(r[2]) as f32);
     let most = f32x4::splat(p[2].max(q[2]).max(r[2]) as f32);
@@ -195,10 +195,10 @@ fn fill_within(
     // Ranges that name their last number cost twice as much in loops as short as these.
     let end_row = rows[1] + 1;
     for y in rows[0]..end_row {
-        let row = y as f64;
+        let row = f64::from(float(y));
         let mut from_to = columns;
         if !narrow {
-            let mut span = [columns[0] as f32, columns[1] as f32];
+            let mut span = [float(columns[0]), float(columns[1])];
             for (crossing, edge) in crossings.iter().zip(&edges) {
                 crossing.cut(edge, row, &mut span);
             }
@@ -212,7 +212,7 @@ fn fill_within(
         let depth = nearness.row(row);
         let end = from_to[1] + 1;
         for x in from_to[0]..end {
-            let column = f32x4::splat(x as f32);
+            let column = f32x4::splat(float(x));
             // The sign of the least of the three is clear only where all are inside.
             let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);
             if inside.to_bitmask() != 0 {

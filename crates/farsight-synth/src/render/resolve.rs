@@ -13,7 +13,7 @@ use super::surface::{Varied, Varying, vertices};
 use super::view::View;
 use super::visibility::{NOTHING, OFFSETS, SAMPLES, Visibility};
 use crate::scene::{Color, InstanceId, Scene, Triangle};
-use crate::vector::dot;
+use crate::vector::{dot, float};
 
 /// Triangles kept ready; neighbouring pixels mostly show the same few.
 const KEPT: usize = 64;
@@ -162,7 +162,7 @@ impl<'a> Resolver<'a> {
     /// Adds what a pixel shows of a triangle, or of the sky, `offset` from its centre.
     #[inline]
     fn add_piece(&mut self, number: u32, column: usize, row: usize, offset: [f32; 2], share: f32) -> Shown {
-        let (u, v) = (column as f32 + offset[0], row as f32 + offset[1]);
+        let (u, v) = (float(column) + offset[0], float(row) + offset[1]);
         let column = column as u32;
         if number == NOTHING {
             let [x, y, z] = self.view.direction(u, v);

@@ -7,6 +7,7 @@ use super::pattern::Holes;
 use super::view::inverted;
 use super::visibility::{OFFSETS, Projected};
 use crate::scene::{Object, Triangle, Vertex};
+use crate::vector::float;
 
 /// What varies over a triangle, as functions of the pixel, right in perspective.
 ///
@@ -86,7 +87,7 @@ impl Cutout {
 
     /// The samples of a pixel that are no hole, as a mask.
     pub(crate) fn kept(&self, x: usize, y: usize) -> Lanes {
-        let at = self.varying.at(x as f32, y as f32);
+        let at = self.varying.at(float(x), float(y));
         let [u_across, u_down, v_across, v_down] = at.slopes;
         let [dx, dy] = [0, 1].map(|axis| Lanes::from(OFFSETS.map(|offset| offset[axis])));
         let u = all(at.place[3]) + all(u_across) * dx + all(u_down) * dy;
