@@ -148,10 +148,28 @@ impl Model {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ModelError> {
+        Ok(self.described_weights(path)?.write(path)?)
+    }
+
+    /// [`Model::write`] with half-precision numbers, without those that no forward pass reads.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_half(&self, path: &Path) -> Result<(), ModelError> {
+        let mut weights = self.described_weights(path)?;
+        let unused = self.graph.parameters.iter().filter(|parameter| parameter.role == Role::Unused);
+        for parameter in unused {
+            weights.tensors.remove(&parameter.name);
+        }
+        Ok(weights.write_half(path)?)
+    }
+
+    /// The weights with the config in their header.
+    fn described_weights(&self, path: &Path) -> Result<Weights, ModelError> {
         let mut weights = self.weights.clone();
         let config = serde_json::to_string(&self.config)
             .map_err(|e| ModelError::BadConfig { path: path.into(), problem: e.to_string() })?;
         weights.metadata.insert(CONFIG_KEY.to_owned(), config);
-        Ok(weights.write(path)?)
+        Ok(weights)
     }
 }

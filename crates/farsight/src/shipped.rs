@@ -7,10 +7,10 @@ use anyhow::{Context, Result};
 use farsight_files::write_quickly;
 use farsight_net::model::Model;
 
-/// Name of the model; its card is `assets/models/farsight-s.md`.
+/// Name of the model; its card is `models/farsight-s.md`.
 pub(crate) const NAME: &str = "farsight-s";
 
-const MODEL: &[u8] = include_bytes!("../../../assets/models/farsight-s.safetensors");
+const MODEL: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
 
 /// One scene's name, image and calibration.
 macro_rules! scene {

@@ -32,6 +32,9 @@ pub(crate) struct ExportArgs {
     /// The file to write
     #[arg(long, value_name = "FILE.onnx")]
     out: PathBuf,
+    /// Write a model file of our own (.safetensors) with half-precision numbers instead: half the size, to be shipped
+    #[arg(long, conflicts_with = "target")]
+    half: bool,
     /// In which form deformable convolutions are written
     #[arg(long, value_enum, default_value_t = TargetName::Portable)]
     target: TargetName,
@@ -62,6 +65,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
     let model = Model::read(&args.model)?;
+    if args.half {
+        return half(&model, args, printer);
+    }
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = OnnxModel::from_bytes(bytes, &args.out)?;
     let differences = check(&model, &file, &args.out, printer)?;
@@ -79,6 +85,13 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
     printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
+    Ok(Outcome::Done)
+}
+
+/// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.
+fn half(model: &Model, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+    model.write_half(&args.out)?;
+    printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
 }
 
