@@ -36,12 +36,12 @@ fn tell(path: &Path, rules: &InputRules, rounds: usize) -> Result<(), Box<dyn Er
     for _ in 0..rounds {
         let start = Instant::now();
         let image = read_image(path)?;
-        let loaded = start.elapsed();
+        load.push(start.elapsed());
+        let loaded = Instant::now();
         let affine = rules.whole_image([image.width() as usize, image.height() as usize]);
         network_input_into(&mut tensor, &image, &affine, rules, None);
         std::hint::black_box(&tensor);
-        load.push(loaded);
-        input.push(start.elapsed() - loaded);
+        input.push(loaded.elapsed());
         total.push(start.elapsed());
     }
     println!("{}", path.extension().unwrap_or_default().display());
