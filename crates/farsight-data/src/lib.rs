@@ -20,4 +20,4 @@ pub use jitter::ColorJitter;
 pub use kitti::KittiDataset;
 pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};
 pub use transform::{Sample, Transform};
-pub use warp::{network_input, warp};
+pub use warp::{network_input, network_input_into, warp};

@@ -18,18 +18,37 @@ use paint::Paint;
 ///
 /// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with [`Sampling::PixelExact`] they stay as they are.
 pub fn network_input(image: &RgbImage, affine: &Affine2, rules: &InputRules, jitter: Option<&ColorJitter>) -> Vec<f32> {
+    let mut input = Vec::new();
+    network_input_into(&mut input, image, affine, rules, jitter);
+    input
+}
+
+/// As [`network_input`], into a vector that is there already: for one image after the other, because fresh memory costs time.
+pub fn network_input_into(
+    input: &mut Vec<f32>,
+    image: &RgbImage,
+    affine: &Affine2,
+    rules: &InputRules,
+    jitter: Option<&ColorJitter>,
+) {
     let [width, height] = rules.size;
     let area = width * height;
-    let mut input = vec![0.0; 3 * area];
+    input.resize(3 * area, 0.0);
     let paint = Paint::new(rules, jitter);
-    paint.fill_black(&mut input);
-    let Some(source_from_output) = source_from_output(affine, rules.sampling) else { return input };
-    resample::rows(image, &source_from_output, rules.size, rules.sampling, |row, columns, rgb| {
-        let start = row * width + columns.start;
-        let [first, second, third] = planes(&mut input, area);
-        paint.row([first, second, third].map(|plane| &mut plane[start..start + columns.len()]), rgb);
-    });
-    input
+    // Rows from here on, of every plane, still hold what they held before.
+    let mut row_to_fill = 0;
+    if let Some(source_from_output) = source_from_output(affine, rules.sampling) {
+        resample::rows(image, &source_from_output, rules.size, rules.sampling, |row, columns, rgb| {
+            let line = row * width;
+            paint.black(input, row_to_fill * width..line + columns.start);
+            paint.black(input, line + columns.end..line + width);
+            row_to_fill = row + 1;
+            let [first, second, third] = planes(input, area);
+            let covered = line + columns.start..line + columns.end;
+            paint.row([first, second, third].map(|plane| &mut plane[covered.clone()]), rgb);
+        });
+    }
+    paint.black(input, row_to_fill * width..area);
 }
 
 /// The image after `affine`, `size` (width, height) pixels large, bilinear, black outside.

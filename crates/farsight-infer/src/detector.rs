@@ -3,7 +3,7 @@
 use farsight_core::codec::CHANNELS;
 use farsight_core::detection::{View, detections, detections_at_peaks};
 use farsight_core::{Camera, Detection, HeadMaps};
-use farsight_data::network_input;
+use farsight_data::network_input_into;
 use image::RgbImage;
 use thiserror::Error;
 
@@ -16,6 +16,8 @@ pub struct Detector {
     spec: DetectorSpec,
     /// What the engine's network leaves to be done at the peaks.
     head: Option<PeaksHead>,
+    /// The network's input, kept from image to image.
+    input: Vec<f32>,
 }
 
 /// An image for which there is no answer.
@@ -53,12 +55,12 @@ pub enum DetectError {
 impl Detector {
     /// A detector that runs the model of `spec` on `engine`.
     pub fn new(engine: Box<dyn Engine>, spec: DetectorSpec) -> Self {
-        Self { engine, spec, head: None }
+        Self { engine, spec, head: None, input: Vec::new() }
     }
 
     /// As [`Detector::new`], for a network that ends before its regression `head`.
     pub fn with_peaks_head(engine: Box<dyn Engine>, spec: DetectorSpec, head: PeaksHead) -> Self {
-        Self { engine, spec, head: Some(head) }
+        Self { engine, spec, head: Some(head), input: Vec::new() }
     }
 
     /// Name of the engine.
@@ -101,8 +103,8 @@ impl Detector {
         let view =
             View { image_size, camera: *camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) };
 
-        let (input, warp) = timed(|| network_input(image, &affine, &rules, None));
-        let (maps, network) = timed(|| self.engine.head_maps(&input, rules.size));
+        let ((), warp) = timed(|| network_input_into(&mut self.input, image, &affine, &rules, None));
+        let (maps, network) = timed(|| self.engine.head_maps(&self.input, rules.size));
         let maps = self.checked(maps?, rules.size)?;
         let (detections, decode) = timed(|| self.decoded(&maps, &view));
         Ok((detections, StageTimes { warp, network, decode, ..StageTimes::default() }))

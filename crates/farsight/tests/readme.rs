@@ -53,8 +53,15 @@ fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
 
 #[test]
 fn every_file_that_the_documents_point_to_is_there() {
-    for document in ["README.md", "ARCHITECTURE.md", "PARITY.md", "docs/proof.md", "docs/speed.md", "docs/training.md"]
-    {
+    for document in [
+        "README.md",
+        "ARCHITECTURE.md",
+        "PARITY.md",
+        "docs/proof.md",
+        "docs/speed.md",
+        "docs/training.md",
+        "docs/engines.md",
+    ] {
         let path = root().join(document);
         let text = fs::read_to_string(&path).unwrap();
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {

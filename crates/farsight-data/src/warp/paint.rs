@@ -1,5 +1,7 @@
 //! From colours of 0 to 255 to the numbers that the network was trained with.
 
+use std::ops::Range;
+
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD, ChannelOrder, InputRules, Sampling};
 
 use crate::ColorJitter;
@@ -37,12 +39,12 @@ impl Paint {
         }
     }
 
-    /// Makes a whole input black.
-    pub(super) fn fill_black(&self, input: &mut [f32]) {
+    /// Makes the values in `range` of each plane black.
+    pub(super) fn black(&self, input: &mut [f32], range: Range<usize>) {
         let area = input.len() / 3;
-        if area > 0 {
+        if !range.is_empty() {
             for (plane, black) in input.chunks_exact_mut(area).zip(self.black) {
-                plane.fill(black);
+                plane[range.clone()].fill(black);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use farsight_core::Affine2;
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD, ChannelOrder, InputRules, Sampling};
-use farsight_data::{ColorJitter, network_input, warp};
+use farsight_data::{ColorJitter, network_input, network_input_into, warp};
 use image::RgbImage;
 use image::imageops::flip_horizontal;
 use proptest::prelude::*;
@@ -89,6 +89,21 @@ proptest! {
             let differing = a.iter().zip(&b).filter(|(a, b)| (*a - *b).abs() > ONE_LEVEL).count();
             // Half-pixel borders are sharp: a sample exactly on one may fall to either side.
             prop_assert!(differing == 0 || sampling == Sampling::HalfPixel, "{}", differing);
+        }
+    }
+
+    /// Whatever the vector held before, all of it is written.
+    #[test]
+    fn a_used_vector_changes_nothing(
+        image in images(), center in [-10.0..30.0, -10.0..22.0], width in 2.0..60.0, shear in -0.3..0.3, upright: bool,
+    ) {
+        let mut map = Affine2::window(center, width, [24, 10]);
+        map.matrix[0][1] = if upright { 0.0 } else { shear };
+        for sampling in BOTH {
+            let rules = rules([24, 10], sampling);
+            let mut used = vec![f32::NAN; 1000];
+            network_input_into(&mut used, &image, &map, &rules, None);
+            prop_assert_eq!(used, network_input(&image, &map, &rules, None));
         }
     }
 
