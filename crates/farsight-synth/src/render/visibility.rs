@@ -184,14 +184,14 @@ struct Layer<'a> {
 
 impl Target for Layer<'_> {
     #[inline]
-    fn put(&mut self, x: usize, y: usize, inside: f32x4, nearness: f32x4) {
-        let samples = &mut self.pixels[y * self.width + x];
+    fn put(&mut self, pixel: usize, inside: f32x4, nearness: f32x4) {
+        let samples = &mut self.pixels[pixel];
         let mut nearer = inside & nearness.simd_gt(samples.nearness);
         if nearer.to_bitmask() == 0 {
             return;
         }
         if let Some(cutout) = &self.cutout {
-            nearer &= cutout.kept(x, y);
+            nearer &= cutout.kept(pixel % self.width, pixel / self.width);
         }
         samples.nearness = nearer.bitselect(nearness, samples.nearness);
         let mask: u32x4 = cast(nearer);
@@ -236,9 +236,10 @@ struct Mask {
 
 impl Target for Mask {
     #[inline]
-    fn put(&mut self, x: usize, y: usize, inside: f32x4, _: f32x4) {
-        let kept = self.cutout.as_ref().map_or(inside, |cutout| inside & cutout.kept(x, y));
-        let (owner, covered) = &mut self.owners[y * self.width + x];
+    fn put(&mut self, pixel: usize, inside: f32x4, _: f32x4) {
+        let kept = |cutout: &Cutout| inside & cutout.kept(pixel % self.width, pixel / self.width);
+        let kept = self.cutout.as_ref().map_or(inside, kept);
+        let (owner, covered) = &mut self.owners[pixel];
         let before = if *owner == self.instance { *covered } else { 0 };
         let bits = kept.to_bitmask() as u16;
         self.count += (bits & !before).count_ones();
