@@ -89,7 +89,10 @@ impl DepthMap {
         for (y, row) in self.nearest.chunks_exact(self.size[0]).enumerate() {
             let blocks = &mut single[y / BLOCK * columns..][..columns];
             for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
-                *block = texels.iter().fold(*block, |most, &texel| most.max(texel));
+                let fours = texels.as_chunks::<4>().0.iter();
+                let most = fours.fold(Lanes::splat(*block), |most, &four| most.fast_max(four.into()));
+                let [a, b, c, d] = most.to_array();
+                *block = a.max(b).max(c.max(d));
             }
         }
         let at = |x: usize, y: usize| single[y.min(rows - 1) * columns + x.min(columns - 1)];

@@ -49,6 +49,12 @@ pub(crate) type Corner = [f64; 3];
 pub(crate) trait Target {
     /// Takes the samples of a pixel for which `inside` is set, with their nearness. Pixels count row by row.
     fn put(&mut self, pixel: usize, inside: f32x4, nearness: f32x4);
+
+    /// Whether nothing up to `nearness` would change anything between two columns and two rows.
+    #[inline]
+    fn hides(&self, _columns: [usize; 2], _rows: [usize; 2], _nearness: f32) -> bool {
+        false
+    }
 }
 
 /// A linear function of the image: `a * u + b * v + c`.
@@ -187,8 +193,10 @@ fn least(values: f32x4) -> f32 {
 /// Gives `target` the samples inside the triangle. `nearer` is a factor on the nearness, for paint on a surface.
 #[inline]
 pub(crate) fn fill(grid: &Grid, corners: &[Corner; 3], nearer: f32, target: &mut impl Target) {
-    if let Some(bounds) = bounds(grid, corners) {
-        fill_within(grid, corners, bounds, f64::from(nearer), target);
+    let Some([columns, rows]) = bounds(grid, corners) else { return };
+    let nearest = larger(larger(corners[0][2] as f32, corners[1][2] as f32), corners[2][2] as f32);
+    if !target.hides(columns, rows, nearest * nearer) {
+        fill_within(grid, corners, [columns, rows], f64::from(nearer), target);
     }
 }
 
