@@ -89,7 +89,10 @@ impl DepthMap {
         for (y, row) in self.nearest.chunks_exact(self.size[0]).enumerate() {
             let blocks = &mut single[y / BLOCK * columns..][..columns];
             for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
-                *block = texels.iter().fold(*block, |most, &texel| most.max(texel));
+                let fours = texels.as_chunks::<4>().0.iter();
+                let most = fours.fold(Lanes::splat(*block), |most, &four| most.fast_max(four.into()));
+                let [a, b, c, d] = most.to_array();
+                *block = a.max(b).max(c.max(d));
             }
         }
         let at = |x: usize, y: usize| single[y.min(rows - 1) * columns + x.min(columns - 1)];
@@ -115,7 +118,8 @@ impl DepthMap {
             let solid = holes[usize::from(triangle.material)].map_or(1.0, |holes| holes.solid);
             let [a, b, c] = triangle.vertices;
             let places = [corners[a as usize], corners[b as usize], corners[c as usize]];
-            fill(&grid, &places, 1.0, &mut Nearest { width: self.size[0], texels: &mut self.nearest, solid });
+            let (texels, _) = self.nearest.as_chunks_mut();
+            fill(&grid, &places, 1.0, &mut Nearest { columns: self.size[0] / 4, texels, solid });
         }
     }
 
@@ -178,23 +182,23 @@ struct Window {
 
 /// Keeps what is nearest to the light.
 struct Nearest<'a> {
-    width: usize,
-    texels: &'a mut [f32],
+    /// Groups of four texels in a row.
+    columns: usize,
+    texels: &'a mut [[f32; 4]],
     /// Share of the surface that is no hole.
     solid: f32,
 }
 
 impl Target for Nearest<'_> {
     #[inline]
-    fn put(&mut self, x: usize, y: usize, inside: f32x4, nearness: f32x4) {
-        let start = y * self.width + 4 * x;
-        let Some(texels) = self.texels.get_mut(start..start + 4) else { return };
-        let before = f32x4::from([texels[0], texels[1], texels[2], texels[3]]);
+    fn put(&mut self, pixel: usize, inside: f32x4, nearness: f32x4) {
+        let texels = &mut self.texels[pixel];
+        let before = f32x4::from(*texels);
         let mut nearer = inside & nearness.simd_gt(before);
         if self.solid < 1.0 {
-            nearer &= speckles(x, y, self.solid);
+            nearer &= speckles(pixel % self.columns, pixel / self.columns, self.solid);
         }
-        texels.copy_from_slice(&nearer.bitselect(nearness, before).to_array());
+        *texels = nearer.bitselect(nearness, before).to_array();
     }
 }
 

@@ -4,13 +4,11 @@
 
 use wide::f32x4;
 
+use super::noise::mask;
 use crate::vector::{float, floor};
 
 /// Added on both sides of a row's span against rounding, pixels.
 const SPAN_MARGIN_PX: f32 = 0.002;
-
-/// Triangles with at most so many columns are not worth finding each row's span.
-const NARROW: usize = 3;
 
 /// A picture as the rasteriser sees it: where the four samples of each pixel lie.
 #[derive(Debug, Clone, Copy)]
@@ -49,8 +47,14 @@ pub(crate) type Corner = [f64; 3];
 
 /// Where the covered samples go.
 pub(crate) trait Target {
-    /// Takes the samples of the pixel in column `x` of row `y` for which `inside` is set, with their nearness.
-    fn put(&mut self, x: usize, y: usize, inside: f32x4, nearness: f32x4);
+    /// Takes the samples of a pixel for which `inside` is set, with their nearness. Pixels count row by row.
+    fn put(&mut self, pixel: usize, inside: f32x4, nearness: f32x4);
+
+    /// Whether nothing up to `nearness` would change anything between two columns and two rows.
+    #[inline]
+    fn hides(&self, _columns: [usize; 2], _rows: [usize; 2], _nearness: f32) -> bool {
+        false
+    }
 }
 
 /// A linear function of the image: `a * u + b * v + c`.
@@ -90,80 +94,109 @@ impl Plane {
     }
 }
 
-/// A plane, prepared for going through rows.
-#[derive(Clone, Copy)]
-struct Slope {
-    plane: Plane,
-    across: f32x4,
-    offsets: f32x4,
+/// The three edges of a triangle and its nearness, prepared for going through rows.
+struct Rows {
+    /// Changes a row, and values in row 0 and column 0, of the edges and of the nearness; that counts columns from its own origin.
+    down: [f64; 4],
+    at_zero: [f64; 4],
+    /// Changes a column.
+    across: [f32x4; 4],
+    /// How the samples of a pixel differ from its centre.
+    offsets: [f32x4; 4],
+    /// The most that any sample lies inside of the pixel's centre, by edge.
+    reach: f32x4,
+    /// -1 / change a column, by edge; 0 for a level one.
+    turned: f32x4,
+    /// Masks of the edges that begin and that end a row, and of those that are level.
+    begins: f32x4,
+    ends: f32x4,
+    level: f32x4,
 }
 
-/// A plane in one row, on four samples.
+/// A row of a triangle: edges and nearness as functions of the column.
 #[derive(Clone, Copy)]
 struct Row {
-    across: f32x4,
-    at_zero: f32x4,
+    at_zero: [f32x4; 4],
 }
 
-impl Slope {
+impl Rows {
     #[inline]
-    fn new(plane: Plane, grid: &Grid) -> Self {
-        Self { plane, across: f32x4::splat(plane.a as f32), offsets: plane.offsets(grid) }
-    }
-
-    #[inline]
-    fn row(&self, y: f64) -> Row {
-        let at_zero = (self.plane.b * y + self.plane.c) as f32;
-        Row { across: self.across, at_zero: f32x4::splat(at_zero) + self.offsets }
-    }
-}
-
-impl Row {
-    #[inline]
-    fn at(self, x: f32x4) -> f32x4 {
-        self.at_zero + self.across * x
-    }
-}
-
-/// Where an edge crosses rows.
-#[derive(Clone, Copy)]
-struct Crossing {
-    slope: f32,
-    /// -1 / slope, or 0 for a level edge.
-    turned: f32,
-    /// The most that any sample lies inside of the pixel's centre.
-    reach: f32,
-}
-
-impl Crossing {
-    #[inline]
-    fn new(edge: &Slope) -> Self {
-        let slope = edge.plane.a as f32;
-        let [a, b, c, d] = edge.offsets.to_array();
-        let turned = if slope.abs() > 0.0 { -1.0 / slope } else { 0.0 };
-        Self { slope, turned, reach: a.max(b).max(c.max(d)) }
-    }
-
-    /// Cuts `span` to where the edge can be positive in row `y`.
-    #[inline]
-    fn cut(&self, edge: &Slope, y: f64, span: &mut [f32; 2]) {
-        let reach = (edge.plane.b * y + edge.plane.c) as f32 + self.reach;
-        let crossing = reach * self.turned;
-        if self.slope > 0.0 {
-            span[0] = span[0].max(crossing - SPAN_MARGIN_PX);
-        } else if self.slope < 0.0 {
-            span[1] = span[1].min(crossing + SPAN_MARGIN_PX);
-        } else if reach < 0.0 {
-            *span = [1.0, 0.0];
+    fn new(planes: &[Plane; 4], grid: &Grid) -> Self {
+        let across = planes.each_ref().map(|plane| f32x4::splat(plane.a as f32));
+        let offsets = [0, 1, 2, 3].map(|i| planes[i].offsets(grid));
+        let slopes = f32x4::from([planes[0].a as f32, planes[1].a as f32, planes[2].a as f32, 0.0]);
+        let level = slopes.simd_eq(f32x4::ZERO);
+        let [a, b, c, d] = f32x4::transpose(offsets);
+        Self {
+            down: [planes[0].b, planes[1].b, planes[2].b, planes[3].b],
+            at_zero: [planes[0].c, planes[1].c, planes[2].c, planes[3].c],
+            across,
+            offsets,
+            reach: a.fast_max(b).fast_max(c.fast_max(d)),
+            turned: level.bitselect(f32x4::ZERO, f32x4::splat(-1.0) / slopes),
+            begins: slopes.simd_gt(f32x4::ZERO),
+            ends: slopes.simd_lt(f32x4::ZERO),
+            // The fourth is no edge.
+            level: level & mask(0b0111),
         }
     }
+
+    /// The row, and the columns between which it may be inside, cut from `columns`; none when it is empty.
+    #[inline]
+    fn row(&self, y: usize, columns: [usize; 2]) -> Option<(Row, [usize; 2])> {
+        let y = f64::from(float(y));
+        let at = |i: usize| (self.down[i] * y + self.at_zero[i]) as f32;
+        let at = f32x4::from([at(0), at(1), at(2), at(3)]);
+        let reach = at + self.reach;
+        if (self.level & reach.simd_lt(f32x4::ZERO)).to_bitmask() != 0 {
+            return None;
+        }
+        let crossing = reach * self.turned;
+        let margin = f32x4::splat(SPAN_MARGIN_PX);
+        let [first, last] = [float(columns[0]), float(columns[1])];
+        let begin = greatest(self.begins.bitselect(crossing - margin, f32x4::splat(first)));
+        let end = least(self.ends.bitselect(crossing + margin, f32x4::splat(last)));
+        let (begin, end) = (larger(begin, first), smaller(end, last));
+        if end < begin {
+            return None;
+        }
+        let [a, b, c, d] = at.to_array();
+        let splat = |i: usize, value: f32| f32x4::splat(value) + self.offsets[i];
+        let row = Row { at_zero: [splat(0, a), splat(1, b), splat(2, c), splat(3, d)] };
+        // Both lie within the picture.
+        Some((row, [(-floor(-begin)) as usize, end as usize]))
+    }
+}
+
+#[inline]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline]
+fn greatest(values: f32x4) -> f32 {
+    let [a, b, c, d] = values.to_array();
+    larger(larger(a, b), larger(c, d))
+}
+
+#[inline]
+fn least(values: f32x4) -> f32 {
+    let [a, b, c, d] = values.to_array();
+    smaller(smaller(a, b), smaller(c, d))
 }
 
 /// Gives `target` the samples inside the triangle. `nearer` is a factor on the nearness, for paint on a surface.
 #[inline]
 pub(crate) fn fill(grid: &Grid, corners: &[Corner; 3], nearer: f32, target: &mut impl Target) {
-    if let Some(bounds) = bounds(grid, corners) {
-        fill_within(grid, corners, bounds, nearer, target);
+    let Some([columns, rows]) = bounds(grid, corners) else { return };
+    let nearest = larger(larger(corners[0][2] as f32, corners[1][2] as f32), corners[2][2] as f32);
+    if !target.hides(columns, rows, nearest * nearer) {
+        fill_within(grid, corners, [columns, rows], f64::from(nearer), target);
     }
 }
 
@@ -171,7 +204,7 @@ fn fill_within(
     grid: &Grid,
     [p, q, r]: &[Corner; 3],
     [columns, rows]: [[usize; 2]; 2],
-    nearer: f32,
+    nearer: f64,
     target: &mut impl Target,
 ) {
     let area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
@@ -181,43 +214,32 @@ fn fill_within(
     // Each edge is opposite to a corner: divided by the area it is that corner's weight.
     let planes = [Plane::edge(q, r), Plane::edge(r, p), Plane::edge(p, q)];
     let inwards = if area < 0.0 { -1.0 } else { 1.0 };
-    let edge = |i: usize| Slope::new(planes[i].times(inwards), grid);
-    let edges = [edge(0), edge(1), edge(2)];
+    let values = [p[2] * nearer, q[2] * nearer, r[2] * nearer];
     // Counted from the triangle's own first column: far away from it the plane's values are large and lose digits.
-    let origin = f32x4::splat(float(columns[0]));
-    let nearness = nearness_plane(&planes, [p[2], q[2], r[2]], area).counted_from(f64::from(float(columns[0])));
-    let nearness = Slope::new(nearness, grid);
-    let least = f32x4::splat(p[2].min(q[2]).min(r[2]) as f32);
-    let most = f32x4::splat(p[2].max(q[2]).max(r[2]) as f32);
-    let nearer = f32x4::splat(nearer);
-    let narrow = columns[1] - columns[0] < NARROW;
-    let crossings = [Crossing::new(&edges[0]), Crossing::new(&edges[1]), Crossing::new(&edges[2])];
+    let origin = float(columns[0]);
+    let nearness = nearness_plane(&planes, values, area).counted_from(f64::from(origin));
+    let [e, f, g] = [planes[0].times(inwards), planes[1].times(inwards), planes[2].times(inwards)];
+    let prepared = Rows::new(&[e, f, g, nearness], grid);
+    let values = f32x4::from([values[0] as f32, values[1] as f32, values[2] as f32, values[2] as f32]);
+    let limits = [f32x4::splat(least(values)), f32x4::splat(greatest(values))];
+    let across = prepared.across;
     // Ranges that name their last number cost twice as much in loops as short as these.
     let end_row = rows[1] + 1;
     for y in rows[0]..end_row {
-        let row = f64::from(float(y));
-        let mut from_to = columns;
-        if !narrow {
-            let mut span = [float(columns[0]), float(columns[1])];
-            for (crossing, edge) in crossings.iter().zip(&edges) {
-                crossing.cut(edge, row, &mut span);
-            }
-            if span[1] < span[0] {
-                continue;
-            }
-            // Both lie within the picture: they were cut from its columns.
-            from_to = [(-floor(-span[0])) as usize, span[1] as usize];
-        }
-        let [e0, e1, e2] = [edges[0].row(row), edges[1].row(row), edges[2].row(row)];
-        let depth = nearness.row(row);
-        let end = from_to[1] + 1;
-        for x in from_to[0]..end {
-            let column = f32x4::splat(float(x));
-            // The sign of the least of the three is clear only where all are inside.
-            let inside = e0.at(column).fast_min(e1.at(column)).fast_min(e2.at(column)).simd_ge(f32x4::ZERO);
+        let Some((row, [first, last])) = prepared.row(y, columns) else { continue };
+        let mut column = f32x4::splat(float(first));
+        let mut own_column = column - f32x4::splat(origin);
+        let end = y * grid.size[0] + last + 1;
+        for pixel in y * grid.size[0] + first..end {
+            let edge = |i: usize| row.at_zero[i] + across[i] * column;
+            // The least of the three is not negative only where all are inside.
+            let inside = edge(0).fast_min(edge(1)).fast_min(edge(2)).simd_ge(f32x4::ZERO);
             if inside.to_bitmask() != 0 {
-                target.put(x, y, inside, depth.at(column - origin).fast_max(least).fast_min(most) * nearer);
+                let nearness = row.at_zero[3] + across[3] * own_column;
+                target.put(pixel, inside, nearness.fast_max(limits[0]).fast_min(limits[1]));
             }
+            column += f32x4::ONE;
+            own_column += f32x4::ONE;
         }
     }
 }

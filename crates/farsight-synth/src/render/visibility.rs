@@ -41,6 +41,7 @@ pub(crate) struct Samples {
 /// What every sample of the image sees.
 pub(crate) struct Visibility {
     pixels: Vec<Samples>,
+    tiles: Tiles,
     drawn: Vec<Drawn>,
 }
 
@@ -49,16 +50,22 @@ impl Visibility {
     pub(crate) fn of(scene: &Scene, view: &View) -> Self {
         let [width, height] = scene.image_size;
         let empty = Samples { nearness: f32x4::ZERO, numbers: u32x4::splat(NOTHING) };
-        let mut seen = Self { pixels: vec![empty; width * height], drawn: Vec::new() };
+        let tiles = Tiles::new(scene.image_size);
+        let mut seen = Self { pixels: vec![empty; width * height], tiles, drawn: Vec::new() };
         let grid = Grid::new(scene.image_size, OFFSETS);
         let mut corners = Vec::new();
         let all_holes = Holes::of_all(&scene.materials);
+        let mut summed_up = 0;
         // What has no holes first and what is near first: most of what is hidden then needs no second look.
         for with_holes in [false, true] {
             for &number in &nearest_first(scene) {
                 let object = &scene.objects[number];
                 if with_holes && !has_holes(&all_holes, object) {
                     continue;
+                }
+                if seen.drawn.len() > summed_up + SUM_UP_EVERY {
+                    seen.tiles.sum_up(&seen.pixels);
+                    summed_up = seen.drawn.len();
                 }
                 project(view, object, &mut corners);
                 for (index, triangle) in object.mesh.triangles.iter().enumerate() {
@@ -69,7 +76,8 @@ impl Visibility {
                     let cutout = holes.map(|holes| Cutout::new(holes, object, triangle, &corners));
                     seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
                     let number = seen.drawn.len() as u32;
-                    draw(&grid, triangle, &corners, &mut Layer { width, pixels: &mut seen.pixels, number, cutout });
+                    let mut layer = Layer { width, pixels: &mut seen.pixels, tiles: &seen.tiles, number, cutout };
+                    draw(&grid, triangle, &corners, &mut layer);
                 }
             }
         }
@@ -178,24 +186,75 @@ fn crossing(inner: [f64; 3], outer: [f64; 3]) -> [f64; 3] {
 struct Layer<'a> {
     width: usize,
     pixels: &'a mut [Samples],
+    tiles: &'a Tiles,
     number: u32,
     cutout: Option<Cutout>,
 }
 
 impl Target for Layer<'_> {
     #[inline]
-    fn put(&mut self, x: usize, y: usize, inside: f32x4, nearness: f32x4) {
-        let samples = &mut self.pixels[y * self.width + x];
+    fn put(&mut self, pixel: usize, inside: f32x4, nearness: f32x4) {
+        let samples = &mut self.pixels[pixel];
         let mut nearer = inside & nearness.simd_gt(samples.nearness);
         if nearer.to_bitmask() == 0 {
             return;
         }
         if let Some(cutout) = &self.cutout {
-            nearer &= cutout.kept(x, y);
+            nearer &= cutout.kept(pixel % self.width, pixel / self.width);
         }
         samples.nearness = nearer.bitselect(nearness, samples.nearness);
         let mask: u32x4 = cast(nearer);
         samples.numbers = mask.bitselect(u32x4::splat(self.number), samples.numbers);
+    }
+
+    #[inline]
+    fn hides(&self, columns: [usize; 2], rows: [usize; 2], nearness: f32) -> bool {
+        self.tiles.hide(columns, rows, nearness)
+    }
+}
+
+/// Side of the tiles of pixels that hide small triangles behind them all at once, pixels.
+const TILE: usize = 16;
+
+/// Triangles between two looks at how far the tiles can be seen through.
+const SUM_UP_EVERY: usize = 4000;
+
+/// A triangle that may touch more tiles than this is drawn without a look at them.
+const MOST_TILES: usize = 12;
+
+/// How far one can see in each tile of pixels.
+struct Tiles {
+    size: [usize; 2],
+    columns: usize,
+    /// The nearness of the farthest sample in each tile, when last looked at; it can only have come nearer since.
+    farthest: Vec<f32>,
+}
+
+impl Tiles {
+    fn new(size: [usize; 2]) -> Self {
+        let [columns, rows] = size.map(|s| s.div_ceil(TILE));
+        Self { size, columns, farthest: vec![0.0; columns * rows] }
+    }
+
+    fn sum_up(&mut self, pixels: &[Samples]) {
+        self.farthest.fill(f32::MAX);
+        for (y, row) in pixels.chunks_exact(self.size[0]).enumerate() {
+            let tiles = &mut self.farthest[y / TILE * self.columns..][..self.columns];
+            for (farthest, pixels) in tiles.iter_mut().zip(row.chunks(TILE)) {
+                let least = pixels.iter().fold(f32x4::splat(*farthest), |least, p| least.fast_min(p.nearness));
+                let [a, b, c, d] = least.to_array();
+                *farthest = a.min(b).min(c.min(d));
+            }
+        }
+    }
+
+    #[inline]
+    fn hide(&self, columns: [usize; 2], rows: [usize; 2], nearness: f32) -> bool {
+        let ([x0, x1], [y0, y1]) = (columns.map(|c| c / TILE), rows.map(|r| r / TILE));
+        if (x1 - x0 + 1) * (y1 - y0 + 1) > MOST_TILES {
+            return false;
+        }
+        (y0..=y1).all(|y| self.farthest[y * self.columns..][x0..=x1].iter().all(|&farthest| nearness <= farthest))
     }
 }
 
@@ -236,9 +295,10 @@ struct Mask {
 
 impl Target for Mask {
     #[inline]
-    fn put(&mut self, x: usize, y: usize, inside: f32x4, _: f32x4) {
-        let kept = self.cutout.as_ref().map_or(inside, |cutout| inside & cutout.kept(x, y));
-        let (owner, covered) = &mut self.owners[y * self.width + x];
+    fn put(&mut self, pixel: usize, inside: f32x4, _: f32x4) {
+        let kept = |cutout: &Cutout| inside & cutout.kept(pixel % self.width, pixel / self.width);
+        let kept = self.cutout.as_ref().map_or(inside, kept);
+        let (owner, covered) = &mut self.owners[pixel];
         let before = if *owner == self.instance { *covered } else { 0 };
         let bits = kept.to_bitmask() as u16;
         self.count += (bits & !before).count_ones();
