@@ -1,0 +1,91 @@
+//! A newcomer's first commands: the demo, a photo of another camera, rendered data, and a model judged on it.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn farsight(arguments: &[&str], folder: &Path) -> Output {
+    let output = Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+fn text(bytes: Vec<u8>) -> String {
+    String::from_utf8(bytes).unwrap()
+}
+
+#[test]
+fn the_demo_leaves_pictures_and_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = farsight(&["demo", "--out", "here"], folder.path());
+    let answer = text(output.stdout);
+    assert!(answer.lines().last().unwrap().contains("here"), "{answer}");
+    let here = folder.path().join("here");
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(here.join("detections.json")).unwrap()).unwrap();
+    let images = json.as_array().unwrap();
+    assert_eq!(images.len(), 4);
+    let found: usize = images.iter().map(|image| image["detections"].as_array().unwrap().len()).sum();
+    assert!(found >= 4, "the shipped model finds {found} objects in its own scenes");
+    for id in ["000000", "000001", "000002", "000003"] {
+        let (width, _) = image::image_dimensions(here.join(format!("{id}.png"))).unwrap();
+        assert!(width >= 1242, "{id}");
+    }
+}
+
+#[test]
+fn another_camera_needs_only_its_field_of_view() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::from_pixel(640, 480, image::Rgb([90, 100, 110])).save(folder.path().join("photo.png")).unwrap();
+    let familiar = farsight(&["range", "photo.png", "--hfov", "65"], folder.path());
+    assert!(!text(familiar.stderr).contains("trained"));
+    let unfamiliar = text(farsight(&["range", "photo.png", "--hfov", "165"], folder.path()).stderr);
+    assert!(unfamiliar.contains("the model was trained with"), "{unfamiliar}");
+}
+
+#[test]
+fn rendered_frames_can_be_evaluated_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    farsight(&["synth", "--out", "data", "--frames", "2", "--seed", "3"], folder.path());
+    let first = fs::read(folder.path().join("data/training/image_2/000001.png")).unwrap();
+    farsight(&["synth", "--out", "again", "--frames", "2", "--seed", "3"], folder.path());
+    assert_eq!(first, fs::read(folder.path().join("again/training/image_2/000001.png")).unwrap());
+
+    let evaluated =
+        farsight(&["eval", "--data", "data", "--results", "kept", "--classic", "--resamples", "0"], folder.path());
+    assert!(text(evaluated.stdout).starts_with("2 frames"));
+    assert!(folder.path().join("kept/000001.txt").is_file());
+}
+
+#[test]
+fn a_twin_has_the_boxes_of_its_labels() {
+    let folder = tempfile::tempdir().unwrap();
+    farsight(&["synth", "--out", "data", "--frames", "1", "--seed", "8", "--jpeg", "90"], folder.path());
+    let layout = ["--layout", "data/training/label_2", "--calib-dir", "data/training/calib"];
+    farsight(&[&["synth", "--out", "twin"], layout.as_slice()].concat(), folder.path());
+    let boxes = |root: &str| -> Vec<String> {
+        let rows = fs::read_to_string(folder.path().join(root).join("training/label_2/000000.txt")).unwrap();
+        let known = rows.lines().filter(|row| !row.starts_with("DontCare"));
+        // Class and 3D box: the other fields are the picture's.
+        known
+            .map(|row| {
+                format!("{} {}", row.split(' ').next().unwrap(), row.split(' ').skip(8).collect::<Vec<_>>().join(" "))
+            })
+            .collect()
+    };
+    let (original, twin) = (boxes("data"), boxes("twin"));
+    let shared = twin.iter().filter(|row| original.contains(row)).count();
+    assert_eq!(shared, twin.len(), "every labelled object of the twin is one of the original");
+    assert!(shared * 2 >= original.len(), "{shared} of {} objects are seen in the twin", original.len());
+}
+
+#[test]
+fn benchmarks_tell_every_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    let answer = text(farsight(&["bench", "--runs", "1", "--json", "bench.json"], folder.path()).stdout);
+    for stage in ["load", "warp", "network", "decode", "draw"] {
+        assert!(answer.contains(stage), "{stage} is missing:\n{answer}");
+    }
+    assert!(folder.path().join("bench.json").is_file());
+}
