@@ -1,10 +1,11 @@
 //! From what the samples see to what the pixels show.
 //!
-//! Row by row: each distinct triangle in a pixel gives a piece of surface; the row's pieces are sorted by material and shaded four at a time.
+//! Row by row, four at a time: neighbouring pixels that show one triangle and nothing else are shaded together. Of the other pixels each distinct
+//! triangle gives a piece of surface; the row's pieces are sorted by material before they are shaded.
 
 use super::Rendered;
 use super::lamps::Lamps;
-use super::lanes;
+use super::lanes::{self, Lanes, all};
 use super::pieces::{END, Piece, Pieces};
 use super::shade::{self, Light};
 use super::shadow::Shadows;
@@ -77,17 +78,23 @@ impl<'a> Resolver<'a> {
         let [width, height] = self.scene.image_size;
         let mut colors = vec![[0.0; 3]; width];
         for row in 0..height {
-            self.collect(row, rendered);
+            self.collect(row, &mut colors, rendered);
             self.shade(row, &mut colors);
             rendered.color.extend_from_slice(&colors);
             colors.fill([0.0; 3]);
         }
     }
 
-    /// Collects the pieces of a row, and adds the depth and the instance of its pixels to `rendered`.
-    fn collect(&mut self, row: usize, rendered: &mut Rendered) {
+    /// Shades what takes no sorting, collects the other pieces of a row, and adds depth and instance of its pixels to `rendered`.
+    fn collect(&mut self, row: usize, colors: &mut [Color], rendered: &mut Rendered) {
         let width = self.scene.image_size[0];
-        for column in 0..width {
+        let mut column = 0;
+        while column < width {
+            if let Some(number) = self.seen.one_in_four(row, column) {
+                self.shade_four(number, column, row, &mut colors[column..column + 4], rendered);
+                column += 4;
+                continue;
+            }
             let numbers = self.seen.numbers(row * width + column);
             let shown = if numbers == [numbers[0]; SAMPLES] {
                 let shown = self.add_piece(numbers[0], column, row, [0.0; 2], 1.0);
@@ -98,7 +105,30 @@ impl<'a> Resolver<'a> {
             };
             rendered.depth_m.push(shown.depth_m);
             rendered.instance.push(shown.instance);
+            column += 1;
         }
+    }
+
+    /// Four pixels from `column` on that show one triangle, or the sky, and nothing else.
+    fn shade_four(&mut self, number: u32, column: usize, row: usize, colors: &mut [Color], rendered: &mut Rendered) {
+        let (seen, depths, instance) = if number == NOTHING {
+            let columns = all(float(column)) + Lanes::from([0.0, 1.0, 2.0, 3.0]);
+            let direction = self.view.directions(columns, float(row));
+            (sky::color(self.scene, lanes::normalized(direction)), [f32::INFINITY; 4], 0)
+        } else {
+            let face = self.face(number);
+            let (material, instance) = (face.material, face.instance);
+            let fragments = face.varying.at_four(column as u32, float(row));
+            let seen = shade::color(&self.light(row), &self.scene.materials[material], &fragments);
+            (seen, fragments.position[2].to_array(), instance)
+        };
+        let [red, green, blue] = [seen[0].to_array(), seen[1].to_array(), seen[2].to_array()];
+        for lane in 0..4 {
+            colors[lane] = [red[lane], green[lane], blue[lane]];
+        }
+        rendered.visible[usize::from(instance)] += 4 * SAMPLES as u32;
+        rendered.depth_m.extend_from_slice(&depths);
+        rendered.instance.extend_from_slice(&[instance; 4]);
     }
 
     /// A pixel that shows several triangles. Returns what most of it shows.
@@ -171,13 +201,13 @@ impl<'a> Resolver<'a> {
             return Shown { depth_m: f32::INFINITY, instance: 0 };
         }
         let face = self.face(number);
-        let varied = face.varying.at(u, v);
-        self.pieces.push(face.material, Piece { varied, column, share, next: END });
-        Shown { depth_m: varied.place[2], instance: face.instance }
+        let (varied, material, instance) = (face.varying.at(u, v), face.material, face.instance);
+        self.pieces.push(material, Piece { varied, column, share, next: END });
+        Shown { depth_m: varied.place[2], instance }
     }
 
     #[inline]
-    fn face(&mut self, number: u32) -> Face {
+    fn face(&mut self, number: u32) -> &Face {
         if self.faces.is_empty() {
             self.faces = vec![(number, self.prepared(number)); KEPT];
         }
@@ -185,7 +215,7 @@ impl<'a> Resolver<'a> {
         if self.faces[slot].0 != number {
             self.faces[slot] = (number, self.prepared(number));
         }
-        self.faces[slot].1
+        &self.faces[slot].1
     }
 
     fn prepared(&self, number: u32) -> Face {
@@ -202,15 +232,20 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Adds the light of the collected pieces to the pixels of their row, and forgets the pieces.
-    fn shade(&mut self, row: usize, colors: &mut [Color]) {
-        let light = Light {
+    /// What lights a row.
+    fn light(&self, row: usize) -> Light<'a> {
+        Light {
             scene: self.scene,
             shadows: self.shadows,
             lamps: self.lamps.in_row(row),
             ambient: self.ambient,
             eye: self.view.eye,
-        };
+        }
+    }
+
+    /// Adds the light of the collected pieces to the pixels of their row, and forgets the pieces.
+    fn shade(&mut self, row: usize, colors: &mut [Color]) {
+        let light = self.light(row);
         for number in 0..self.pieces.chains() {
             let (material, mut next) = self.pieces.chain(number);
             while next != END {

@@ -4,6 +4,7 @@ use wide::f32x4;
 
 use super::lanes::{Lanes, all};
 use super::pattern::Holes;
+use super::shade::Fragments;
 use super::view::inverted;
 use super::visibility::{OFFSETS, Projected};
 use crate::scene::{Object, Triangle, Vertex};
@@ -65,6 +66,36 @@ impl Varying {
         let uv = f32x4::from([place[3], place[3], facing[3], facing[3]]);
         let slopes = (self.slopes[0] - uv * self.slopes[1]) * all(w as f32);
         Varied { place, facing, slopes: slopes.to_array() }
+    }
+
+    /// The same at four neighbouring pixels of a row, from `first` on.
+    #[inline]
+    pub(crate) fn at_four(&self, first: u32, v: f32) -> Fragments {
+        let (u, v) = (f64::from(first), f64::from(v));
+        let linear = |row: &[f64; 3]| row[0] * u + row[1] * v + row[2];
+        let (a, b, c) = (linear(&self.rows[0]), linear(&self.rows[1]), linear(&self.rows[2]));
+        let w = 1.0 / (a + b + c);
+        let steps = Lanes::from([0.0, 1.0, 2.0, 3.0]);
+        let stepped = |value: f64, slope: f64| all((value * w) as f32) + steps * all((slope * w) as f32);
+        let [a, b, c] = [stepped(a, self.rows[0][0]), stepped(b, self.rows[1][0]), stepped(c, self.rows[2][0])];
+        let per_w = Lanes::ONE / (a + b + c);
+        let weights = [a * per_w, b * per_w, c * per_w];
+        let mean = |corners: &[[f32; 4]; 3], i: usize| {
+            weights[0] * all(corners[0][i]) + weights[1] * all(corners[1][i]) + weights[2] * all(corners[2][i])
+        };
+        let places = [self.places[0].to_array(), self.places[1].to_array(), self.places[2].to_array()];
+        let facings = [self.facings[0].to_array(), self.facings[1].to_array(), self.facings[2].to_array()];
+        let uv = [mean(&places, 3), mean(&facings, 3)];
+        let (uv_slopes, w_slopes) = (self.slopes[0].to_array(), self.slopes[1].to_array());
+        let scale = per_w * all(w as f32);
+        let change = |i: usize| ((all(uv_slopes[i]) - uv[i / 2] * all(w_slopes[i])) * scale).abs();
+        Fragments {
+            position: [mean(&places, 0), mean(&places, 1), mean(&places, 2)],
+            normal: [mean(&facings, 0), mean(&facings, 1), mean(&facings, 2)],
+            uv,
+            footprint: [change(0) + change(1), change(2) + change(3)],
+            columns: [first, first + 3],
+        }
     }
 }
 

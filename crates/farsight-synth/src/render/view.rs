@@ -2,6 +2,7 @@
 
 use farsight_core::Camera;
 
+use super::lanes::{Lanes, Vec3s, all};
 use crate::scene::Vec3;
 
 /// Nothing nearer than this is seen, metres along the optical axis.
@@ -43,6 +44,16 @@ impl View {
         let row = |r: &[f64; 3]| (r[0] * u + r[1] * v + r[2]) as f32;
         let [first, second, third] = &self.direction_from_pixel;
         [row(first), row(second), row(third)]
+    }
+}
+
+impl View {
+    /// Directions of the rays through four pixels of a row.
+    #[inline]
+    pub(crate) fn directions(&self, columns: Lanes, row: f32) -> Vec3s {
+        let axis = |r: &[f64; 3]| columns * all(r[0] as f32) + all((r[1] * f64::from(row) + r[2]) as f32);
+        let [first, second, third] = &self.direction_from_pixel;
+        [axis(first), axis(second), axis(third)]
     }
 }
 

@@ -40,6 +40,7 @@ pub(crate) struct Samples {
 
 /// What every sample of the image sees.
 pub(crate) struct Visibility {
+    width: usize,
     pixels: Vec<Samples>,
     tiles: Tiles,
     drawn: Vec<Drawn>,
@@ -51,7 +52,7 @@ impl Visibility {
         let [width, height] = scene.image_size;
         let empty = Samples { nearness: f32x4::ZERO, numbers: u32x4::splat(NOTHING) };
         let tiles = Tiles::new(scene.image_size);
-        let mut seen = Self { pixels: vec![empty; width * height], tiles, drawn: Vec::new() };
+        let mut seen = Self { width, pixels: vec![empty; width * height], tiles, drawn: Vec::new() };
         let grid = Grid::new(scene.image_size, OFFSETS);
         let mut corners = Vec::new();
         let all_holes = Holes::of_all(&scene.materials);
@@ -82,6 +83,20 @@ impl Visibility {
             }
         }
         seen
+    }
+
+    /// The number that all samples of four pixels from `column` on see, if it is one.
+    #[inline]
+    pub(crate) fn one_in_four(&self, row: usize, column: usize) -> Option<u32> {
+        let start = row * self.width + column;
+        let first = self.pixels[start].numbers;
+        let number = first.to_array()[0];
+        let same = u32x4::splat(number);
+        if column + 4 > self.width || !first.simd_eq(same).all() {
+            return None;
+        }
+        let others = self.pixels[start + 1..start + 4].iter().map(|pixel| pixel.numbers.simd_eq(same));
+        others.fold(u32x4::splat(u32::MAX), |all, one| all & one).all().then_some(number)
     }
 
     /// The numbers of the triangles that the samples of a pixel see.
