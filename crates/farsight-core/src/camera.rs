@@ -97,13 +97,16 @@ impl Camera {
         self.focal(1)
     }
 
-    /// A row of `K R` is `focal * (a row of R) + center * (the last row of R)`: its part across the last row is the focal length.
-    fn focal(&self, row: usize) -> f64 {
-        let [a, b, c, _] = self.projection[row];
-        let [d, e, f, _] = self.projection[2];
-        let across = [b * f - c * e, c * d - a * f, a * e - b * d];
-        let squared = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-        squared(across).sqrt() / squared([d, e, f])
+    /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that is the focal length.
+    ///
+    /// It has the sign of the axis it mostly lies along, so that a mirrored camera shows as a negative one.
+    fn focal(&self, axis: usize) -> f64 {
+        let row = |i: usize| [0, 1, 2].map(|j| self.projection[i][j]);
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (own, last) = (row(axis), row(2));
+        let center = dot(own, last) / dot(last, last);
+        let across = [0, 1, 2].map(|j| own[j] - center * last[j]);
+        (dot(across, across) / dot(last, last)).sqrt() * across[axis].signum()
     }
 
     /// The pixel that sees `point` (metres); `None` for a point not in front of the camera.

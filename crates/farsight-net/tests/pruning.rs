@@ -21,7 +21,7 @@ fn configs() -> Vec<(String, ModelConfig)> {
         for (norm, neck, stem) in
             [(NormKind::Batch, NeckKind::Plain, Stem::Half), (NormKind::Group, NeckKind::Deformable, Stem::Full)]
         {
-            let config = ModelConfig { width: 0.25, norm, neck, stem, msfe, ..ModelConfig::default() };
+            let config = ModelConfig { width: 0.5, norm, neck, stem, msfe, ..ModelConfig::default() };
             configs.push((format!("{msfe:?} {norm:?} {neck:?}"), config));
         }
     }
@@ -42,7 +42,9 @@ fn every_kind_of_network_stays_a_network() {
             used.map(farsight_net::graph::Parameter::len).sum::<usize>() as f64
         };
         let share = size(&pruned) / size(&whole);
-        assert!(share < 0.45, "{name}: {share:.2} of the parameters are left");
+        // Group norm keeps its groups, so layers with one channel a group stay as they are.
+        let limit = if config.norm == NormKind::Batch { 0.35 } else { 0.6 };
+        assert!(share < limit, "{name}: {share:.2} of the parameters are left");
         let [width, height] = config.input;
         assert!(pruned.graph.shapes(width, height).is_some(), "{name}: maps that are added differ");
     }
