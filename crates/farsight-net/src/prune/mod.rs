@@ -12,7 +12,7 @@ use thiserror::Error;
 use crate::graph::{Graph, Op, ParameterId};
 use crate::model::{Model, ModelError};
 use crate::weights::{WeightTensor, Weights};
-use spaces::Spaces;
+use spaces::{Layer, Spaces};
 
 /// Widths stay multiples of this where the share allows: what the vector units of processors like.
 const WIDTH_STEP: usize = 8;
@@ -57,7 +57,9 @@ pub fn prune(model: &Model, keep: f64) -> Result<Model, PruneError> {
                 if *groups == 1 {
                     slice(*weight, 1, &positions(node.inputs[0]));
                 }
-                bias.iter().for_each(|bias| slice(*bias, 0, &outputs));
+                if let Some(bias) = bias {
+                    slice(*bias, 0, &outputs);
+                }
             }
             Op::DeformConv { weight, bias, .. } => {
                 slice(*weight, 0, &outputs);
@@ -65,9 +67,10 @@ pub fn prune(model: &Model, keep: f64) -> Result<Model, PruneError> {
                 slice(*bias, 0, &outputs);
             }
             Op::UpConv { weight, .. } => slice(*weight, 0, &outputs),
-            Op::GroupNorm { weight, bias, .. } => [weight, bias].into_iter().for_each(|p| slice(*p, 0, &outputs)),
-            Op::BatchNorm { weight, bias, mean, variance } => {
-                [weight, bias, mean, variance].into_iter().for_each(|p| slice(*p, 0, &outputs));
+            Op::GroupNorm { .. } | Op::BatchNorm { .. } => {
+                for parameter in node.op.parameters() {
+                    slice(parameter, 0, &outputs);
+                }
             }
             _ => {}
         }
@@ -79,10 +82,12 @@ pub fn prune(model: &Model, keep: f64) -> Result<Model, PruneError> {
 fn kept_channels(spaces: &Spaces, graph: &Graph, weights: &Weights, keep: f64) -> Vec<bool> {
     let worth = worth(spaces, graph, weights);
     let mut kept = vec![true; spaces.len()];
-    for members in spaces.prunable() {
-        let step = WIDTH_STEP.min(members.len());
-        let wanted = (members.len() as f64 * keep / step as f64).round().max(1.0) as usize * step;
-        let mut ranked = members;
+    for Layer { roots, width } in spaces.prunable() {
+        // With group norm a root stands for one channel of every group.
+        let channels_each = width / roots.len();
+        let step = WIDTH_STEP.div_ceil(channels_each).min(roots.len());
+        let wanted = (roots.len() as f64 * keep / step as f64).round().max(1.0) as usize * step;
+        let mut ranked = roots;
         ranked.sort_by(|a, b| worth[*b].total_cmp(&worth[*a]).then(a.cmp(b)));
         for channel in ranked.into_iter().skip(wanted) {
             kept[channel] = false;

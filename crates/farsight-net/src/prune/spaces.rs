@@ -7,6 +7,15 @@ use crate::graph::{Graph, LOGITS, NodeId, Op, REGRESSION};
 /// One channel made by some node, before it is joined with others.
 pub(super) type ChannelId = usize;
 
+/// A layer that can be pruned.
+#[derive(Debug)]
+pub(super) struct Layer {
+    /// The channels to choose from.
+    pub(super) roots: Vec<ChannelId>,
+    /// Its channels, those that follow a root included.
+    pub(super) width: usize,
+}
+
 /// The channels of every node, joined where the network forces them to stand or fall together.
 #[derive(Debug)]
 pub(super) struct Spaces {
@@ -70,15 +79,19 @@ impl Spaces {
         channel
     }
 
-    /// Roots by the layer they are pruned from, without those that must stay.
-    pub(super) fn prunable(&self) -> Vec<Vec<ChannelId>> {
+    /// The layers that channels are pruned from, without those that must stay whole.
+    pub(super) fn prunable(&self) -> Vec<Layer> {
         let fixed: Vec<ChannelId> =
             (0..self.len()).filter(|&channel| self.fixed[channel]).map(|channel| self.root(channel)).collect();
         let mut layers: BTreeMap<usize, Vec<ChannelId>> = BTreeMap::new();
         for channel in (0..self.len()).filter(|&channel| self.root(channel) == channel) {
             layers.entry(self.layers[channel]).or_default().push(channel);
         }
-        layers.into_values().filter(|members| !members.iter().any(|member| fixed.contains(member))).collect()
+        layers
+            .into_iter()
+            .filter(|(_, roots)| !roots.iter().any(|root| fixed.contains(root)))
+            .map(|(layer, roots)| Layer { roots, width: self.layers.iter().filter(|&&of| of == layer).count() })
+            .collect()
     }
 
     fn fresh(&mut self, count: usize, fixed: bool) -> Vec<ChannelId> {

@@ -168,13 +168,10 @@ impl Folder {
     }
 
     fn encode(&self, image: &RgbImage, file: &mut dyn Write) -> ImageResult<()> {
-        match self.jpeg {
-            Some(quality) => image.write_with_encoder(JpegEncoder::new_with_quality(file, quality)),
-            None => {
-                let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
-                image.write_with_encoder(encoder)
-            }
+        if let Some(quality) = self.jpeg {
+            return image.write_with_encoder(JpegEncoder::new_with_quality(file, quality));
         }
+        image.write_with_encoder(PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive))
     }
 
     /// Written last: a data set without a split was interrupted.

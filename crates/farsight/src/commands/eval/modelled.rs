@@ -43,15 +43,12 @@ impl Files {
 
 fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut Printer) -> Result<Files> {
     let dataset = KittiDataset::open(data, args.split.as_deref())?;
-    let (results, folder) = match results {
-        Some(kept) => {
-            fs::create_dir_all(kept).with_context(|| format!("{}: cannot be made", kept.display()))?;
-            (kept.to_owned(), None)
-        }
-        None => {
-            let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
-            (folder.path().to_owned(), Some(folder))
-        }
+    let (results, folder) = if let Some(kept) = results {
+        fs::create_dir_all(kept).with_context(|| format!("{}: cannot be made", kept.display()))?;
+        (kept.to_owned(), None)
+    } else {
+        let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
+        (folder.path().to_owned(), Some(folder))
     };
     let options = DecodeOptions { min_score: MIN_SCORE, ..DecodeOptions::default() };
     let mut detector = open_detector(&args.engine, args.model.as_deref(), options)?;

@@ -90,7 +90,9 @@ impl<'a> Job<'a> {
         for (image, name) in self.images.iter().zip(&self.names) {
             match self.image(image, name, detector) {
                 Ok((size, detections, unfamiliar)) => {
-                    unfamiliar.into_iter().for_each(|camera| *warnings.entry(camera.to_string()).or_insert(0) += 1);
+                    if let Some(camera) = unfamiliar {
+                        *warnings.entry(camera.to_string()).or_insert(0) += 1;
+                    }
                     bar.suspend(|| table.rows(name, &detections).iter().for_each(|row| printer.line(row)));
                     found += detections.len();
                     done.push(ImageJson::new(image, size, &detections, self.range_m));
