@@ -26,7 +26,7 @@ pub mod key {
     /// SHA-256 of the weights as they were trained: names, shapes and values in the order of the names. The last of the keys, and so of the
     /// file: what lacks it has been cut short.
     pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
-    /// Where the regression head lies that can be computed at single cells, JSON; see [`super::PeaksOnly`].
+    /// Where the regression head lies that can be computed at single cells, JSON; see [`crate::onnx::PeaksOnly`].
     pub const PEAKS_HEAD: &str = "farsight.peaks_head";
     /// For which engines the file is meant.
     pub const TARGET: &str = "farsight.target";

@@ -1,6 +1,6 @@
 //! Structured pruning: whole channels leave the network, and what remains is a smaller network of the same kind.
 //!
-//! Channels that are added to each other, gated or normalised in groups stand or fall together ([`spaces`]). Within each such space the channels with
+//! Channels that are added to each other, gated or normalised in groups stand or fall together (`spaces`). Within each such space the channels with
 //! the largest weights stay: each is worth the L1 norm of the filters that make it, times the scale that batch norm gives it.
 
 mod spaces;
