@@ -61,6 +61,9 @@ fn every_file_that_the_documents_point_to_is_there() {
         "docs/speed.md",
         "docs/training.md",
         "docs/engines.md",
+        "docs/evaluation.md",
+        "docs/synth.md",
+        "models/farsight-s.md",
     ] {
         let path = root().join(document);
         let text = fs::read_to_string(&path).unwrap();
