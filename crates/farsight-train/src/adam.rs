@@ -1,7 +1,7 @@
 //! Adam with L2 weight decay; its state is plain tensors, so a checkpoint can hold all of it.
 
 use farsight_net::weights::{WeightTensor, Weights};
-use tch::{Device, Tensor, no_grad};
+use tch::{Tensor, no_grad};
 
 use crate::executor::weight_from_tensor;
 
@@ -84,13 +84,14 @@ impl Adam {
     ///
     /// # Errors
     /// The name of a tensor that is missing or has another shape.
-    pub fn restore(&mut self, weights: &Weights, steps: u64, device: Device) -> Result<(), String> {
+    pub fn restore(&mut self, weights: &Weights, steps: u64) -> Result<(), String> {
         self.steps = steps;
         for moments in &mut self.moments {
             for (prefix, place) in [(MEAN_PREFIX, &mut moments.mean), (SQUARE_PREFIX, &mut moments.square)] {
                 let name = format!("{prefix}{}", moments.name);
                 let tensor = weights.tensors.get(&name).filter(|t| same_shape(t, place)).ok_or(name)?;
-                *place = Tensor::from_slice(&tensor.values).view(place.size().as_slice()).to_device(device);
+                // Copied, not replaced: the place has its numbers in the order of the parameter's.
+                place.copy_(&Tensor::from_slice(&tensor.values).view(place.size().as_slice()));
             }
         }
         Ok(())

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use farsight_data::Position;
 use farsight_net::weights::{Weights, WeightsError};
 use serde::{Deserialize, Serialize};
-use tch::Device;
 use thiserror::Error;
 
 use crate::adam::Adam;
@@ -117,7 +116,6 @@ pub fn restore_adam(
     adam: &mut Adam,
     weights: &Weights,
     progress: Progress,
-    device: Device,
 ) -> Result<(), CheckpointError> {
-    adam.restore(weights, progress.steps, device).map_err(|name| CheckpointError::Tensor { path: path.into(), name })
+    adam.restore(weights, progress.steps).map_err(|name| CheckpointError::Tensor { path: path.into(), name })
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use farsight_net::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role};
+use farsight_net::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window};
 use farsight_net::weights::{WeightTensor, Weights};
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Tensor, no_grad};
@@ -22,15 +22,33 @@ pub enum Mode {
     Evaluate,
 }
 
-/// In which numbers convolutions are computed; weights, norms and losses stay in single precision.
+/// In which numbers the maps between the layers are computed. Weights, sums of norms, outputs and losses stay in single precision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// Single precision.
     #[default]
     F32,
-    /// bfloat16 convolutions (mixed precision).
+    /// bfloat16 (mixed precision), with the channels of a pixel side by side: what the matrix units of CPUs and GPUs are made for.
     Bf16,
+}
+
+impl Precision {
+    /// The kind of numbers between the layers.
+    fn kind(self) -> Kind {
+        match self {
+            Self::F32 => Kind::Float,
+            Self::Bf16 => Kind::BFloat16,
+        }
+    }
+
+    /// An input or a parameter in the order in which the layers want its numbers; they hand that order on to what they compute, gradients too.
+    fn arranged(self, tensor: &Tensor) -> Tensor {
+        match self {
+            Self::Bf16 if tensor.dim() == 4 => tensor.permute([0, 2, 3, 1]).contiguous().permute([0, 3, 1, 2]),
+            _ => tensor.shallow_clone(),
+        }
+    }
 }
 
 /// Weights that do not fit the network.
@@ -74,7 +92,7 @@ impl Network {
             }
             let shape: Vec<i64> = p.shape.iter().map(|&s| s as i64).collect();
             let tensor = Tensor::from_slice(&tensor.values).view(shape.as_slice()).to_device(device);
-            Ok(tensor.set_requires_grad(p.role == Role::Learnt))
+            Ok(precision.arranged(&tensor).set_requires_grad(p.role == Role::Learnt))
         };
         let parameters = graph.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
         let consumers = graph.consumers();
@@ -115,10 +133,11 @@ impl Network {
         }
         let last = wanted.iter().copied().max().unwrap_or(0);
         let mut maps: Vec<Option<Tensor>> = Vec::with_capacity(last + 1);
-        for node in &self.graph.nodes[..=last] {
+        for (id, node) in self.graph.nodes[..=last].iter().enumerate() {
+            let kind = if wanted.contains(&id) { Kind::Float } else { self.precision.kind() };
             let output = match node.op {
-                Op::Input => inputs.next().map(Tensor::shallow_clone),
-                _ => Some(self.compute(node, &maps, &pending, mode)),
+                Op::Input => inputs.next().map(|input| self.precision.arranged(&input.to_kind(kind))),
+                _ => Some(self.compute(node, kind, &maps, &pending, mode)),
             };
             maps.push(output);
             for &input in &node.inputs {
@@ -128,28 +147,36 @@ impl Network {
                 }
             }
         }
-        wanted.iter().filter_map(|&id| maps[id].as_ref().map(Tensor::shallow_clone)).collect()
+        wanted.iter().filter_map(|&id| maps[id].as_ref().map(|map| map.to_kind(Kind::Float))).collect()
     }
 
-    fn compute(&self, node: &Node, maps: &[Option<Tensor>], pending: &[usize], mode: Mode) -> Tensor {
+    /// Computes one node; convolutions in numbers of this kind.
+    fn compute(&self, node: &Node, kind: Kind, maps: &[Option<Tensor>], pending: &[usize], mode: Mode) -> Tensor {
         // The order of nodes and the count of readers guarantee that every input is still there.
         let input =
             |i: usize| maps[node.inputs[i]].as_ref().unwrap_or_else(|| unreachable!("node reads a map that is gone"));
         let x = input(0);
+        let operand = |id: ParameterId| self.tensor(id).to_kind(kind);
         match &node.op {
             Op::Input => x.shallow_clone(),
             Op::Conv { weight, bias, window, groups } => {
                 let (stride, padding) = ([window.stride as i64; 2], [window.padding as i64; 2]);
                 let dilation = [window.dilation as i64; 2];
-                let bias = bias.map(|id| self.operand(id));
-                self.cast(x).conv2d(&self.operand(*weight), bias, stride, padding, dilation, *groups as i64)
+                let bias = bias.map(operand);
+                x.to_kind(kind).conv2d(&operand(*weight), bias, stride, padding, dilation, *groups as i64)
             }
-            Op::DeformConv { weight, bias, window } => self.deform_conv(x, input(1), *weight, *bias, *window),
+            Op::DeformConv { weight, bias, window } => {
+                let samples = Self::deformed(x, input(1), *window).to_kind(kind);
+                let weight = operand(*weight);
+                let kernel = weight.reshape([weight.size()[0], -1, 1, 1]);
+                samples.conv2d(&kernel, Some(operand(*bias)), [1; 2], [0; 2], [1; 2], 1)
+            }
             Op::UpConv { weight, factor } => {
                 let factor = *factor as i64;
                 let (stride, padding, groups) = ([factor; 2], [factor / 2; 2], node.channels as i64);
                 let no_bias = None::<Tensor>;
-                self.cast(x).conv_transpose2d(&self.operand(*weight), no_bias, stride, padding, [0; 2], groups, [1; 2])
+                let x = x.to_kind(kind);
+                x.conv_transpose2d(&operand(*weight), no_bias, stride, padding, [0; 2], groups, [1; 2])
             }
             Op::GroupNorm { groups, weight, bias } => {
                 let x = x.to_kind(Kind::Float);
@@ -158,7 +185,6 @@ impl Network {
             Op::BatchNorm { weight, bias, mean, variance } => {
                 let [weight, bias, mean, variance] = [weight, bias, mean, variance].map(|id| Some(self.tensor(*id)));
                 let training = mode == Mode::Train;
-                let x = x.to_kind(Kind::Float);
                 x.batch_norm(weight, bias, mean, variance, training, BATCH_NORM_MOMENTUM, NORM_EPSILON, true)
             }
             // Nobody else reads this map and nothing that makes it needs its own output for the gradient: no second copy.
@@ -187,24 +213,13 @@ impl Network {
         }
     }
 
-    /// Samples at the displaced taps, then an ordinary 1x1 convolution over channels and taps.
-    fn deform_conv(
-        &self,
-        x: &Tensor,
-        offsets: &Tensor,
-        weight: ParameterId,
-        bias: ParameterId,
-        window: farsight_net::graph::Window,
-    ) -> Tensor {
-        let offsets = offsets.to_kind(Kind::Float);
+    /// The samples at the displaced taps, which a 1x1 convolution over channels and taps makes a deformable convolution.
+    fn deformed(x: &Tensor, offsets: &Tensor, window: Window) -> Tensor {
+        let [x, offsets] = [x, offsets].map(|map| map.to_kind(Kind::Float).contiguous());
         let taps = offsets.size()[1] / 3;
         let offset = offsets.narrow(1, 0, 2 * taps);
         let mask = offsets.narrow(1, 2 * taps, taps).sigmoid();
-        let samples = deformable_samples(&x.to_kind(Kind::Float), &offset, &mask, window);
-        let weight = self.operand(weight);
-        let channels = weight.size()[0];
-        let kernel = weight.view([channels, -1, 1, 1]);
-        self.cast(&samples).conv2d(&kernel, Some(self.operand(bias)), [1; 2], [0; 2], [1; 2], 1)
+        deformable_samples(&x, &offset, &mask, window)
     }
 
     fn may_overwrite(&self, id: NodeId) -> bool {
@@ -213,18 +228,6 @@ impl Network {
 
     fn tensor(&self, id: ParameterId) -> &Tensor {
         &self.parameters[id]
-    }
-
-    /// A parameter as convolutions want it.
-    fn operand(&self, id: ParameterId) -> Tensor {
-        self.cast(&self.parameters[id])
-    }
-
-    fn cast(&self, x: &Tensor) -> Tensor {
-        match self.precision {
-            Precision::F32 => x.shallow_clone(),
-            Precision::Bf16 => x.to_kind(Kind::BFloat16),
-        }
     }
 }
 

@@ -259,7 +259,7 @@ impl<'a> Trainer<'a> {
         let mut adam = Adam::new(run.train.adam(), network.learnt());
         let progress = match &stored {
             Some((weights, progress)) => {
-                checkpoint::restore_adam(checkpoint_path, &mut adam, weights, *progress, device)?;
+                checkpoint::restore_adam(checkpoint_path, &mut adam, weights, *progress)?;
                 *progress
             }
             None => Progress::default(),
