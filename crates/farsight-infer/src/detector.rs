@@ -2,6 +2,7 @@
 
 use farsight_core::codec::CHANNELS;
 use farsight_core::detection::{View, detections, detections_at_peaks};
+use farsight_core::input::InputRules;
 use farsight_core::{Camera, Detection, HeadMaps};
 use farsight_data::network_input_into;
 use image::RgbImage;
@@ -16,8 +17,8 @@ pub struct Detector {
     spec: DetectorSpec,
     /// What the engine's network leaves to be done at the peaks.
     head: Option<PeaksHead>,
-    /// The network's input, kept from image to image.
-    input: Vec<f32>,
+    /// The network's inputs, kept from batch to batch.
+    inputs: Vec<Vec<f32>>,
 }
 
 /// An image for which there is no answer.
@@ -30,6 +31,16 @@ pub enum DetectError {
         width: u32,
         /// Its height, pixels.
         height: u32,
+    },
+    /// The images of a batch need inputs of different sizes.
+    #[error("image {index} of the batch needs an input of {found:?} pixels; the first one needs {expected:?}")]
+    InputSize {
+        /// Its place in the batch, from 0.
+        index: usize,
+        /// Width and height of its input.
+        found: [usize; 2],
+        /// Width and height of the first one's.
+        expected: [usize; 2],
     },
     /// The engine failed.
     #[error(transparent)]
@@ -55,12 +66,12 @@ pub enum DetectError {
 impl Detector {
     /// A detector that runs the model of `spec` on `engine`.
     pub fn new(engine: Box<dyn Engine>, spec: DetectorSpec) -> Self {
-        Self { engine, spec, head: None, input: Vec::new() }
+        Self { engine, spec, head: None, inputs: Vec::new() }
     }
 
     /// As [`Detector::new`], for a network that ends before its regression `head`.
     pub fn with_peaks_head(engine: Box<dyn Engine>, spec: DetectorSpec, head: PeaksHead) -> Self {
-        Self { engine, spec, head: Some(head), input: Vec::new() }
+        Self { engine, spec, head: Some(head), inputs: Vec::new() }
     }
 
     /// Name of the engine.
@@ -93,21 +104,57 @@ impl Detector {
         image: &RgbImage,
         camera: &Camera,
     ) -> Result<(Vec<Detection>, StageTimes), DetectError> {
-        let (width, height) = image.dimensions();
-        if width == 0 || height == 0 {
-            return Err(DetectError::Empty { width, height });
-        }
-        let image_size = [width as usize, height as usize];
-        let rules = self.spec.input_for(image_size, camera);
-        let affine = rules.whole_image(image_size);
-        let view =
-            View { image_size, camera: *camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) };
+        let (mut answers, times) = self.detect_batch_timed(&[(image, camera)])?;
+        Ok((answers.pop().unwrap_or_default(), times))
+    }
 
-        let ((), warp) = timed(|| network_input_into(&mut self.input, image, &affine, &rules, None));
-        let (maps, network) = timed(|| self.engine.head_maps(&self.input, rules.size));
-        let maps = self.checked(maps?, rules.size)?;
-        let (detections, decode) = timed(|| self.decoded(&maps, &view));
-        Ok((detections, StageTimes { warp, network, decode, ..StageTimes::default() }))
+    /// [`Detector::detect`] for several images that the engine sees together, and the time of each stage for all of them.
+    ///
+    /// # Errors
+    /// As [`Detector::detect`], and when the images need inputs of different sizes ([`DetectorSpec::input_for`]).
+    pub fn detect_batch_timed(
+        &mut self,
+        images: &[(&RgbImage, &Camera)],
+    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
+        let Some(rules) = self.common_input(images)? else { return Ok((Vec::new(), StageTimes::default())) };
+        let (views, warp) = timed(|| self.warped(images, &rules));
+        let (maps, network) = timed(|| match &self.inputs[..] {
+            [one] => self.engine.batch_head_maps(one, rules.size),
+            several => self.engine.batch_head_maps(&several.concat(), rules.size),
+        });
+        let maps = self.checked(maps?, images.len(), rules.size)?;
+        let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view)).collect();
+        let (answers, decode) = timed(decoded);
+        Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
+    }
+
+    /// The input that all images need; none without images.
+    fn common_input(&self, images: &[(&RgbImage, &Camera)]) -> Result<Option<InputRules>, DetectError> {
+        let mut common: Option<InputRules> = None;
+        for (index, (image, camera)) in images.iter().enumerate() {
+            let (width, height) = image.dimensions();
+            if width == 0 || height == 0 {
+                return Err(DetectError::Empty { width, height });
+            }
+            let rules = self.spec.input_for([width as usize, height as usize], camera);
+            let expected = common.get_or_insert(rules).size;
+            if rules.size != expected {
+                return Err(DetectError::InputSize { index, found: rules.size, expected });
+            }
+        }
+        Ok(common)
+    }
+
+    /// Fills the inputs; returns how each of them sees the world.
+    fn warped(&mut self, images: &[(&RgbImage, &Camera)], rules: &InputRules) -> Vec<View> {
+        self.inputs.resize_with(images.len(), Vec::new);
+        let one = |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| {
+            let image_size = [image.width() as usize, image.height() as usize];
+            let affine = rules.whole_image(image_size);
+            network_input_into(input, image, &affine, rules, None);
+            View { image_size, camera: **camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) }
+        };
+        images.iter().zip(&mut self.inputs).map(one).collect()
     }
 
     fn decoded(&self, maps: &HeadMaps, view: &View) -> Vec<Detection> {
@@ -117,18 +164,28 @@ impl Detector {
         detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
     }
 
-    /// The decoder relies on the sizes of the maps, and an engine runs files that others made.
-    fn checked(&self, maps: HeadMaps, input_size: [usize; 2]) -> Result<HeadMaps, DetectError> {
+    /// The decoder relies on the number and the sizes of the maps, and an engine runs files that others made.
+    fn checked(
+        &self,
+        maps: Vec<HeadMaps>,
+        images: usize,
+        input_size: [usize; 2],
+    ) -> Result<Vec<HeadMaps>, DetectError> {
         let map_size @ [width, height] = DetectorSpec::map_size(input_size);
-        let found = [("heat map", maps.logits.len()), ("regression map", maps.regression.len())];
-        let channels = [self.spec.codec.classes.len(), self.head.as_ref().map_or(CHANNELS, PeaksHead::channels)];
-        for ((map, found), channels) in found.into_iter().zip(channels) {
-            let expected = channels * width * height;
-            if found != expected || maps.map_size != map_size {
-                let engine = self.engine.name().to_owned();
-                return Err(DetectError::Maps { engine, map, found, expected, width, height });
+        let misfit = |map, found, expected| {
+            let engine = self.engine.name().to_owned();
+            Err(DetectError::Maps { engine, map, found, expected, width, height })
+        };
+        for answer in &maps {
+            let found = [("heat map", answer.logits.len()), ("regression map", answer.regression.len())];
+            let channels = [self.spec.codec.classes.len(), self.head.as_ref().map_or(CHANNELS, PeaksHead::channels)];
+            for ((map, found), channels) in found.into_iter().zip(channels) {
+                let expected = channels * width * height;
+                if found != expected || answer.map_size != map_size {
+                    return misfit(map, found, expected);
+                }
             }
         }
-        Ok(maps)
+        if maps.len() == images { Ok(maps) } else { misfit("batch", maps.len(), images) }
     }
 }

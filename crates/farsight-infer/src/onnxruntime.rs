@@ -10,7 +10,7 @@ use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::TensorRef;
 
-use crate::engine::{Failure, unpanicked};
+use crate::engine::{Failure, apart, batch_size, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.
@@ -55,8 +55,9 @@ impl OrtEngine {
         })
     }
 
-    fn run(&mut self, input: &[f32], [width, height]: [usize; 2]) -> Result<HeadMaps, Failure> {
-        let image = TensorRef::from_array_view(([1, 3, height, width], input))?;
+    fn run(&mut self, inputs: &[f32], size @ [width, height]: [usize; 2]) -> Result<Vec<HeadMaps>, Failure> {
+        let batch = batch_size(inputs, size);
+        let image = TensorRef::from_array_view(([batch, 3, height, width], inputs))?;
         let answer = self.session.run(ort::inputs![INPUT => image])?;
         let map = |name: &str| {
             let value = answer.get(name).ok_or_else(|| format!("no output \"{name}\""))?;
@@ -64,11 +65,11 @@ impl OrtEngine {
             let &[_, _, height, width] = &shape[..] else {
                 return Err(format!("\"{name}\" has the shape {shape:?}").into());
             };
-            Ok::<_, Failure>(([width as usize, height as usize], values.to_vec()))
+            Ok::<_, Failure>(([width as usize, height as usize], values))
         };
         let (map_size, logits) = map(&self.outputs[0])?;
         let (_, regression) = map(&self.outputs[1])?;
-        Ok(HeadMaps { logits, regression, map_size })
+        Ok(apart(batch, map_size, logits.to_vec(), regression.to_vec()))
     }
 }
 
@@ -77,8 +78,8 @@ impl Engine for OrtEngine {
         NAME
     }
 
-    fn head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
-        unpanicked(NAME, || self.run(input, input_size))
+    fn batch_head_maps(&mut self, inputs: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
+        unpanicked(NAME, || self.run(inputs, input_size))
     }
 }
 

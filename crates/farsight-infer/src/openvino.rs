@@ -6,7 +6,7 @@ use farsight_core::HeadMaps;
 use farsight_net::onnx::{INPUT, OnnxModel};
 use openvino::{Core, DeviceType, ElementType, InferRequest, PartialShape, RwPropertyKey, Shape, Tensor};
 
-use crate::engine::{Failure, unpanicked};
+use crate::engine::{Failure, apart, batch_size, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.
@@ -36,8 +36,8 @@ impl OpenvinoPrecision {
 pub struct OpenvinoEngine {
     core: Core,
     model: OnnxModel,
-    /// The network compiled for the size of the last input; OpenVINO is faster when it knows the size.
-    compiled: Option<([usize; 2], InferRequest)>,
+    /// The network compiled for the shape of the last input; OpenVINO is faster when it knows it.
+    compiled: Option<([usize; 4], InferRequest)>,
 }
 
 impl OpenvinoEngine {
@@ -59,8 +59,8 @@ impl OpenvinoEngine {
                 core.set_property(&DeviceType::CPU, &RwPropertyKey::InferenceNumThreads, &threads.to_string())?;
             }
             let mut engine = Self { core, model, compiled: None };
-            let size = engine.model.config().input;
-            engine.request(size)?;
+            let [width, height] = engine.model.config().input;
+            engine.request([1, 3, height, width])?;
             Ok(engine)
         })
     }
@@ -76,34 +76,34 @@ impl OpenvinoEngine {
         })
     }
 
-    /// The network compiled for inputs of `size`.
-    fn request(&mut self, size: [usize; 2]) -> Result<&mut InferRequest, Failure> {
-        let known = self.compiled.take().filter(|(compiled_size, _)| *compiled_size == size);
+    /// The network compiled for inputs of this shape.
+    fn request(&mut self, shape: [usize; 4]) -> Result<&mut InferRequest, Failure> {
+        let known = self.compiled.take().filter(|(compiled_shape, _)| *compiled_shape == shape);
         let request = match known {
             Some((_, request)) => request,
-            None => self.compile(size)?,
+            None => self.compile(shape)?,
         };
-        Ok(&mut self.compiled.insert((size, request)).1)
+        Ok(&mut self.compiled.insert((shape, request)).1)
     }
 
-    fn compile(&mut self, [width, height]: [usize; 2]) -> Result<InferRequest, Failure> {
+    fn compile(&mut self, shape: [usize; 4]) -> Result<InferRequest, Failure> {
         let mut model = self.core.read_model_from_buffer(self.model.bytes(), None)?;
-        let shape = PartialShape::new_static(4, &[1, 3, height as i64, width as i64])?;
+        let shape = PartialShape::new_static(4, &shape.map(|side| side as i64))?;
         model.reshape_input_by_name(INPUT, &shape)?;
         Ok(self.core.compile_model(&model, DeviceType::CPU)?.create_infer_request()?)
     }
 
-    fn run(&mut self, input: &[f32], size: [usize; 2]) -> Result<HeadMaps, Failure> {
+    fn run(&mut self, inputs: &[f32], size @ [width, height]: [usize; 2]) -> Result<Vec<HeadMaps>, Failure> {
         let outputs = self.model.outputs().map(str::to_owned);
-        let shape = Shape::new(&[1, 3, size[1] as i64, size[0] as i64])?;
-        let mut image = Tensor::new(ElementType::F32, &shape)?;
-        image.get_data_mut::<f32>()?.copy_from_slice(input);
-        let request = self.request(size)?;
-        request.set_tensor(INPUT, &image)?;
+        let shape = [batch_size(inputs, size), 3, height, width];
+        let mut images = Tensor::new(ElementType::F32, &Shape::new(&shape.map(|side| side as i64))?)?;
+        images.get_data_mut::<f32>()?.copy_from_slice(inputs);
+        let request = self.request(shape)?;
+        request.set_tensor(INPUT, &images)?;
         request.infer()?;
         let (map_size, logits) = map(request, &outputs[0])?;
         let (_, regression) = map(request, &outputs[1])?;
-        Ok(HeadMaps { logits, regression, map_size })
+        Ok(apart(shape[0], map_size, logits, regression))
     }
 }
 
@@ -122,8 +122,8 @@ impl Engine for OpenvinoEngine {
         NAME
     }
 
-    fn head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
-        unpanicked(NAME, || self.run(input, input_size))
+    fn batch_head_maps(&mut self, inputs: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
+        unpanicked(NAME, || self.run(inputs, input_size))
     }
 }
 

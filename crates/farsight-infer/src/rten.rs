@@ -6,7 +6,7 @@ use farsight_core::HeadMaps;
 use farsight_net::onnx::{INPUT, OnnxModel};
 use rten::{Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueView, op_registry};
 
-use crate::engine::{Failure, unpanicked};
+use crate::engine::{Failure, apart, batch_size, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.
@@ -64,13 +64,14 @@ impl RtenEngine {
         })
     }
 
-    fn run(&self, input: &[f32], [width, height]: [usize; 2]) -> Result<HeadMaps, Failure> {
-        let view = ValueView::from_shape([1, 3, height, width], input)?;
+    fn run(&self, inputs: &[f32], size @ [width, height]: [usize; 2]) -> Result<Vec<HeadMaps>, Failure> {
+        let batch = batch_size(inputs, size);
+        let view = ValueView::from_shape([batch, 3, height, width], inputs)?;
         let inputs = vec![(self.input, view.into())];
         let [logits, regression] = self.model.run_n(inputs, self.outputs, Some(self.options.clone()))?;
-        let (size, logits) = map(logits)?;
+        let (map_size, logits) = map(logits)?;
         let (_, regression) = map(regression)?;
-        Ok(HeadMaps { logits, regression, map_size: size })
+        Ok(apart(batch, map_size, logits, regression))
     }
 }
 
@@ -85,7 +86,7 @@ impl Engine for RtenEngine {
         NAME
     }
 
-    fn head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
-        unpanicked(NAME, || self.run(input, input_size))
+    fn batch_head_maps(&mut self, inputs: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
+        unpanicked(NAME, || self.run(inputs, input_size))
     }
 }

@@ -28,7 +28,7 @@ impl Engine for Painter {
         "painter"
     }
 
-    fn head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
+    fn batch_head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
         let rules = self.spec.input_for(self.image_size, &self.camera);
         assert_eq!(input_size, rules.size);
         assert_eq!(input.len(), 3 * input_size[0] * input_size[1]);
@@ -45,7 +45,7 @@ impl Engine for Painter {
         for (channel, value) in raw(&encoded.regression).into_iter().enumerate() {
             regression[channel * area + at] = value as f32;
         }
-        Ok(HeadMaps { logits, regression, map_size })
+        Ok(vec![HeadMaps { logits, regression, map_size }])
     }
 }
 
@@ -114,9 +114,10 @@ impl Engine for Wrong {
         "wrong"
     }
 
-    fn head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
+    fn batch_head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
         let map_size = input_size.map(|side| side / STRIDE);
-        Ok(HeadMaps { logits: vec![0.0; 3 * map_size[0] * map_size[1]], regression: vec![0.0; 7], map_size })
+        let logits = vec![0.0; 3 * map_size[0] * map_size[1]];
+        Ok(vec![HeadMaps { logits, regression: vec![0.0; 7], map_size }])
     }
 }
 
@@ -128,4 +129,16 @@ fn maps_that_do_not_fit_are_an_error() {
     assert_eq!(error.to_string(), expected);
     let error = detector.detect(&RgbImage::new(0, 375), &kitti()).unwrap_err();
     assert!(matches!(error, DetectError::Empty { width: 0, height: 375 }));
+}
+
+#[test]
+fn images_of_a_batch_need_inputs_of_one_size() {
+    let mut detector = Detector::new(Box::new(Wrong), spec(&ModelConfig::default()));
+    let (wide, high) = (RgbImage::new(1242, 375), RgbImage::new(640, 480));
+    let error = detector.detect_batch_timed(&[(&wide, &kitti()), (&high, &kitti())]).unwrap_err();
+    let expected = "image 1 of the batch needs an input of [1280, 960] pixels; the first one needs [1280, 384]";
+    assert_eq!(error.to_string(), expected);
+    assert!(detector.detect_batch_timed(&[]).unwrap().0.is_empty());
+    let error = detector.detect_batch_timed(&[(&wide, &kitti()), (&wide, &kitti())]).unwrap_err();
+    assert!(matches!(error, DetectError::Maps { found: 7, .. }), "{error}");
 }

@@ -114,6 +114,21 @@ fn one_file_takes_every_input_size() {
 }
 
 #[test]
+fn an_image_has_the_same_maps_alone_and_in_a_batch() {
+    let size = [96, 64];
+    let model = lively(small(NormKind::Group, NeckKind::Deformable, Msfe::A));
+    let mut engine = engine(&Network::deployable(&model).unwrap(), &model, Target::Portable);
+    let first = input(size);
+    let second: Vec<f32> = first.iter().rev().copied().collect();
+    let together = engine.batch_head_maps(&[first.clone(), second.clone()].concat(), size).unwrap();
+    assert_eq!(together.len(), 2);
+    for (image, maps) in [first, second].iter().zip(&together) {
+        assert_same("alone and in a batch", &engine.head_maps(image, size).unwrap(), maps);
+    }
+    assert!(difference(&together[0].regression, &together[1].regression) > 0.01, "two images, two answers");
+}
+
+#[test]
 fn rten_says_that_it_has_no_deformable_convolution() {
     let model = lively(small(NormKind::Batch, NeckKind::Deformable, Msfe::None));
     let bytes =

@@ -1,6 +1,7 @@
 //! libtorch as an engine of `farsight-infer`.
 
 use farsight_core::HeadMaps;
+use farsight_infer::engine::{apart, batch_size};
 use farsight_infer::{Engine, EngineError};
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::model::{Model, ModelError};
@@ -56,14 +57,13 @@ impl Engine for TorchEngine {
         "libtorch"
     }
 
-    fn head_maps(&mut self, input: &[f32], [width, height]: [usize; 2]) -> Result<HeadMaps, EngineError> {
-        let input = Tensor::from_slice(input).view([1, 3, height as i64, width as i64]).to_device(self.device);
-        let maps = no_grad(|| self.network.forward(&input, Mode::Evaluate, &self.outputs));
-        let size = maps[0].size();
-        Ok(HeadMaps {
-            logits: values_from_tensor(&maps[0]),
-            regression: values_from_tensor(&maps[1]),
-            map_size: [size[3] as usize, size[2] as usize],
-        })
+    fn batch_head_maps(&mut self, inputs: &[f32], size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
+        let batch = batch_size(inputs, size);
+        let shape = [batch, 3, size[1], size[0]].map(|side| side as i64);
+        let inputs = Tensor::from_slice(inputs).view(shape).to_device(self.device);
+        let maps = no_grad(|| self.network.forward(&inputs, Mode::Evaluate, &self.outputs));
+        let map_size = maps[0].size();
+        let [logits, regression] = [0, 1].map(|output| values_from_tensor(&maps[output]));
+        Ok(apart(batch, [map_size[3] as usize, map_size[2] as usize], logits, regression))
     }
 }

@@ -10,7 +10,7 @@ use farsight_net::config::ModelConfig;
 use farsight_net::onnx::{OnnxModel, PeaksOnly, Target};
 
 use crate::libraries::{Found, Library};
-use crate::shipped;
+use crate::{shipped, untrained};
 
 /// What runs the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -68,14 +68,53 @@ pub(crate) fn open_detector(args: &EngineArgs, path: Option<&Path>, options: Dec
         return Ok(Detector::new(engine, DetectorSpec::new(&config, options)));
     }
     let model = read(args.engine, path)?;
-    let path = path.unwrap_or(Path::new(shipped::NAME));
     let spec = DetectorSpec::new(model.config(), options);
-    Ok(match PeaksOnly::new(&model, path)? {
+    detector(args, model, path.unwrap_or(Path::new(shipped::NAME)), spec)
+}
+
+/// How a network is to be run when only the time matters.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Timing {
+    /// Width and height of the input, pixels; the model's own by default.
+    pub(crate) input: Option<[usize; 2]>,
+    /// Whether the regression head is computed everywhere, as other programs do.
+    pub(crate) dense_head: bool,
+}
+
+/// As [`open_detector`], to be timed: `path` may also be a config, whose network gets random weights.
+pub(crate) fn open_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Detector> {
+    let is_config = path.is_some_and(untrained::is_config);
+    if args.engine == EngineName::Libtorch {
+        ensure!(
+            !is_config && timing.input.is_none(),
+            "the engine libtorch is timed with a model and its own input only"
+        );
+        return open_detector(args, path, DecodeOptions::default());
+    }
+    let model = match path {
+        Some(path) if is_config => OnnxModel::from_model(&untrained::model(path)?, target(args.engine), path)?,
+        _ => read(args.engine, path)?,
+    };
+    let mut spec = DetectorSpec::new(model.config(), DecodeOptions::default());
+    if let Some(size) = timing.input {
+        spec.input.size = size;
+        // The camera must not change the size.
+        spec.focal_range_px = None;
+    }
+    let source = path.unwrap_or(Path::new(shipped::NAME));
+    if timing.dense_head {
+        return Ok(Detector::new(start(args, model, source)?, spec));
+    }
+    detector(args, model, source, spec)
+}
+
+fn detector(args: &EngineArgs, model: OnnxModel, source: &Path, spec: DetectorSpec) -> Result<Detector> {
+    Ok(match PeaksOnly::new(&model, source)? {
         Some(cut) => {
             let head = PeaksHead::new(&cut);
-            Detector::with_peaks_head(start(args, cut.model, path)?, spec, head)
+            Detector::with_peaks_head(start(args, cut.model, source)?, spec, head)
         }
-        None => Detector::new(start(args, model, path)?, spec),
+        None => Detector::new(start(args, model, source)?, spec),
     })
 }
 
@@ -89,15 +128,19 @@ pub(crate) fn open_engine(args: &EngineArgs, path: &Path) -> Result<Box<dyn Engi
 
 /// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.
 fn read(engine: EngineName, path: Option<&Path>) -> Result<OnnxModel> {
-    let target = match engine {
-        EngineName::Onnxruntime => Target::OnnxRuntime,
-        _ => Target::Portable,
-    };
+    let target = target(engine);
     let Some(path) = path else {
         return Ok(OnnxModel::from_model(&shipped::model()?, target, Path::new(shipped::NAME))?);
     };
     check_there(path)?;
     Ok(OnnxModel::read_any(path, target)?)
+}
+
+fn target(engine: EngineName) -> Target {
+    match engine {
+        EngineName::Onnxruntime => Target::OnnxRuntime,
+        _ => Target::Portable,
+    }
 }
 
 fn check_there(path: &Path) -> Result<()> {

@@ -12,6 +12,7 @@ mod printer;
 mod range_json;
 mod range_table;
 mod shipped;
+mod untrained;
 
 use std::process::ExitCode;
 

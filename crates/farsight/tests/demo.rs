@@ -88,4 +88,18 @@ fn benchmarks_tell_every_stage() {
         assert!(answer.contains(stage), "{stage} is missing:\n{answer}");
     }
     assert!(folder.path().join("bench.json").is_file());
+
+    // A network that nobody has trained, several images at once, another size, the head everywhere.
+    std::fs::write(folder.path().join("run.toml"), "[model]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n")
+        .unwrap();
+    let words = ["bench", "--model", "run.toml", "--runs", "1", "--input", "64x32", "--batch", "3", "--dense-head"];
+    let answer = text(farsight(&words, folder.path()).stdout);
+    assert!(
+        answer.starts_with("run.toml on rten: image 1242x375, input 64x32, batch 3, 1 runs, milliseconds\n"),
+        "{answer}"
+    );
+    let refused = text(farsight(&["bench", "--input", "64x33"], folder.path()).stderr);
+    assert!(refused.contains("expected width and height in multiples of 32, at most 8192: 1280x384"), "{refused}");
+    let refused = text(farsight(&["bench", "--batch", "0"], folder.path()).stderr);
+    assert_eq!(refused, "error: --batch is 0; expected 1 to 256\n");
 }

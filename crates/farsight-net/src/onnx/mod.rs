@@ -17,7 +17,7 @@ mod write;
 pub use error::{OnnxError, OnnxProblem};
 pub use facts::{Facts, key};
 pub use head::{HeadLayer, PeaksOnly};
-pub use read::{OnnxModel, ReadAnyError};
+pub use read::{OnnxModel, ReadAnyError, is_safetensors};
 pub use wire::WireError;
 pub use write::write;
 

@@ -176,7 +176,10 @@ impl OnnxModel {
 }
 
 /// Whether a file starts as safetensors files do: the length of the header, and the header's first brace.
-fn is_safetensors(path: &Path) -> std::io::Result<bool> {
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn is_safetensors(path: &Path) -> std::io::Result<bool> {
     let mut start = Vec::new();
     File::open(path)?.take(SAFETENSORS_START as u64).read_to_end(&mut start)?;
     Ok(start.len() == SAFETENSORS_START && start.ends_with(b"{"))

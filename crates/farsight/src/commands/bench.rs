@@ -1,32 +1,37 @@
 //! `farsight bench`: where the time goes, from the image file to the picture.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use farsight_core::Camera;
-use farsight_core::detection::DecodeOptions;
 use farsight_data::read_image;
 use farsight_files::write_atomically;
 use farsight_infer::timing::timed;
 use farsight_infer::{Detector, StageTimes};
+use farsight_net::config::SIZE_STEP;
 use farsight_viz::{DrawOptions, Scene, picture};
+use image::RgbImage;
 use serde::Serialize;
 
 use super::Outcome;
-use crate::engines::{EngineArgs, open_detector};
+use crate::engines::{EngineArgs, Timing, open_to_time};
 use crate::printer::Printer;
 use crate::shipped;
 
 /// Runs before the clock counts: engines plan and allocate in the first ones.
 const WARM_UP: usize = 3;
 
+/// More images at once or larger ones are a mistake.
+const LARGEST_BATCH: usize = 256;
+const LARGEST_SIDE: usize = 8192;
+
 /// Arguments of `farsight bench`.
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
-    /// Model [default: the one that comes with the program]
+    /// Model, or the config of one (.toml): its network with random weights [default: the model that comes with the program]
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     #[command(flatten)]
@@ -34,6 +39,15 @@ pub(crate) struct BenchArgs {
     /// Image to look at [default: a scene that comes with the program, 1242x375 JPEG]
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
+    /// Width and height of the network's input, pixels, multiples of 32 [default: the model's]
+    #[arg(long, value_name = "WxH", value_parser = input_size)]
+    input: Option<[usize; 2]>,
+    /// Images that the network sees together; times are of the batch
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    batch: usize,
+    /// Compute the regression head everywhere instead of at the peaks, to see what that saves
+    #[arg(long)]
+    dense_head: bool,
     /// How often each stage is timed
     #[arg(long, value_name = "N", default_value_t = 20)]
     runs: usize,
@@ -53,7 +67,7 @@ struct Figures {
     threads: Option<usize>,
     batch: usize,
     runs: usize,
-    /// From the image file to the detections, milliseconds.
+    /// From the image files of the batch to the detections, milliseconds.
     total: Spread,
     stages: Vec<(&'static str, Spread)>,
     /// The most memory that the process ever held, megabytes, where the system tells.
@@ -67,7 +81,7 @@ struct Spread {
     quartiles_ms: [f64; 2],
 }
 
-/// One pass over the image.
+/// One pass over a batch.
 struct Pass {
     times: StageTimes,
     draw: Duration,
@@ -76,16 +90,18 @@ struct Pass {
 /// Runs the command.
 pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     ensure!(args.runs > 0, "--runs is 0; expected at least one");
+    ensure!((1..=LARGEST_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {LARGEST_BATCH}", args.batch);
     let folder = tempfile::tempdir().context("no folder for the scene")?;
     let image = match &args.image {
         Some(image) => image.clone(),
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
     };
-    let mut detector = open_detector(&args.engine, args.model.as_deref(), DecodeOptions::default())?;
+    let timing = Timing { input: args.input, dense_head: args.dense_head };
+    let mut detector = open_to_time(&args.engine, args.model.as_deref(), timing)?;
     for _ in 0..WARM_UP {
-        pass(&image, &mut detector)?;
+        pass(&image, args.batch, &mut detector)?;
     }
-    let passes = (0..args.runs).map(|_| pass(&image, &mut detector)).collect::<Result<Vec<Pass>>>()?;
+    let passes = (0..args.runs).map(|_| pass(&image, args.batch, &mut detector)).collect::<Result<Vec<Pass>>>()?;
     let figures = figures(args, &image, &detector, &passes)?;
     print(&figures, printer);
     if let Some(path) = &args.json {
@@ -95,14 +111,31 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn pass(path: &std::path::Path, detector: &mut Detector) -> Result<Pass> {
-    let (image, load) = timed(|| read_image(path));
-    let image = image?;
-    let camera = camera(image.width() as usize, image.height() as usize)?;
-    let (detections, times) = detector.detect_timed(&image, &camera)?;
-    let scene = Scene { camera: &camera, detections: &detections, truth: &[] };
-    let (_, draw) = timed(|| picture(&image, &scene, &DrawOptions::default()));
+fn pass(path: &Path, batch: usize, detector: &mut Detector) -> Result<Pass> {
+    let (images, load) = timed(|| (0..batch).map(|_| read_image(path)).collect::<Result<Vec<_>, _>>());
+    let images = images?;
+    let camera = camera(images[0].width() as usize, images[0].height() as usize)?;
+    let views: Vec<(&RgbImage, &Camera)> = images.iter().map(|image| (image, &camera)).collect();
+    let (answers, times) = detector.detect_batch_timed(&views)?;
+    let ((), draw) = timed(|| {
+        for (image, detections) in images.iter().zip(&answers) {
+            picture(image, &Scene { camera: &camera, detections, truth: &[] }, &DrawOptions::default());
+        }
+    });
     Ok(Pass { times: StageTimes { load, ..times }, draw })
+}
+
+/// Width and height, as in `1280x384`.
+fn input_size(text: &str) -> Result<[usize; 2], String> {
+    let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
+    match sides {
+        Some([Ok(width), Ok(height)])
+            if [width, height].iter().all(|side| (1..=LARGEST_SIDE).contains(side) && side % SIZE_STEP == 0) =>
+        {
+            Ok([width, height])
+        }
+        _ => Err(format!("expected width and height in multiples of {SIZE_STEP}, at most {LARGEST_SIDE}: 1280x384")),
+    }
 }
 
 /// KITTI's field of view: the answers do not matter here, and the time does not depend on it.
@@ -121,7 +154,7 @@ fn figures(args: &BenchArgs, path: &std::path::Path, detector: &Detector, passes
         image,
         input: detector.spec().input_for(image, &camera(image[0], image[1])?).size,
         threads: args.engine.threads,
-        batch: 1,
+        batch: args.batch,
         runs: passes.len(),
         total: stage(|pass| pass.times.total()),
         stages: vec![
@@ -136,9 +169,10 @@ fn figures(args: &BenchArgs, path: &std::path::Path, detector: &Detector, passes
 }
 
 fn print(figures: &Figures, printer: &mut Printer) {
-    let Figures { engine, model, image: [width, height], input: [input_width, input_height], runs, .. } = figures;
+    let Figures { engine, model, image: [width, height], input: [input_width, input_height], batch, runs, .. } =
+        figures;
     printer.heading(&format!(
-        "{model} on {engine}: image {width}x{height}, input {input_width}x{input_height}, batch 1, {runs} runs, milliseconds"
+        "{model} on {engine}: image {width}x{height}, input {input_width}x{input_height}, batch {batch}, {runs} runs, milliseconds"
     ));
     let row = |name: &str, spread: &Spread| {
         let [low, high] = spread.quartiles_ms;
@@ -148,7 +182,8 @@ fn print(figures: &Figures, printer: &mut Printer) {
         printer.line(&row(name, spread));
     }
     printer.line(&row("file to detections", &figures.total));
-    printer.line(&format!("{:<24}{:>9.1}", "images a second", 1e3 / figures.total.median_ms));
+    let rate = *batch as f64 * 1e3 / figures.total.median_ms;
+    printer.line(&format!("{:<24}{rate:>9.1}", "images a second"));
     if let Some(megabytes) = figures.peak_memory_mb {
         printer.line(&format!("{:<24}{megabytes:>9.0} MB", "most memory held"));
     }

@@ -1,6 +1,5 @@
 //! `farsight info`: what a model is made of and what it costs.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -8,11 +7,13 @@ use clap::Args;
 use farsight_net::build::network;
 use farsight_net::config::ModelConfig;
 use farsight_net::count::{StageCount, count, total};
-use farsight_net::onnx::{Facts, OnnxModel, Target, key};
-use serde::Deserialize;
+use farsight_net::graph::Graph;
+use farsight_net::model::Model;
+use farsight_net::onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
 use crate::printer::Printer;
+use crate::untrained;
 
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
@@ -22,18 +23,11 @@ pub(crate) struct InfoArgs {
     model: PathBuf,
 }
 
-/// The part of a training's config that describes the model.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct RunFile {
-    model: ModelConfig,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
-    let (config, told) = read(&args.model)?;
+    let Described { config, graph, told } = read(&args.model)?;
     let [width, height] = config.input;
-    let stages = count(&network(&config), width, height).with_context(|| {
+    let stages = count(&graph, width, height).with_context(|| {
         format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
     })?;
     for (name, fact) in facts(&config).into_iter().chain(told) {
@@ -47,13 +41,27 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The description, and what else the file tells about the model.
-fn read(path: &Path) -> Result<(ModelConfig, Vec<(&'static str, String)>)> {
-    if path.extension().is_some_and(|extension| extension == "toml") {
-        return Ok((read_config(path)?, Vec::new()));
+/// A file as it describes itself.
+struct Described {
+    config: ModelConfig,
+    graph: Graph,
+    told: Vec<(&'static str, String)>,
+}
+
+fn read(path: &Path) -> Result<Described> {
+    if untrained::is_config(path) {
+        let config = untrained::read_config(path)?;
+        return Ok(Described { graph: network(&config), config, told: Vec::new() });
     }
-    let file = OnnxModel::read_any(path, Target::default())?;
-    Ok((file.config().clone(), told(file.facts())))
+    if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
+        // A pruned model is narrower than its config says.
+        let model = Model::read(path)?;
+        let told = told(&Facts::new(&model, Target::default()));
+        return Ok(Described { config: model.config, graph: model.graph, told });
+    }
+    let file = OnnxModel::read(path)?;
+    let config = file.config().clone();
+    Ok(Described { graph: network(&config), config, told: told(file.facts()) })
 }
 
 /// Facts that only the one who trained the model knows, and the hash that tells two models apart.
@@ -67,13 +75,6 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
         ("weights SHA-256", key::WEIGHTS_SHA256),
     ];
     names.into_iter().filter_map(|(name, key)| Some((name, facts.get(key)?.to_owned()))).collect()
-}
-
-fn read_config(path: &Path) -> Result<ModelConfig> {
-    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let run: RunFile = toml::from_str(&text).with_context(|| path.display().to_string())?;
-    run.model.validate().with_context(|| path.display().to_string())?;
-    Ok(run.model)
 }
 
 fn facts(config: &ModelConfig) -> Vec<(&'static str, String)> {

@@ -33,11 +33,11 @@ impl Engine for OneCar {
         "one car"
     }
 
-    fn head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<HeadMaps, EngineError> {
+    fn batch_head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
         let map_size @ [width, height] = input_size.map(|side| side / STRIDE);
         let mut logits = vec![-9.0; 3 * width * height];
         logits[height / 2 * width + width / 2] = 2.0;
-        Ok(HeadMaps { logits, regression: vec![0.0; CHANNELS * width * height], map_size })
+        Ok(vec![HeadMaps { logits, regression: vec![0.0; CHANNELS * width * height], map_size }])
     }
 }
 
