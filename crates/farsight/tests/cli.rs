@@ -118,6 +118,14 @@ fn no_model() {
     assert_eq!(refusal(&["range", "a.png", "--hfov", "80", "--model", "m.safetensors"]), expected);
 }
 
+#[test]
+fn a_bench_of_nothing_is_refused() {
+    let expected = "expected width and height in multiples of 32, at most 8192: 1280x384";
+    assert!(refusal(&["bench", "--input", "64x33"]).contains(expected));
+    assert!(refusal(&["bench", "--input", "0x32"]).contains(expected));
+    assert_eq!(refusal(&["bench", "--batch", "0"]), "error: --batch is 0; expected 1 to 256\n");
+}
+
 #[cfg(not(feature = "train"))]
 #[test]
 fn what_needs_libtorch_says_so() {
