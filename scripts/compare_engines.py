@@ -47,12 +47,14 @@ def openvino_peer(precision):
 
 
 def tract_peer(model, image, threads):
+    """tract runs on one thread, whatever is asked for."""
     import tract
 
-    network = tract.onnx().load(model)
+    network = tract.onnx().load(str(model))
     network.set_input_fact(0, ",".join(map(str, image.shape)) + ",f32")
-    network = network.into_model() if hasattr(network, "into_model") else network.into_optimized()
-    runnable = network.into_runnable()
+    for output in range(network.output_count()):
+        network.set_output_fact(output, None)
+    runnable = tract.runtime_for_name("default").prepare(network.into_model())
     return lambda: runnable.run([image])
 
 
