@@ -3,7 +3,6 @@
 use farsight_core::codec::CHANNELS;
 use farsight_core::detection::{View, detections, detections_at_peaks};
 use farsight_core::{Camera, Detection, HeadMaps};
-use farsight_data::network_input_into;
 use image::RgbImage;
 use thiserror::Error;
 
@@ -98,14 +97,10 @@ impl Detector {
             return Err(DetectError::Empty { width, height });
         }
         let image_size = [width as usize, height as usize];
-        let rules = self.spec.input_for(image_size, camera);
-        let affine = rules.whole_image(image_size);
-        let view =
-            View { image_size, camera: *camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) };
-
-        let ((), warp) = timed(|| network_input_into(&mut self.input, image, &affine, &rules, None));
-        let (maps, network) = timed(|| self.engine.head_maps(&self.input, rules.size));
-        let maps = self.checked(maps?, rules.size)?;
+        let ((size, input_camera), warp) = timed(|| self.spec.input_into(&mut self.input, image, camera));
+        let view = View { image_size, camera: *camera, input_camera };
+        let (maps, network) = timed(|| self.engine.head_maps(&self.input, size));
+        let maps = self.checked(maps?, size)?;
         let (detections, decode) = timed(|| self.decoded(&maps, &view));
         Ok((detections, StageTimes { warp, network, decode, ..StageTimes::default() }))
     }

@@ -68,7 +68,16 @@ pub(crate) fn open_detector(args: &EngineArgs, path: Option<&Path>, options: Dec
         return Ok(Detector::new(engine, DetectorSpec::new(&config, options)));
     }
     let model = read(args.engine, path)?;
-    let path = path.unwrap_or(Path::new(shipped::NAME));
+    detector_of(args, model, path.unwrap_or(Path::new(shipped::NAME)), options)
+}
+
+/// As [`open_detector`], for a model in memory; `path` is only what errors call it.
+pub(crate) fn detector_of(
+    args: &EngineArgs,
+    model: OnnxModel,
+    path: &Path,
+    options: DecodeOptions,
+) -> Result<Detector> {
     let spec = DetectorSpec::new(model.config(), options);
     Ok(match PeaksOnly::new(&model, path)? {
         Some(cut) => {

@@ -1,5 +1,7 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
+mod int8;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -19,6 +21,7 @@ use crate::engines::{self, EngineArgs, EngineName};
 #[cfg(not(feature = "train"))]
 use crate::libraries::Library;
 use crate::printer::Printer;
+use int8::Int8Args;
 
 /// The largest difference of a head map that is let pass (single precision), for values up to 1.
 pub(super) const TOLERANCE: f32 = 1e-4;
@@ -47,6 +50,9 @@ pub(crate) struct ExportArgs {
     /// A JSON file of `farsight eval`, for the file's metadata
     #[arg(long, value_name = "FILE")]
     evaluation: Option<PathBuf>,
+    // Last, because its help heading would go on to what follows.
+    #[command(flatten)]
+    int8: Int8Args,
 }
 
 /// See [`Target`].
@@ -67,6 +73,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let model = Model::read(&args.model)?;
     if args.half {
         return half(&model, args, printer);
+    }
+    if args.int8.int8 {
+        return int8::run(&model, args, target, printer);
     }
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = OnnxModel::from_bytes(bytes, &args.out)?;
