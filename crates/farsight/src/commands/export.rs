@@ -70,7 +70,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
-    let model = Model::read(&args.model)?;
+    let model = read(&args.model)?;
     if args.half {
         return half(&model, args, printer);
     }
@@ -95,6 +95,14 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
     printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
     Ok(Outcome::Done)
+}
+
+/// The model; what `export` itself wrote is none, and worth a word of its own.
+fn read(path: &Path) -> Result<Model> {
+    Model::read(path).or_else(|error| match OnnxModel::read(path) {
+        Ok(_) => bail!("{}: an ONNX file already; expected the model that it was made from (.safetensors)", path.display()),
+        Err(_) => Err(error.into()),
+    })
 }
 
 /// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.

@@ -18,7 +18,7 @@ use farsight_net::onnx::{Facts, OnnxModel, Target, key};
 use farsight_net::quantize::Observer;
 use farsight_net::transform::Network;
 use indicatif::ProgressBar;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{ExportArgs, facts};
 use crate::camera_source::CameraSource;
@@ -104,7 +104,7 @@ impl Int8Args {
 /// Runs the command.
 pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
     let images = Images::find(args, &model.config)?;
-    let mut facts = facts(args, model, target)?;
+    let facts = facts(args, model, target)?;
     let network = Network::deployable(model)?;
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
     let peaks: usize = references.iter().map(Reference::peak_count).sum();
@@ -112,11 +112,14 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
     ensure!(peaks > 0, "{}: the model finds nothing in these images; expected some with vehicles", images.folder.display());
 
     let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
-    let harm = sweep.harm_of_layers()?;
-    for line in harm.table() {
-        printer.line(&line);
-    }
-    let Trial { quantization, damage, .. } = sweep.chosen(&harm, args.int8.float_layers)?;
+    let Trial { quantization, damage } = match args.int8.float_layers {
+        Some(0) => sweep.everything()?,
+        float_layers => {
+            let harm = sweep.harm_of_layers()?;
+            harm.table().iter().for_each(|line| printer.line(line));
+            sweep.chosen(&harm, float_layers)?
+        }
+    };
     let float_layers = sweep.float_layers(&quantization);
     printer.line(&format!(
         "{} convolutions in 8 bits, {} left in float{}",
@@ -130,18 +133,21 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
         "bits": 8, "observer": args.int8.observer_name(), "images": images.paths.len(), "layers": quantization.layer_count(),
         "float_layers": float_layers, "distance_change": damage.distance, "score_change": damage.score,
     });
-    facts.set(key::QUANTIZATION, told.to_string());
-    let mut file = sweep.file(&quantization, &facts, target, &args.out)?;
+    let file = |told: &Value| {
+        let mut facts = facts.clone();
+        facts.set(key::QUANTIZATION, told.to_string());
+        sweep.file(&quantization, &facts, target, &args.out)
+    };
+    let mut written = file(&told)?;
     if let Some(data) = &args.int8.data {
         let whole = OnnxModel::from_model(model, target, &args.model)?;
-        let metres = Metres::measure(&whole, &file, data, args, printer)?;
+        let metres = Metres::measure(&whole, &written, data, args, printer)?;
         metres.lines().iter().for_each(|line| printer.line(line));
         told["evaluation"] = metres.to_json();
-        facts.set(key::QUANTIZATION, told.to_string());
-        file = sweep.file(&quantization, &facts, target, &args.out)?;
+        written = file(&told)?;
     }
-    write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
-    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
+    write_atomically(&args.out, |out| out.write_all(written.bytes()))?;
+    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), written.bytes().len() as f64 / 1e6, target.name()));
     Ok(Outcome::Done)
 }
 

@@ -88,7 +88,7 @@ impl Metres {
 fn moderate_cars(report: &Report) -> Vec<Option<f64>> {
     let car = EvaluatedClass::Car;
     let whole = report.ranging.group(car, Group::Level(Difficulty::Moderate)).map(|group| &group.whole);
-    let figure = |figure| whole.and_then(|whole| *whole.figures.get(figure));
+    let figure = |figure| whole.and_then(|whole| whole.figures.get(figure));
     let ap = |set, metric| report.ap.ap(set, metric, car).map(|ap| ap.r40[Difficulty::Moderate as usize]);
     vec![
         whole.map(|whole| whole.objects as f64),

@@ -53,6 +53,11 @@ impl<'a> Sweep<'a> {
         Self { network, facts, ranges, references, threads }
     }
 
+    /// All layers in 8 bits.
+    pub(super) fn everything(&self) -> Result<Trial> {
+        self.trial(&layers(&self.network.graph))
+    }
+
     /// Tries each layer on its own.
     pub(super) fn harm_of_layers(&self) -> Result<Harm> {
         let layers = layers(&self.network.graph);
