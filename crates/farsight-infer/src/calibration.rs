@@ -29,8 +29,9 @@ impl Calibration {
     /// # Errors
     /// When rten cannot run the network.
     pub fn new(network: &Network, facts: &Facts, threads: Option<usize>) -> Result<Self, EngineError> {
-        let (input, mut maps): (Vec<NodeId>, Vec<NodeId>) =
-            maps(&network.graph, &layers(&network.graph)).into_iter().partition(|&id| network.graph.nodes[id].inputs.is_empty());
+        let (input, mut maps): (Vec<NodeId>, Vec<NodeId>) = maps(&network.graph, &layers(&network.graph))
+            .into_iter()
+            .partition(|&id| network.graph.nodes[id].inputs.is_empty());
         let names: Vec<String> = maps.iter().map(|id| format!("map {id}")).collect();
         let mut tapped = network.clone();
         tapped.graph.taps.extend(names.iter().cloned().zip(maps.iter().copied()));

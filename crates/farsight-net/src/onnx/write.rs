@@ -166,7 +166,8 @@ impl Writer<'_> {
             Op::UpConv { weight, factor } if let Some(ranges) = self.layer_ranges(id) => {
                 let kernels = quantized::phases(&self.tensor(*weight)?.values, *factor);
                 let name = self.network.graph.parameters[*weight].name.clone();
-                let up = quantized::UpConv { x, name: &name, kernels: &kernels, channels: node.channels, factor: *factor };
+                let up =
+                    quantized::UpConv { x, name: &name, kernels: &kernels, channels: node.channels, factor: *factor };
                 up.write(&mut self.parts, ranges, out)
             }
             Op::UpConv { weight, factor } => {

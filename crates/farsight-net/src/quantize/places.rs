@@ -4,9 +4,11 @@ use std::collections::BTreeSet;
 
 use crate::graph::{Graph, LOGITS, NodeId, Op};
 
-/// The convolutions that can compute in 8 bits, learnt upsampling among them.
+/// The convolutions that can compute in 8 bits, learnt upsampling among them: all that the heat map needs, except for
 ///
-/// All that the heat map needs, except for its last, and except for those that see one cell only: they cost nothing.
+/// - its last: its answers are what is read;
+/// - those that see one cell only: they cost nothing;
+/// - those that read the image: instructions for 8 bits take four channels or more at once, and three are slower than in float.
 pub fn layers(graph: &Graph) -> BTreeSet<NodeId> {
     let Some(logits) = graph.tap(LOGITS) else { return BTreeSet::new() };
     let mut needed = vec![false; graph.nodes.len()];
@@ -17,8 +19,13 @@ pub fn layers(graph: &Graph) -> BTreeSet<NodeId> {
         }
     }
     let single = single_cells(graph);
+    let reads_image = |id: NodeId| graph.nodes[graph.nodes[id].inputs[0]].op == Op::Input;
     let is_layer = |id: &NodeId| {
-        let convolution = matches!(graph.nodes[*id].op, Op::Conv { .. } | Op::UpConv { .. });
+        let convolution = match graph.nodes[*id].op {
+            Op::Conv { .. } => !reads_image(*id),
+            Op::UpConv { .. } => true,
+            _ => false,
+        };
         convolution && needed[*id] && !single[*id] && *id != logits
     };
     (0..graph.nodes.len()).filter(is_layer).collect()

@@ -100,7 +100,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
 /// The model; what `export` itself wrote is none, and worth a word of its own.
 fn read(path: &Path) -> Result<Model> {
     Model::read(path).or_else(|error| match OnnxModel::read(path) {
-        Ok(_) => bail!("{}: an ONNX file already; expected the model that it was made from (.safetensors)", path.display()),
+        Ok(_) => {
+            bail!("{}: an ONNX file already; expected the model that it was made from (.safetensors)", path.display())
+        }
         Err(_) => Err(error.into()),
     })
 }

@@ -59,7 +59,11 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
 }
 
 /// Writes a result file for each frame of `dataset` to the folder `results`.
-pub(in crate::commands) fn write_results_of(detector: &mut Detector, dataset: &KittiDataset, results: &Path) -> Result<()> {
+pub(in crate::commands) fn write_results_of(
+    detector: &mut Detector,
+    dataset: &KittiDataset,
+    results: &Path,
+) -> Result<()> {
     let bar = ProgressBar::new(dataset.len() as u64);
     for (index, id) in dataset.ids().iter().enumerate() {
         let path = dataset.image_path(index);

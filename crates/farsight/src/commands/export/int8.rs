@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight_core::detection::DecodeOptions;
 use farsight_core::Camera;
+use farsight_core::detection::DecodeOptions;
 use farsight_data::read_image;
 use farsight_files::write_atomically;
 use farsight_infer::damage::Reference;
@@ -109,7 +109,11 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
     let peaks: usize = references.iter().map(Reference::peak_count).sum();
     printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
-    ensure!(peaks > 0, "{}: the model finds nothing in these images; expected some with vehicles", images.folder.display());
+    ensure!(
+        peaks > 0,
+        "{}: the model finds nothing in these images; expected some with vehicles",
+        images.folder.display()
+    );
 
     let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
     let Trial { quantization, damage } = match args.int8.float_layers {
@@ -216,10 +220,7 @@ fn calibrate(
 ) -> Result<(sweep::Ranges, Vec<Reference>)> {
     let threads = args.int8.engine.threads;
     let mut calibration = Calibration::new(network, facts, threads)?;
-    let file = OnnxModel::from_bytes(
-        farsight_net::onnx::write(network, facts, Target::Portable)?,
-        &args.model,
-    )?;
+    let file = OnnxModel::from_bytes(farsight_net::onnx::write(network, facts, Target::Portable)?, &args.model)?;
     let mut answers = Answers::new(&file, &args.model, threads)?;
     let mut references = Vec::new();
     let bar = ProgressBar::new(images.paths.len() as u64);

@@ -127,7 +127,9 @@ impl<'a> Sweep<'a> {
     /// A layer's name is that of its weight.
     fn name(&self, id: NodeId) -> String {
         let graph = &self.network.graph;
-        let (Op::Conv { weight, .. } | Op::UpConv { weight, .. }) = graph.nodes[id].op else { return format!("node {id}") };
+        let (Op::Conv { weight, .. } | Op::UpConv { weight, .. }) = graph.nodes[id].op else {
+            return format!("node {id}");
+        };
         graph.parameters[weight].name.trim_end_matches(".weight").to_owned()
     }
 }
