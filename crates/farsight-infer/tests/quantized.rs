@@ -184,9 +184,14 @@ fn calibrated(network: &Network, facts: &Facts) -> Calibration {
 
 #[test]
 fn every_kind_of_network_stays_near_itself() {
+    // Group norm of a narrow network divides by the deviation of a few values, and enlarges what rounding did to them.
+    let limit = |norm| if norm == NormKind::Batch { 0.1 } else { 0.8 };
     for (norm, neck, msfe) in [
         (NormKind::Batch, NeckKind::Plain, Msfe::A),
         (NormKind::Batch, NeckKind::Plain, Msfe::B),
+        (NormKind::Batch, NeckKind::Plain, Msfe::C),
+        (NormKind::Group, NeckKind::Plain, Msfe::None),
+        (NormKind::Batch, NeckKind::Deformable, Msfe::None),
         (NormKind::Group, NeckKind::Deformable, Msfe::C),
     ] {
         let model = small(norm, neck, msfe);
@@ -205,7 +210,7 @@ fn every_kind_of_network_stays_near_itself() {
             let spread: f64 = float.logits.iter().map(|a| (f64::from(*a) - mean).powi(2)).sum();
             let share = (apart / spread).sqrt();
             println!("{norm:?} {neck:?} {msfe:?} {observer:?}: {share:.3} of the deviation");
-            assert!(share > 0.0 && share < 0.3, "{norm:?} {neck:?} {msfe:?} {observer:?}: {share}");
+            assert!(share > 0.0 && share < limit(norm), "{norm:?} {neck:?} {msfe:?} {observer:?}: {share}");
         }
     }
 }
