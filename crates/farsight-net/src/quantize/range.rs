@@ -91,6 +91,7 @@ fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32) -> f32 {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "these values are exact")]
 mod tests {
     use proptest::prelude::*;
 

@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
 use farsight_eval::ap::{Metric, OverlapSet};
-use farsight_eval::ranging::{Figure, Group, RangingOptions};
-use farsight_eval::{Difficulty, EvaluatedClass, FrameFiles, Report};
+use farsight_eval::ranging::{Bootstrap, Difference, Figure, Group, RangingComparison, RangingOptions};
+use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles};
 use farsight_net::onnx::OnnxModel;
 use serde_json::{Map, Value, json};
 
@@ -20,13 +20,17 @@ use crate::printer::Printer;
 pub(super) struct Metres {
     frames: usize,
     engine: String,
+    objects: usize,
+    found_by_both: usize,
+    /// In the order of [`FIGURES`].
     float: Vec<Option<f64>>,
     int8: Vec<Option<f64>>,
+    /// 95% interval of the difference of the MAE, metres.
+    interval: Option<[f64; 2]>,
 }
 
-/// Keys in the metadata and names on the screen; AP over 40 points of recall.
-const FIGURES: [(&str, &str); 7] = [
-    ("objects", "objects"),
+/// Keys in the metadata and names on the screen. Distances are compared on the objects that both found, AP is over 40 points of recall.
+const FIGURES: [(&str, &str); 6] = [
     ("found", "found"),
     ("mae_z", "MAE of z, m"),
     ("rmse_z", "RMSE of z, m"),
@@ -52,12 +56,35 @@ impl Metres {
             write_results_of(&mut detector, &dataset, folder.path())?;
             let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
-            Ok((moderate_cars(&files.evaluate(&options)?.0.report()), detector.engine_name().to_owned()))
+            Ok((files.evaluate(&options)?.0, detector.engine_name().to_owned()))
         };
         let (float, engine) = judged(float)?;
         let (int8, _) = judged(int8)?;
         printer.status(&format!("{} frames looked at twice by {engine}", dataset.len()));
-        Ok(Self { frames: dataset.len(), engine, float, int8 })
+        let paired = RangingComparison::new(int8.targets(), float.targets(), dataset.len(), &Bootstrap::default())
+            .with_context(|| format!("{}: the labels changed while they were read", data.display()))?;
+        let row = paired.rows.iter().find(|row| {
+            row.class == EvaluatedClass::Car
+                && row.group == Group::Level(Difficulty::Moderate).name()
+                && row.distance == "all"
+        });
+        let row = row.with_context(|| format!("{}: no car in the labels of these frames", data.display()))?;
+        let difference = |figure| row.figures.get(figure);
+        let side = |evaluation: &Evaluation, of: fn(&Difference) -> f64| {
+            let mut figures = vec![found(evaluation)];
+            figures.extend([Figure::MaeZ, Figure::RmseZ].map(|figure| difference(figure).as_ref().map(of)));
+            figures.extend(average_precisions(evaluation));
+            figures
+        };
+        Ok(Self {
+            frames: dataset.len(),
+            engine,
+            objects: row.objects,
+            found_by_both: row.found_by_both,
+            float: side(&float, |difference| difference.against),
+            int8: side(&int8, |difference| difference.value),
+            interval: difference(Figure::MaeZ).and_then(|difference| difference.interval).map(Into::into),
+        })
     }
 
     /// A table.
@@ -68,11 +95,15 @@ impl Metres {
         };
         let shown = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
         let heading = row("Moderate cars", ["float", "8 bits", "difference"].map(str::to_owned));
+        let interval = self.interval.map_or_else(String::new, |[low, high]| {
+            format!("; 95% interval of the difference of the MAE {low:.3} to {high:.3} m")
+        });
+        let note = format!("{} cars, distances of the {} that both found{interval}", self.objects, self.found_by_both);
         let rows = FIGURES.iter().zip(self.float.iter().zip(&self.int8)).map(|((_, name), (float, int8))| {
             let difference = float.zip(*int8).map(|(float, int8)| int8 - float);
             row(name, [*float, *int8, difference].map(shown))
         });
-        [heading].into_iter().chain(rows).collect()
+        [heading].into_iter().chain(rows).chain([note]).collect()
     }
 
     /// For the file's metadata.
@@ -80,23 +111,26 @@ impl Metres {
         let named = |values: &[Option<f64>]| -> Map<String, Value> {
             FIGURES.iter().zip(values).map(|((key, _), value)| ((*key).to_owned(), json!(value))).collect()
         };
-        json!({"frames": self.frames, "engine": self.engine, "float": named(&self.float), "int8": named(&self.int8)})
+        json!({
+            "frames": self.frames, "engine": self.engine, "objects": self.objects, "found_by_both": self.found_by_both,
+            "float": named(&self.float), "int8": named(&self.int8), "mae_z_difference_95": self.interval,
+        })
     }
 }
 
-/// In the order of [`FIGURES`].
-fn moderate_cars(report: &Report) -> Vec<Option<f64>> {
-    let car = EvaluatedClass::Car;
-    let whole = report.ranging.group(car, Group::Level(Difficulty::Moderate)).map(|group| &group.whole);
-    let figure = |figure| whole.and_then(|whole| whole.figures.get(figure));
-    let ap = |set, metric| report.ap.ap(set, metric, car).map(|ap| ap.r40[Difficulty::Moderate as usize]);
-    vec![
-        whole.map(|whole| whole.objects as f64),
-        whole.map(|whole| whole.found as f64),
-        figure(Figure::MaeZ),
-        figure(Figure::RmseZ),
-        ap(OverlapSet::Strict, Metric::Space),
-        ap(OverlapSet::Strict, Metric::Bev),
-        ap(OverlapSet::Loose, Metric::Space),
-    ]
+/// How many Moderate cars were found.
+fn found(evaluation: &Evaluation) -> Option<f64> {
+    let report = evaluation.report();
+    let group = report.ranging.group(EvaluatedClass::Car, Group::Level(Difficulty::Moderate))?;
+    Some(group.whole.found as f64)
+}
+
+/// AP of Moderate cars: 3D, BEV, 3D with the loose overlap.
+fn average_precisions(evaluation: &Evaluation) -> [Option<f64>; 3] {
+    let report = evaluation.report();
+    let sets =
+        [(OverlapSet::Strict, Metric::Space), (OverlapSet::Strict, Metric::Bev), (OverlapSet::Loose, Metric::Space)];
+    sets.map(|(set, metric)| {
+        report.ap.ap(set, metric, EvaluatedClass::Car).map(|ap| ap.r40[Difficulty::Moderate as usize])
+    })
 }
