@@ -81,6 +81,36 @@ def function(model):
     model.functions.add(name="f", domain="x")
 
 
+def quantized(model):
+    """The first convolution in 8 bits: its input, its weight, and what it makes, which the head reads."""
+    graph = model.graph
+    step = numpy_helper.from_array(np.float32(0.5), "step")
+    zero, weight_zero = (numpy_helper.from_array(kind(0), name) for kind, name in [(np.uint8, "zero"), (np.int8, "weight_zero")])
+    bytes_ = numpy_helper.from_array(np.arange(CHANNELS * 75, dtype=np.int8).reshape(CHANNELS, 3, 5, 5), "stem.weight")
+    graph.initializer[0].CopyFrom(bytes_)
+    graph.initializer.extend([step, zero, weight_zero])
+
+    def rounded(name):
+        quantize = helper.make_node("QuantizeLinear", [name, "step", "zero"], [f"{name}/quantized"])
+        return [quantize, helper.make_node("DequantizeLinear", [f"{name}/quantized", "step", "zero"], [f"{name}/rounded"])]
+
+    weight = helper.make_node("DequantizeLinear", ["stem.weight", "step", "weight_zero"], ["stem.weight/rounded"])
+    stem, *rest = list(graph.node)
+    stem.input[:] = ["image/rounded", "stem.weight/rounded"]
+    for node in rest:
+        node.input[:] = ["neck/rounded" if name == "neck" else name for name in node.input]
+    del graph.node[:]
+    graph.node.extend([*rounded("image"), weight, stem, *rounded("neck"), *rest])
+    prop("farsight.peaks_head", json.dumps({**HEAD, "features": "neck/rounded"}))(model)
+    onnx.checker.check_model(model, full_check=True)
+
+
+def quantized_head(model):
+    """A head that says its weight is one in 8 bits, which it must not be."""
+    quantized(model)
+    prop("farsight.peaks_head", json.dumps({**HEAD, "hidden": ["stem.weight", "h.bias"]}))(model)
+
+
 def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     model = whole()
@@ -100,6 +130,8 @@ def main():
     write("head_constant", model, prop("farsight.peaks_head", json.dumps({**HEAD, "hidden": ["x", "h.bias"]})))
     write("head_shape", model, prop("farsight.peaks_head", json.dumps({**HEAD, "output": ["c.weight", "c.weight"]})))
     write("head_size", model, lambda m: m.graph.initializer[2].dims.__setitem__(0, 1 << 40))
+    write("quantized", model, quantized)
+    write("quantized_head", model, quantized_head)
     (FOLDER / "cut").write_bytes(data[: len(data) // 2])
     (FOLDER / "long_number").write_bytes(b"\xff" * 12)
     (FOLDER / "empty").write_bytes(b"")

@@ -2,9 +2,7 @@
 
 use farsight_core::codec::CHANNELS;
 use farsight_core::detection::{View, detections, detections_at_peaks};
-use farsight_core::input::InputRules;
 use farsight_core::{Camera, Detection, HeadMaps};
-use farsight_data::network_input_into;
 use image::RgbImage;
 use thiserror::Error;
 
@@ -116,43 +114,41 @@ impl Detector {
         &mut self,
         images: &[(&RgbImage, &Camera)],
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let Some(rules) = self.common_input(images)? else { return Ok((Vec::new(), StageTimes::default())) };
-        let (views, warp) = timed(|| self.warped(images, &rules));
+        let Some(size) = self.common_input_size(images)? else { return Ok((Vec::new(), StageTimes::default())) };
+        let (views, warp) = timed(|| self.warped(images));
         let (maps, network) = timed(|| match &self.inputs[..] {
-            [one] => self.engine.batch_head_maps(one, rules.size),
-            several => self.engine.batch_head_maps(&several.concat(), rules.size),
+            [one] => self.engine.batch_head_maps(one, size),
+            several => self.engine.batch_head_maps(&several.concat(), size),
         });
-        let maps = self.checked(maps?, images.len(), rules.size)?;
+        let maps = self.checked(maps?, images.len(), size)?;
         let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view)).collect();
         let (answers, decode) = timed(decoded);
         Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
     }
 
-    /// The input that all images need; none without images.
-    fn common_input(&self, images: &[(&RgbImage, &Camera)]) -> Result<Option<InputRules>, DetectError> {
-        let mut common: Option<InputRules> = None;
+    /// Width and height of the input that all images need; none without images.
+    fn common_input_size(&self, images: &[(&RgbImage, &Camera)]) -> Result<Option<[usize; 2]>, DetectError> {
+        let mut common: Option<[usize; 2]> = None;
         for (index, (image, camera)) in images.iter().enumerate() {
             let (width, height) = image.dimensions();
             if width == 0 || height == 0 {
                 return Err(DetectError::Empty { width, height });
             }
-            let rules = self.spec.input_for([width as usize, height as usize], camera);
-            let expected = common.get_or_insert(rules).size;
-            if rules.size != expected {
-                return Err(DetectError::InputSize { index, found: rules.size, expected });
+            let found = self.spec.input_for([width as usize, height as usize], camera).size;
+            let expected = *common.get_or_insert(found);
+            if found != expected {
+                return Err(DetectError::InputSize { index, found, expected });
             }
         }
         Ok(common)
     }
 
     /// Fills the inputs; returns how each of them sees the world.
-    fn warped(&mut self, images: &[(&RgbImage, &Camera)], rules: &InputRules) -> Vec<View> {
+    fn warped(&mut self, images: &[(&RgbImage, &Camera)]) -> Vec<View> {
         self.inputs.resize_with(images.len(), Vec::new);
         let one = |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| {
-            let image_size = [image.width() as usize, image.height() as usize];
-            let affine = rules.whole_image(image_size);
-            network_input_into(input, image, &affine, rules, None);
-            View { image_size, camera: **camera, input_camera: self.spec.quirks.camera(camera).transformed(&affine) }
+            let (_, input_camera) = self.spec.input_into(input, image, camera);
+            View { image_size: [image.width() as usize, image.height() as usize], camera: **camera, input_camera }
         };
         images.iter().zip(&mut self.inputs).map(one).collect()
     }

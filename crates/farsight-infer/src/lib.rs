@@ -3,6 +3,10 @@
 //! An [`Engine`] turns a tensor into head maps and knows nothing else. A [`Detector`] does the rest, the same for every engine: it warps and
 //! normalises the image, moves the camera with it, runs the engine and decodes.
 
+#[cfg(feature = "rten")]
+pub mod calibration;
+#[cfg(feature = "rten")]
+pub mod damage;
 pub mod detector;
 pub mod engine;
 #[cfg(feature = "onnxruntime")]
@@ -16,6 +20,10 @@ pub mod rten;
 pub mod spec;
 pub mod timing;
 
+#[cfg(feature = "rten")]
+pub use calibration::Calibration;
+#[cfg(feature = "rten")]
+pub use damage::{Answers, Damage};
 pub use detector::{DetectError, Detector};
 pub use engine::{Engine, EngineError};
 #[cfg(feature = "onnxruntime")]

@@ -10,14 +10,70 @@ use crate::engine::{Failure, apart, batch_size, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.
-const NAME: &str = "rten";
+pub(crate) const NAME: &str = "rten";
+
+/// A network on `rten`: some of its values for an image.
+pub(crate) struct Network {
+    model: Model,
+    input: NodeId,
+    outputs: Vec<NodeId>,
+    options: RunOptions,
+}
+
+impl Network {
+    /// Loads an ONNX file that has these values, to be run by so many threads; `None` takes one for each core.
+    pub(crate) fn new(
+        bytes: Vec<u8>,
+        input: &str,
+        outputs: &[String],
+        threads: Option<usize>,
+    ) -> Result<Self, Failure> {
+        // Operators that are not listed here are not compiled in.
+        let operators = op_registry!(
+            Add,
+            BatchNormalization,
+            Cast,
+            Concat,
+            Conv,
+            ConvTranspose,
+            DepthToSpace,
+            DequantizeLinear,
+            Div,
+            Gather,
+            GlobalAveragePool,
+            GridSample,
+            InstanceNormalization,
+            MaxPool,
+            Mul,
+            QuantizeLinear,
+            Range,
+            Relu,
+            Reshape,
+            Resize,
+            Shape,
+            Sigmoid,
+            Slice,
+            Split,
+            Sub,
+            Transpose
+        );
+        let model = ModelOptions::with_ops(operators).prepack_weights(true).load(bytes)?;
+        let outputs = outputs.iter().map(|name| model.node_id(name)).collect::<Result<_, _>>()?;
+        let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads)));
+        let options = RunOptions::default().with_thread_pool(pool);
+        Ok(Self { input: model.node_id(input)?, outputs, options, model })
+    }
+
+    /// The values for a batch, `[batch, 3, height, width]`.
+    pub(crate) fn run(&self, images: &[f32], size @ [width, height]: [usize; 2]) -> Result<Vec<Value>, Failure> {
+        let view = ValueView::from_shape([batch_size(images, size), 3, height, width], images)?;
+        Ok(self.model.run(vec![(self.input, view.into())], &self.outputs, Some(self.options.clone()))?)
+    }
+}
 
 /// Runs an ONNX model with `rten`.
 pub struct RtenEngine {
-    model: Model,
-    input: NodeId,
-    outputs: [NodeId; 2],
-    options: RunOptions,
+    network: Network,
 }
 
 impl RtenEngine {
@@ -27,51 +83,15 @@ impl RtenEngine {
     /// When rten cannot load the model; it has no `DeformConv`, for instance.
     pub fn new(model: OnnxModel, threads: Option<usize>) -> Result<Self, EngineError> {
         let outputs = model.outputs().map(str::to_owned);
-        let bytes = model.into_bytes();
-        unpanicked(NAME, || {
-            // Operators that are not listed here are not compiled in.
-            let operators = op_registry!(
-                Add,
-                BatchNormalization,
-                Cast,
-                Concat,
-                Conv,
-                ConvTranspose,
-                Div,
-                Gather,
-                GlobalAveragePool,
-                GridSample,
-                InstanceNormalization,
-                MaxPool,
-                Mul,
-                Range,
-                Relu,
-                Reshape,
-                Resize,
-                Shape,
-                Sigmoid,
-                Slice,
-                Split,
-                Sub,
-                Transpose
-            );
-            let model = ModelOptions::with_ops(operators).prepack_weights(true).load(bytes)?;
-            let [logits, regression] = outputs.map(|name| model.node_id(&name));
-            let (input, outputs) = (model.node_id(INPUT)?, [logits?, regression?]);
-            let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads)));
-            let options = RunOptions::default().with_thread_pool(pool);
-            Ok(Self { model, input, outputs, options })
-        })
+        unpanicked(NAME, || Ok(Self { network: Network::new(model.into_bytes(), INPUT, &outputs, threads)? }))
     }
 
-    fn run(&self, inputs: &[f32], size @ [width, height]: [usize; 2]) -> Result<Vec<HeadMaps>, Failure> {
-        let batch = batch_size(inputs, size);
-        let view = ValueView::from_shape([batch, 3, height, width], inputs)?;
-        let inputs = vec![(self.input, view.into())];
-        let [logits, regression] = self.model.run_n(inputs, self.outputs, Some(self.options.clone()))?;
+    fn run(&self, inputs: &[f32], size: [usize; 2]) -> Result<Vec<HeadMaps>, Failure> {
+        let values = self.network.run(inputs, size)?;
+        let [logits, regression]: [Value; 2] = values.try_into().map_err(|_| "not two outputs")?;
         let (map_size, logits) = map(logits)?;
         let (_, regression) = map(regression)?;
-        Ok(apart(batch, map_size, logits, regression))
+        Ok(apart(batch_size(inputs, size), map_size, logits, regression))
     }
 }
 

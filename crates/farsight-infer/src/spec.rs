@@ -4,7 +4,9 @@ use farsight_core::codec::STRIDE;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::input::InputRules;
 use farsight_core::{Camera, Codec};
+use farsight_data::network_input_into;
 use farsight_net::config::{ModelConfig, Quirks, SIZE_STEP};
+use image::RgbImage;
 use thiserror::Error;
 
 /// Facts about a model, and what to keep of its answers.
@@ -67,6 +69,18 @@ impl DetectorSpec {
         }
         let whole = (scaled_height / SIZE_STEP as f64).ceil().min((width / SIZE_STEP) as f64) as usize * SIZE_STEP;
         InputRules { size: [width, whole.max(height)], ..self.input }
+    }
+
+    /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and the camera that sees it.
+    ///
+    /// # Shapes
+    /// `[3, height, width]`, planar and normalised.
+    pub fn input_into(&self, input: &mut Vec<f32>, image: &RgbImage, camera: &Camera) -> ([usize; 2], Camera) {
+        let image_size = [image.width() as usize, image.height() as usize];
+        let rules = self.input_for(image_size, camera);
+        let affine = rules.whole_image(image_size);
+        network_input_into(input, image, &affine, &rules, None);
+        (rules.size, self.quirks.camera(camera).transformed(&affine))
     }
 
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.

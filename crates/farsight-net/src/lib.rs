@@ -2,7 +2,7 @@
 //!
 //! [`graph::Graph`] lists typed nodes; [`build`] makes such lists from a [`config::ModelConfig`]; [`weights::Weights`] maps parameter names to
 //! numbers. Everything else reads these: [`count`] here, the libtorch executor in `farsight-train`, checkpoint import in [`checkpoint`]; [`transform`] makes it
-//! cheaper without changing what it computes, and [`onnx`] writes it for other engines.
+//! cheaper without changing what it computes, [`quantize`] says what of it can be in 8 bits, and [`onnx`] writes it for other engines.
 
 pub mod build;
 pub mod checkpoint;
@@ -13,5 +13,6 @@ pub mod init;
 pub mod model;
 pub mod onnx;
 pub mod prune;
+pub mod quantize;
 pub mod transform;
 pub mod weights;

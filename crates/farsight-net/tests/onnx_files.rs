@@ -76,7 +76,11 @@ fn heads_of_strangers() {
     let whole = cut("whole").unwrap().unwrap();
     assert_eq!(whole.model.outputs(), ["cls_logits", "neck"]);
     assert_eq!((&whole.hidden.weight.shape[..], whole.hidden.bias.values.len()), (&[3, 4, 3, 3][..], 3));
+    let quantized = cut("quantized").unwrap().unwrap();
+    assert_eq!(quantized.model.outputs(), ["cls_logits", "neck/rounded"]);
+    assert_eq!(quantized.hidden, whole.hidden, "the head itself stays in float");
     let table = [
+        ("quantized_head", "constant \"stem.weight\" holds no floats"),
         ("head_missing", "no node makes \"nowhere\""),
         ("head_constant", "no constant \"x\""),
         ("head_shape", "a convolution of shape [3, 4, 1, 1] with a bias of shape [3, 4, 1, 1]"),

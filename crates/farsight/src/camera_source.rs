@@ -82,10 +82,15 @@ impl CameraSource {
         if let Some(degrees) = args.hfov {
             return Ok(Self::FieldOfView(degrees));
         }
-        if images.iter().any(|image| kitti_calibration(image).is_some()) {
-            return Ok(Self::Kitti);
+        if let Some(cameras) = Self::of_layout(images) {
+            return Ok(cameras);
         }
         bail!("no camera: distances need its focal length; {HINT} (images in KITTI's layout bring their own)")
+    }
+
+    /// KITTI's layout, when at least one of `images` lies in it.
+    pub(crate) fn of_layout(images: &[PathBuf]) -> Option<Self> {
+        images.iter().any(|image| kitti_calibration(image).is_some()).then_some(Self::Kitti)
     }
 
     /// The camera of the image at `path`, which has `size` (width and height, pixels).

@@ -68,8 +68,18 @@ pub(crate) fn open_detector(args: &EngineArgs, path: Option<&Path>, options: Dec
         return Ok(Detector::new(engine, DetectorSpec::new(&config, options)));
     }
     let model = read(args.engine, path)?;
+    detector_of(args, model, path.unwrap_or(Path::new(shipped::NAME)), options)
+}
+
+/// As [`open_detector`], for a model in memory; `path` is only what errors call it.
+pub(crate) fn detector_of(
+    args: &EngineArgs,
+    model: OnnxModel,
+    path: &Path,
+    options: DecodeOptions,
+) -> Result<Detector> {
     let spec = DetectorSpec::new(model.config(), options);
-    detector(args, model, path.unwrap_or(Path::new(shipped::NAME)), spec)
+    detector(args, model, path, spec)
 }
 
 /// How a network is to be run when only the time matters.

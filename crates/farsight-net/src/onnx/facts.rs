@@ -28,6 +28,8 @@ pub mod key {
     pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
     /// Where the regression head lies that can be computed at single cells, JSON; see [`crate::onnx::PeaksOnly`].
     pub const PEAKS_HEAD: &str = "farsight.peaks_head";
+    /// What is in 8 bits, and how that was decided, JSON; only in files that have such parts.
+    pub const QUANTIZATION: &str = "farsight.quantization";
     /// For which engines the file is meant.
     pub const TARGET: &str = "farsight.target";
     /// Steps, epochs and frames of the training, JSON.

@@ -10,6 +10,7 @@ mod field;
 mod head;
 mod parts;
 mod proto;
+mod quantized;
 mod read;
 mod wire;
 mod write;
@@ -19,7 +20,7 @@ pub use facts::{Facts, key};
 pub use head::{HeadLayer, PeaksOnly};
 pub use read::{OnnxModel, ReadAnyError, is_safetensors};
 pub use wire::WireError;
-pub use write::write;
+pub use write::{write, write_quantized};
 
 /// Name of the one input.
 pub const INPUT: &str = "image";

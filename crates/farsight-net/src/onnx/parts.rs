@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::proto::{AttributeProto, FLOAT, GraphProto, INT64, NodeProto, TensorProto};
+use super::proto::{AttributeProto, FLOAT, GraphProto, INT8, INT32, INT64, NodeProto, TensorProto, UINT8};
 
 /// A graph in the making: values are known by their names.
 #[derive(Default)]
@@ -50,6 +50,22 @@ impl Parts {
     /// One whole number.
     pub(super) fn whole(&mut self, value: i64) -> String {
         self.constant(format!("whole {value}"), &[], INT64, || value.to_le_bytes().to_vec())
+    }
+
+    /// One byte.
+    pub(super) fn byte(&mut self, value: u8) -> String {
+        self.constant(format!("byte {value}"), &[], UINT8, || vec![value])
+    }
+
+    /// A constant of whole numbers of 8 bits.
+    pub(super) fn bytes(&mut self, name: &str, shape: &[usize], values: &[i8]) -> String {
+        self.constant(name.to_owned(), shape, INT8, || values.iter().map(|value| value.cast_unsigned()).collect())
+    }
+
+    /// A constant of whole numbers of 32 bits.
+    pub(super) fn words(&mut self, name: &str, shape: &[usize], values: &[i32]) -> String {
+        let raw_data = || values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        self.constant(name.to_owned(), shape, INT32, raw_data)
     }
 
     /// One float.

@@ -3,6 +3,15 @@
 /// Number of `FLOAT` among the element types.
 pub(super) const FLOAT: i32 = 1;
 
+/// Number of `UINT8` among the element types.
+pub(super) const UINT8: i32 = 2;
+
+/// Number of `INT8` among the element types.
+pub(super) const INT8: i32 = 3;
+
+/// Number of `INT32` among the element types.
+pub(super) const INT32: i32 = 6;
+
 /// Number of `INT64` among the element types.
 pub(super) const INT64: i32 = 7;
 

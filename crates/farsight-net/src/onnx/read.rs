@@ -16,7 +16,7 @@ use crate::model::{Model, ModelError};
 use crate::transform::Network;
 
 /// Every operator that files of ours have.
-const OPERATORS: [&str; 24] = [
+const OPERATORS: [&str; 27] = [
     "Add",
     "BatchNormalization",
     "Cast",
@@ -24,6 +24,8 @@ const OPERATORS: [&str; 24] = [
     "Conv",
     "ConvTranspose",
     "DeformConv",
+    "DepthToSpace",
+    "DequantizeLinear",
     "Div",
     "Gather",
     "GlobalAveragePool",
@@ -31,6 +33,7 @@ const OPERATORS: [&str; 24] = [
     "InstanceNormalization",
     "MaxPool",
     "Mul",
+    "QuantizeLinear",
     "Range",
     "Relu",
     "Reshape",

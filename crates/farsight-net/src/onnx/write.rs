@@ -9,8 +9,9 @@ use super::proto::{
     Dimension, DimensionProto, FLOAT, GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto,
     TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
 };
-use super::{Facts, INPUT, Target, key};
+use super::{Facts, INPUT, Target, key, quantized};
 use crate::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
+use crate::quantize::{Quantization, QuantizedWeights, Range};
 use crate::transform::{Network, PeaksHead};
 use crate::weights::{WeightTensor, WeightsError};
 
@@ -29,7 +30,30 @@ const IR_VERSION: i64 = 9;
 /// # Errors
 /// When a weight is missing or has another shape.
 pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>, WeightsError> {
-    let (graph, head) = graph(network, target)?;
+    encoded(network, None, facts, target)
+}
+
+/// As [`write`](fn@write), with what `quantization` says in 8 bits: maps are rounded by a pair of `QuantizeLinear` and `DequantizeLinear`, weights and biases come out
+/// of `DequantizeLinear` (QDQ form). An engine that knows the form computes in 8 bits; any other gets the same numbers from the file as it stands.
+///
+/// # Errors
+/// As [`write`](fn@write).
+pub fn write_quantized(
+    network: &Network,
+    quantization: &Quantization,
+    facts: &Facts,
+    target: Target,
+) -> Result<Vec<u8>, WeightsError> {
+    encoded(network, Some(quantization), facts, target)
+}
+
+fn encoded(
+    network: &Network,
+    quantization: Option<&Quantization>,
+    facts: &Facts,
+    target: Target,
+) -> Result<Vec<u8>, WeightsError> {
+    let (graph, head) = graph(network, quantization, target)?;
     let mut facts = facts.clone();
     if let Some(head) = head {
         facts.set(key::PEAKS_HEAD, head);
@@ -46,11 +70,17 @@ pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>
 }
 
 /// The graph, and where its regression head lies, when it can be computed at single cells.
-fn graph(network: &Network, target: Target) -> Result<(GraphProto, Option<String>), WeightsError> {
-    let mut writer = Writer { network, target, names: Vec::new(), parts: Parts::default() };
+fn graph(
+    network: &Network,
+    quantization: Option<&Quantization>,
+    target: Target,
+) -> Result<(GraphProto, Option<String>), WeightsError> {
+    let mut writer = Writer { network, quantization, target, names: Vec::new(), parts: Parts::default() };
     for (id, node) in network.graph.nodes.iter().enumerate() {
         let output = writer.value_name(id);
-        let name = writer.node(node, &output)?;
+        let made = writer.node(id, node, &output)?;
+        let range = quantization.and_then(|quantization| quantization.range(id));
+        let name = range.map_or_else(|| made.clone(), |range| quantized::rounded(&mut writer.parts, &made, range));
         writer.names.push(name);
     }
     let input = vec![image_info(network)];
@@ -87,6 +117,7 @@ fn value_info(name: &str, axes: [&str; 4], channels: usize) -> ValueInfoProto {
 
 struct Writer<'a> {
     network: &'a Network,
+    quantization: Option<&'a Quantization>,
     target: Target,
     /// Names of the values of the nodes so far.
     names: Vec<String>,
@@ -120,19 +151,25 @@ impl Writer<'_> {
     }
 
     /// Writes one node; returns the name of its value.
-    fn node(&mut self, node: &Node, out: &str) -> Result<String, WeightsError> {
+    fn node(&mut self, id: NodeId, node: &Node, out: &str) -> Result<String, WeightsError> {
         let inputs: Vec<String> = node.inputs.iter().map(|&id| self.names[id].clone()).collect();
         let x = inputs.first().map_or("", String::as_str);
         let all: Vec<&str> = inputs.iter().map(String::as_str).collect();
         Ok(match &node.op {
             Op::Input => INPUT.to_owned(),
             Op::Conv { weight, bias, window, groups } => {
-                let weight = self.parameter(*weight)?;
-                let bias = bias.map(|id| self.parameter(id)).transpose()?;
+                let (weight, bias) = self.convolution_parameters(id, *weight, *bias)?;
                 let operands: Vec<&str> = [x, &weight].into_iter().chain(bias.as_deref()).collect();
                 self.parts.node("Conv", &operands, out, convolution(*window, *groups))
             }
             Op::DeformConv { weight, bias, window } => self.deform_conv(node, [*weight, *bias], *window, out)?,
+            Op::UpConv { weight, factor } if let Some(ranges) = self.layer_ranges(id) => {
+                let kernels = quantized::phases(&self.tensor(*weight)?.values, *factor);
+                let name = self.network.graph.parameters[*weight].name.clone();
+                let up =
+                    quantized::UpConv { x, name: &name, kernels: &kernels, channels: node.channels, factor: *factor };
+                up.write(&mut self.parts, ranges, out)
+            }
             Op::UpConv { weight, factor } => {
                 let weight = self.parameter(*weight)?;
                 let window = Window { kernel: 2 * factor, stride: *factor, padding: factor / 2, dilation: 1 };
@@ -162,6 +199,36 @@ impl Writer<'_> {
             Op::Concat => self.parts.node("Concat", &all, out, vec![int("axis", 1)]),
             Op::WeightedSum { weight } => self.weighted_sum(&all, *weight, out)?,
         })
+    }
+
+    /// Ranges of the input and of the output of layer `id`, when it computes in 8 bits.
+    fn layer_ranges(&self, id: NodeId) -> Option<[Range; 2]> {
+        let quantization = self.quantization.filter(|quantization| quantization.has_layer(id))?;
+        let input = quantization.range(self.network.graph.nodes[id].inputs[0])?;
+        Some([input, quantization.range(id)?])
+    }
+
+    /// Names of the weight and the bias of the ordinary convolution `id`, in 8 bits if it computes in them.
+    fn convolution_parameters(
+        &mut self,
+        id: NodeId,
+        weight: ParameterId,
+        bias: Option<ParameterId>,
+    ) -> Result<(String, Option<String>), WeightsError> {
+        let network = self.network;
+        let graph = &network.graph;
+        let input = graph.nodes[id].inputs[0];
+        let quantization = self.quantization.filter(|quantization| quantization.has_layer(id));
+        let Some(range) = quantization.and_then(|quantization| quantization.range(input)) else {
+            return Ok((self.parameter(weight)?, bias.map(|id| self.parameter(id)).transpose()?));
+        };
+        let biases = bias.map(|id| self.tensor(id)).transpose()?.map_or(&[][..], |tensor| &tensor.values);
+        let tensor = self.tensor(weight)?;
+        let weights = QuantizedWeights::new(&tensor.values, biases, tensor.shape[0], range.scale());
+        let shape = tensor.shape.clone();
+        let name = |id: ParameterId| graph.parameters[id].name.as_str();
+        let weight = quantized::weight(&mut self.parts, name(weight), &shape, &weights);
+        Ok((weight, bias.map(|id| quantized::bias(&mut self.parts, name(id), &weights))))
     }
 
     fn deform_conv(
@@ -233,7 +300,7 @@ impl Writer<'_> {
 }
 
 /// The settings of a convolution, transposed or not.
-fn convolution(window: Window, groups: usize) -> Vec<super::proto::AttributeProto> {
+pub(super) fn convolution(window: Window, groups: usize) -> Vec<super::proto::AttributeProto> {
     let Window { kernel, stride, padding, dilation } = window;
     let [kernel, stride, padding, dilation] = [kernel, stride, padding, dilation].map(|value| value as i64);
     vec![

@@ -22,6 +22,7 @@ use crate::engines::EngineArgs;
 use crate::printer::Printer;
 use crate::shipped;
 use modelled::Files;
+pub(super) use modelled::{MIN_SCORE, write_results_of};
 
 /// Arguments of `farsight eval`.
 #[derive(Debug, Args)]

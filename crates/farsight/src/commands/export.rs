@@ -1,5 +1,7 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
+mod int8;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -19,6 +21,7 @@ use crate::engines::{self, EngineArgs, EngineName};
 #[cfg(not(feature = "train"))]
 use crate::libraries::Library;
 use crate::printer::Printer;
+use int8::Int8Args;
 
 /// The largest difference of a head map that is let pass (single precision), for values up to 1.
 pub(super) const TOLERANCE: f32 = 1e-4;
@@ -47,6 +50,9 @@ pub(crate) struct ExportArgs {
     /// A JSON file of `farsight eval`, for the file's metadata
     #[arg(long, value_name = "FILE")]
     evaluation: Option<PathBuf>,
+    // Last, because its help heading would go on to what follows.
+    #[command(flatten)]
+    int8: Int8Args,
 }
 
 /// See [`Target`].
@@ -64,9 +70,12 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
-    let model = Model::read(&args.model)?;
+    let model = read(&args.model)?;
     if args.half {
         return half(&model, args, printer);
+    }
+    if args.int8.int8 {
+        return int8::run(&model, args, target, printer);
     }
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = OnnxModel::from_bytes(bytes, &args.out)?;
@@ -86,6 +95,16 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
     printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
     Ok(Outcome::Done)
+}
+
+/// The model; what `export` itself wrote is none, and worth a word of its own.
+fn read(path: &Path) -> Result<Model> {
+    Model::read(path).or_else(|error| match OnnxModel::read(path) {
+        Ok(_) => {
+            bail!("{}: an ONNX file already; expected the model that it was made from (.safetensors)", path.display())
+        }
+        Err(_) => Err(error.into()),
+    })
 }
 
 /// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.

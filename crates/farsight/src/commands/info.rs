@@ -72,6 +72,7 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
         ("its licence", key::TRAINING_DATA_LICENCE),
         ("camera", key::CAMERA),
         ("evaluation", key::EVALUATION),
+        ("8 bits", key::QUANTIZATION),
         ("weights SHA-256", key::WEIGHTS_SHA256),
     ];
     names.into_iter().filter_map(|(name, key)| Some((name, facts.get(key)?.to_owned()))).collect()

@@ -8,6 +8,7 @@ use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
 use farsight_data::kitti::write_results;
 use farsight_data::read_image;
+use farsight_infer::Detector;
 use indicatif::ProgressBar;
 use tempfile::TempDir;
 
@@ -16,7 +17,7 @@ use crate::engines::open_detector;
 use crate::printer::Printer;
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
-const MIN_SCORE: f64 = 0.05;
+pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
 
 /// Where the files to evaluate are.
 pub(super) struct Files {
@@ -52,6 +53,17 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     };
     let options = DecodeOptions { min_score: MIN_SCORE, ..DecodeOptions::default() };
     let mut detector = open_detector(&args.engine, args.model.as_deref(), options)?;
+    write_results_of(&mut detector, &dataset, &results)?;
+    printer.status(&format!("{} frames looked at by {}", dataset.len(), detector.engine_name()));
+    Ok(Files { labels: dataset.label_folder(), results, ids: Some(dataset.ids().to_vec()), _folder: folder })
+}
+
+/// Writes a result file for each frame of `dataset` to the folder `results`.
+pub(in crate::commands) fn write_results_of(
+    detector: &mut Detector,
+    dataset: &KittiDataset,
+    results: &Path,
+) -> Result<()> {
     let bar = ProgressBar::new(dataset.len() as u64);
     for (index, id) in dataset.ids().iter().enumerate() {
         let path = dataset.image_path(index);
@@ -61,6 +73,5 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         bar.inc(1);
     }
     bar.finish_and_clear();
-    printer.status(&format!("{} frames looked at by {}", dataset.len(), detector.engine_name()));
-    Ok(Files { labels: dataset.label_folder(), results, ids: Some(dataset.ids().to_vec()), _folder: folder })
+    Ok(())
 }

@@ -1,0 +1,144 @@
+//! Eight bits for a range of numbers, and numbers in those eight bits.
+
+/// Steps from the lowest to the highest of 256 values.
+const STEPS: f32 = 255.0;
+
+/// The largest weight; the range is symmetric, so -128 is not used.
+const LARGEST_WEIGHT: f32 = 127.0;
+
+/// A bias of more steps than this makes the steps of its channel longer: sums are kept in 32 bits.
+const LARGEST_BIAS: f64 = (1_u64 << 30) as f64;
+
+/// The numbers that 8 bits stand for: from `low` to `high` in 255 equal steps, zero exactly among them.
+///
+/// Zero must be exact because maps are padded with it, and because `ReLU` is then nothing but the lower end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    low: f32,
+    high: f32,
+}
+
+impl Range {
+    /// From `low` to `high`, widened so that it contains zero. A range of zeros only, or of what is no number, becomes 0 to 1.
+    pub fn new(low: f32, high: f32) -> Self {
+        let (low, high) = (low.min(0.0), high.max(0.0));
+        let sound = low.is_finite() && high.is_finite() && (high - low).is_normal();
+        if sound { Self { low, high } } else { Self { low: 0.0, high: 1.0 } }
+    }
+
+    /// Both ends.
+    pub fn ends(&self) -> [f32; 2] {
+        [self.low, self.high]
+    }
+
+    /// The smallest range that contains both.
+    pub fn joined(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// Length of a step.
+    pub fn scale(&self) -> f32 {
+        (self.high - self.low) / STEPS
+    }
+
+    /// Which of the 256 values is zero.
+    pub fn zero_point(&self) -> u8 {
+        // A float becomes the nearest number that a byte can hold.
+        (-self.low / self.scale()).round_ties_even() as u8
+    }
+
+    /// The number that stands for `x`: the nearest, or the end beyond which `x` lies.
+    pub fn rounded(&self, x: f32) -> f32 {
+        let zero = f32::from(self.zero_point());
+        let step = ((x / self.scale()).round_ties_even() + zero).clamp(0.0, STEPS);
+        (step - zero) * self.scale()
+    }
+}
+
+/// Weight and bias of a convolution in 8 and 32 bits, with a step for each channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct QuantizedWeights {
+    /// As many as there were weights, from -127 to 127; zero is 0.
+    pub values: Vec<i8>,
+    /// Length of a step of each output channel.
+    pub scales: Vec<f32>,
+    /// The biases in steps of [`Self::bias_scales`].
+    pub bias: Vec<i32>,
+    /// Length of a step of each bias: that of the input times that of the weights, so that it is added to the sums as they are.
+    pub bias_scales: Vec<f32>,
+}
+
+impl QuantizedWeights {
+    /// The weights `[out, in, k, k]` and the biases `[out]` (or none) of a convolution whose input has steps of `input_scale`.
+    pub fn new(weight: &[f32], bias: &[f32], channels: usize, input_scale: f32) -> Self {
+        let rows = weight.chunks_exact((weight.len() / channels.max(1)).max(1));
+        let scales: Vec<f32> =
+            rows.clone().enumerate().map(|(i, row)| channel_scale(row, bias.get(i), input_scale)).collect();
+        let steps = rows.zip(&scales).flat_map(|(row, scale)| row.iter().map(move |value| value / scale));
+        let values = steps.map(|step| step.round_ties_even() as i8).collect();
+        let bias_scales: Vec<f32> = scales.iter().map(|scale| scale * input_scale).collect();
+        let bias = bias.iter().zip(&bias_scales).map(|(b, s)| (f64::from(*b) / f64::from(*s)).round() as i32).collect();
+        Self { values, scales, bias, bias_scales }
+    }
+}
+
+/// The shortest step that reaches the largest weight of a channel and its bias. A channel of zeros gets steps of 1.
+fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32) -> f32 {
+    let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+    let for_bias = bias.map_or(0.0, |bias| f64::from(bias.abs()) / (f64::from(input_scale) * LARGEST_BIAS));
+    let scale = (largest / LARGEST_WEIGHT).max(for_bias as f32);
+    if scale.is_normal() { scale } else { 1.0 }
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "these values are exact")]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::{QuantizedWeights, Range};
+
+    proptest! {
+        #[test]
+        fn zero_is_exact_and_the_rest_within_half_a_step(low in -50.0_f32..50.0, span in 1e-3_f32..50.0, share in 0.0_f32..1.0) {
+            let range = Range::new(low, low + span);
+            let [low, high] = range.ends();
+            prop_assert!(low <= 0.0 && high >= 0.0);
+            prop_assert_eq!(range.rounded(0.0).abs(), 0.0);
+            let x = low + share * (high - low);
+            // Zero falls on a step, which can move both ends by half a step.
+            prop_assert!((range.rounded(x) - x).abs() <= range.scale() * 1.001, "{x} becomes {}", range.rounded(x));
+            prop_assert_eq!(range.rounded(range.rounded(x)), range.rounded(x));
+        }
+
+        #[test]
+        fn weights_are_within_half_a_step(weight in prop::collection::vec(-3.0_f32..3.0, 12), bias in prop::collection::vec(-9.0_f32..9.0, 3)) {
+            let found = QuantizedWeights::new(&weight, &bias, 3, 0.02);
+            for (i, value) in weight.iter().enumerate() {
+                let scale = found.scales[i / 4];
+                prop_assert!((f32::from(found.values[i]) * scale - value).abs() <= scale * 0.501);
+            }
+            for (i, value) in bias.iter().enumerate() {
+                let scale = found.bias_scales[i];
+                prop_assert!((found.bias[i] as f32 * scale - value).abs() <= scale * 0.51 + 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn ranges_of_nothing() {
+        for (low, high) in [(0.0, 0.0), (f32::NAN, f32::NAN), (f32::NEG_INFINITY, 1.0), (0.0, 1e-45)] {
+            assert_eq!(Range::new(low, high).ends(), [0.0, 1.0], "{low} to {high}");
+        }
+        assert_eq!(Range::new(2.0, 3.0).ends(), [0.0, 3.0]);
+        assert_eq!(Range::new(0.0, 3.0).zero_point(), 0);
+        assert_eq!(Range::new(-3.0, 0.0).zero_point(), 255);
+    }
+
+    #[test]
+    fn a_bias_that_would_not_fit_makes_longer_steps() {
+        let found = QuantizedWeights::new(&[1e-12, 0.0], &[5.0, 0.0], 2, 1e-3);
+        assert!((f64::from(found.bias[0]) * f64::from(found.bias_scales[0]) - 5.0).abs() < 1e-4, "{found:?}");
+        assert_eq!(found.values, [0, 0]);
+        assert_eq!(found.scales[1].to_bits(), 1.0_f32.to_bits());
+    }
+}

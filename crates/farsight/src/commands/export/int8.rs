@@ -1,0 +1,238 @@
+//! `farsight export --int8`: the network in 8 bits as far as that does no harm, and what it does to distances.
+
+mod metres;
+mod sweep;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Args, ValueEnum};
+use farsight_core::Camera;
+use farsight_core::detection::DecodeOptions;
+use farsight_data::read_image;
+use farsight_files::write_atomically;
+use farsight_infer::damage::Reference;
+use farsight_infer::{Answers, Calibration, Damage, DetectorSpec};
+use farsight_net::model::Model;
+use farsight_net::onnx::{Facts, OnnxModel, Target, key};
+use farsight_net::quantize::Observer;
+use farsight_net::transform::Network;
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+
+use super::{ExportArgs, facts};
+use crate::camera_source::CameraSource;
+use crate::commands::Outcome;
+use crate::engines::EngineArgs;
+use crate::inputs;
+use crate::printer::Printer;
+use metres::Metres;
+use sweep::{Sweep, Trial};
+
+/// So many images, spread over the folder, are used to find out which layers do harm.
+const SWEEP_IMAGES: usize = 8;
+
+/// With a larger mean change of distances (a share) or of scores than this a file is refused: it would be another model.
+const HOPELESS: f64 = 0.1;
+
+/// Horizontal field of view, degrees, that images without a calibration are taken to have; only the size of the network's input depends on it.
+const HFOV_DEG: f64 = 81.4;
+
+/// Arguments of `farsight export --int8`.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "8 bits")]
+pub(super) struct Int8Args {
+    /// Quantise: convolutions compute in 8 bits (ONNX Runtime and OpenVINO are several times faster)
+    #[arg(long, requires = "calibration", conflicts_with = "half")]
+    pub(super) int8: bool,
+    /// Folder of images like those that the model will see; some hundred are plenty
+    #[arg(long, value_name = "DIR", requires = "int8")]
+    calibration: Option<PathBuf>,
+    /// How the ranges of the maps are chosen from what the images show
+    #[arg(long, value_enum, default_value_t = ObserverName::Percentile, requires = "int8")]
+    observer: ObserverName,
+    /// The share of values inside the range, for --observer percentile
+    #[arg(long, value_name = "PERCENT", default_value_t = 99.99, value_parser = percent, requires = "int8")]
+    percentile: f64,
+    /// How many layers stay in float, those that do the most harm [default: as few as keep the answers within 1%]
+    #[arg(long, value_name = "N", requires = "int8")]
+    float_layers: Option<usize>,
+    /// Labelled data in KITTI's layout to compare distances and AP on, before and after
+    #[arg(long, value_name = "DIR", requires = "int8")]
+    data: Option<PathBuf>,
+    /// Frames of the data, one id a line [default: all that have an image]
+    #[arg(long, value_name = "FILE", requires = "data")]
+    split: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineArgs,
+}
+
+/// See [`Observer`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ObserverName {
+    /// From the smallest to the largest value
+    Minmax,
+    /// Without the rarest values
+    Percentile,
+    /// With the least mean square error
+    Mse,
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value| (50.0..=100.0).contains(value));
+    value.ok_or_else(|| "expected a number from 50 to 100".to_owned())
+}
+
+impl Int8Args {
+    fn observer(&self) -> Observer {
+        match self.observer {
+            ObserverName::Minmax => Observer::MinMax,
+            ObserverName::Percentile => Observer::Percentile(self.percentile),
+            ObserverName::Mse => Observer::MeanSquare,
+        }
+    }
+
+    fn observer_name(&self) -> String {
+        match self.observer() {
+            Observer::MinMax => "minmax".to_owned(),
+            Observer::Percentile(percent) => format!("percentile {percent}"),
+            Observer::MeanSquare => "mse".to_owned(),
+        }
+    }
+}
+
+/// Runs the command.
+pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
+    let images = Images::find(args, &model.config)?;
+    let facts = facts(args, model, target)?;
+    let network = Network::deployable(model)?;
+    let (ranges, references) = calibrate(&network, &facts, &images, args)?;
+    let peaks: usize = references.iter().map(Reference::peak_count).sum();
+    printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
+    ensure!(
+        peaks > 0,
+        "{}: the model finds nothing in these images; expected some with vehicles",
+        images.folder.display()
+    );
+
+    let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
+    let Trial { quantization, damage } = match args.int8.float_layers {
+        Some(0) => sweep.everything()?,
+        float_layers => {
+            let harm = sweep.harm_of_layers()?;
+            harm.table().iter().for_each(|line| printer.line(line));
+            sweep.chosen(&harm, float_layers)?
+        }
+    };
+    let float_layers = sweep.float_layers(&quantization);
+    printer.line(&format!(
+        "{} convolutions in 8 bits, {} left in float{}",
+        quantization.layer_count(),
+        float_layers.len(),
+        if float_layers.is_empty() { String::new() } else { format!(": {}", float_layers.join(", ")) }
+    ));
+    tell_damage(&damage, &args.out, printer)?;
+
+    let mut told = json!({
+        "bits": 8, "observer": args.int8.observer_name(), "images": images.paths.len(), "layers": quantization.layer_count(),
+        "float_layers": float_layers, "distance_change": damage.distance, "score_change": damage.score,
+    });
+    let file = |told: &Value| {
+        let mut facts = facts.clone();
+        facts.set(key::QUANTIZATION, told.to_string());
+        sweep.file(&quantization, &facts, target, &args.out)
+    };
+    let mut written = file(&told)?;
+    if let Some(data) = &args.int8.data {
+        let whole = OnnxModel::from_model(model, target, &args.model)?;
+        let metres = Metres::measure(&whole, &written, data, args, printer)?;
+        metres.lines().iter().for_each(|line| printer.line(line));
+        told["evaluation"] = metres.to_json();
+        written = file(&told)?;
+    }
+    write_atomically(&args.out, |out| out.write_all(written.bytes()))?;
+    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), written.bytes().len() as f64 / 1e6, target.name()));
+    Ok(Outcome::Done)
+}
+
+/// Says how far the answers are from those in float; an error when they have nothing to do with them.
+fn tell_damage(damage: &Damage, out: &Path, printer: &mut Printer) -> Result<()> {
+    let Damage { distance, score, peaks } = damage;
+    let (percent, limit) = (100.0 * distance, 100.0 * HOPELESS);
+    printer.line(&format!("distances change by {percent:.2}% and scores by {score:.4} on average, at {peaks} peaks"));
+    // What is not a number is not below any limit.
+    if !(*distance < HOPELESS && *score < HOPELESS) {
+        bail!(
+            "{}: not written: distances change by {percent:.1}% and scores by {score:.3}; expected less than {limit:.0}% and {HOPELESS}",
+            out.display()
+        );
+    }
+    Ok(())
+}
+
+/// The images of the calibration and their cameras.
+struct Images {
+    folder: PathBuf,
+    paths: Vec<PathBuf>,
+    cameras: Option<CameraSource>,
+    spec: DetectorSpec,
+}
+
+impl Images {
+    fn find(args: &ExportArgs, config: &farsight_net::config::ModelConfig) -> Result<Self> {
+        let folder = args.int8.calibration.clone().context("--int8 needs --calibration DIR")?;
+        let found = inputs::find(std::slice::from_ref(&folder));
+        if let Some(problem) = found.problems.first() {
+            bail!("{problem}");
+        }
+        let paths = found.images;
+        let cameras = CameraSource::of_layout(&paths);
+        Ok(Self { folder, paths, cameras, spec: DetectorSpec::new(config, DecodeOptions::default()) })
+    }
+
+    /// Writes the network's input for an image to `input`; its size and its camera.
+    fn input_into(&self, input: &mut Vec<f32>, path: &Path) -> Result<([usize; 2], Camera)> {
+        let image = read_image(path)?;
+        let size @ [width, height] = [image.width() as usize, image.height() as usize];
+        ensure!(width > 0 && height > 0, "{}: no pixels", path.display());
+        let camera = match &self.cameras {
+            Some(cameras) => cameras.camera(path, size)?,
+            None => Camera::from_hfov(HFOV_DEG, width, height)?,
+        };
+        Ok(self.spec.input_into(input, &image, &camera))
+    }
+
+    /// Whether this image is among those that find out which layers do harm.
+    fn in_sweep(&self, index: usize) -> bool {
+        let count = self.paths.len();
+        let wanted = SWEEP_IMAGES.min(count);
+        // Evenly over the folder.
+        (index * wanted) / count != ((index + 1) * wanted) / count
+    }
+}
+
+/// Ranges of all maps, and what the network answers in float for the images of the sweep.
+fn calibrate(
+    network: &Network,
+    facts: &Facts,
+    images: &Images,
+    args: &ExportArgs,
+) -> Result<(sweep::Ranges, Vec<Reference>)> {
+    let threads = args.int8.engine.threads;
+    let mut calibration = Calibration::new(network, facts, threads)?;
+    let file = OnnxModel::from_bytes(farsight_net::onnx::write(network, facts, Target::Portable)?, &args.model)?;
+    let mut answers = Answers::new(&file, &args.model, threads)?;
+    let mut references = Vec::new();
+    let bar = ProgressBar::new(images.paths.len() as u64);
+    let mut input = Vec::new();
+    for (index, path) in images.paths.iter().enumerate() {
+        let (size, camera) = images.input_into(&mut input, path)?;
+        calibration.observe(&input, size).with_context(|| path.display().to_string())?;
+        if images.in_sweep(index) {
+            references.push(answers.reference(input.clone(), size, camera)?);
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok((calibration.ranges(args.int8.observer()), references))
+}

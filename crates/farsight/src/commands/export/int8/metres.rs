@@ -1,0 +1,136 @@
+//! What 8 bits do to distances and AP on labelled frames.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use farsight_core::detection::DecodeOptions;
+use farsight_data::KittiDataset;
+use farsight_eval::ap::{Metric, OverlapSet};
+use farsight_eval::ranging::{Bootstrap, Difference, Figure, Group, RangingComparison, RangingOptions};
+use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles};
+use farsight_net::onnx::OnnxModel;
+use serde_json::{Map, Value, json};
+
+use super::super::ExportArgs;
+use crate::commands::eval::{MIN_SCORE, write_results_of};
+use crate::engines::detector_of;
+use crate::printer::Printer;
+
+/// Figures of Moderate cars, by the network in float and by it in 8 bits.
+pub(super) struct Metres {
+    frames: usize,
+    engine: String,
+    objects: usize,
+    found_by_both: usize,
+    /// In the order of [`FIGURES`].
+    float: Vec<Option<f64>>,
+    int8: Vec<Option<f64>>,
+    /// 95% interval of the difference of the MAE, metres.
+    interval: Option<[f64; 2]>,
+}
+
+/// Keys in the metadata and names on the screen. Distances are compared on the objects that both found, AP is over 40 points of recall.
+const FIGURES: [(&str, &str); 6] = [
+    ("found", "found"),
+    ("mae_z", "MAE of z, m"),
+    ("rmse_z", "RMSE of z, m"),
+    ("ap_3d", "AP 3D"),
+    ("ap_bev", "AP BEV"),
+    ("ap_loose_3d", "AP 3D at 0.5"),
+];
+
+impl Metres {
+    /// Runs both networks over the frames of `data`.
+    pub(super) fn measure(
+        float: &OnnxModel,
+        int8: &OnnxModel,
+        data: &Path,
+        args: &ExportArgs,
+        printer: &mut Printer,
+    ) -> Result<Self> {
+        let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
+        let judged = |model: &OnnxModel| -> Result<_> {
+            let folder = tempfile::tempdir().context("no folder for the results")?;
+            let options = DecodeOptions { min_score: MIN_SCORE, ..DecodeOptions::default() };
+            let mut detector = detector_of(&args.int8.engine, model.clone(), &args.model, options)?;
+            write_results_of(&mut detector, &dataset, folder.path())?;
+            let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
+            let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
+            Ok((files.evaluate(&options)?.0, detector.engine_name().to_owned()))
+        };
+        let (float, engine) = judged(float)?;
+        let (int8, _) = judged(int8)?;
+        printer.status(&format!("{} frames looked at twice by {engine}", dataset.len()));
+        let paired = RangingComparison::new(int8.targets(), float.targets(), dataset.len(), &Bootstrap::default())
+            .with_context(|| format!("{}: the labels changed while they were read", data.display()))?;
+        let row = paired.rows.iter().find(|row| {
+            row.class == EvaluatedClass::Car
+                && row.group == Group::Level(Difficulty::Moderate).name()
+                && row.distance == "all"
+        });
+        let row = row.with_context(|| format!("{}: no car in the labels of these frames", data.display()))?;
+        let difference = |figure| row.figures.get(figure);
+        let side = |evaluation: &Evaluation, of: fn(&Difference) -> f64| {
+            let mut figures = vec![found(evaluation)];
+            figures.extend([Figure::MaeZ, Figure::RmseZ].map(|figure| difference(figure).as_ref().map(of)));
+            figures.extend(average_precisions(evaluation));
+            figures
+        };
+        Ok(Self {
+            frames: dataset.len(),
+            engine,
+            objects: row.objects,
+            found_by_both: row.found_by_both,
+            float: side(&float, |difference| difference.against),
+            int8: side(&int8, |difference| difference.value),
+            interval: difference(Figure::MaeZ).and_then(|difference| difference.interval).map(Into::into),
+        })
+    }
+
+    /// A table.
+    pub(super) fn lines(&self) -> Vec<String> {
+        let row = |name: &str, cells: [String; 3]| {
+            let [float, int8, difference] = cells;
+            format!("{name:<20}{float:>12}{int8:>12}{difference:>12}")
+        };
+        let shown = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
+        let heading = row("Moderate cars", ["float", "8 bits", "difference"].map(str::to_owned));
+        let interval = self.interval.map_or_else(String::new, |[low, high]| {
+            format!("; 95% interval of the difference of the MAE {low:.3} to {high:.3} m")
+        });
+        let note = format!("{} cars, distances of the {} that both found{interval}", self.objects, self.found_by_both);
+        let rows = FIGURES.iter().zip(self.float.iter().zip(&self.int8)).map(|((_, name), (float, int8))| {
+            let difference = float.zip(*int8).map(|(float, int8)| int8 - float);
+            row(name, [*float, *int8, difference].map(shown))
+        });
+        [heading].into_iter().chain(rows).chain([note]).collect()
+    }
+
+    /// For the file's metadata.
+    pub(super) fn to_json(&self) -> Value {
+        let named = |values: &[Option<f64>]| -> Map<String, Value> {
+            FIGURES.iter().zip(values).map(|((key, _), value)| ((*key).to_owned(), json!(value))).collect()
+        };
+        json!({
+            "frames": self.frames, "engine": self.engine, "objects": self.objects, "found_by_both": self.found_by_both,
+            "float": named(&self.float), "int8": named(&self.int8), "mae_z_difference_95": self.interval,
+        })
+    }
+}
+
+/// How many Moderate cars were found.
+fn found(evaluation: &Evaluation) -> Option<f64> {
+    let report = evaluation.report();
+    let group = report.ranging.group(EvaluatedClass::Car, Group::Level(Difficulty::Moderate))?;
+    Some(group.whole.found as f64)
+}
+
+/// AP of Moderate cars: 3D, BEV, 3D with the loose overlap.
+fn average_precisions(evaluation: &Evaluation) -> [Option<f64>; 3] {
+    let report = evaluation.report();
+    let sets =
+        [(OverlapSet::Strict, Metric::Space), (OverlapSet::Strict, Metric::Bev), (OverlapSet::Loose, Metric::Space)];
+    sets.map(|(set, metric)| {
+        report.ap.ap(set, metric, EvaluatedClass::Car).map(|ap| ap.r40[Difficulty::Moderate as usize])
+    })
+}
