@@ -103,6 +103,20 @@ def torch_peer(model, image, threads):
     return run
 
 
+def peaks(threads):
+    """What this CPU multiplies and adds in a second when nothing else holds it up: a large matrix product in PyTorch."""
+    try:
+        import torch
+    except ImportError as missing:
+        return print(f"left out: the CPU's peak: {missing}")
+    torch.set_num_threads(threads)
+    side = 2048
+    floats = torch.randn(side, side)
+    bytes_ = torch.randint(-100, 100, (side, side), dtype=torch.int8)
+    for name, run in (("fp32", lambda: floats @ floats), ("int8", lambda: torch._int_mm(bytes_, bytes_))):
+        print(f"peak of the CPU, {name}: {side**3 / median_ms(run) / 1e6:.0f} GMAC/s")
+
+
 def median_ms(run):
     run()
     times = []
@@ -163,6 +177,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=7)
     args = parser.parse_args()
 
+    peaks(args.threads)
     runs = list(contenders(args))
     rounds = []
     for number in range(args.rounds):

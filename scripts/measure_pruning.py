@@ -13,7 +13,11 @@ import argparse
 import json
 import pathlib
 import re
+import statistics
 import subprocess
+
+# Rounds in which the networks are timed.
+ROUNDS = 5
 
 
 def run(*words):
@@ -25,7 +29,8 @@ def finetune(args, start, out):
     if (out / "model.safetensors").exists():
         return
     text = args.config.read_text()
-    changes = {"start_from": f'"{start}"', "seed": 1000, "epochs": 1, "learning_rate": args.rate, "frames_per_epoch": args.frames}
+    changes = {"start_from": f'"{start}"', "seed": 1000, "epochs": 1, "learning_rate": args.rate, "frames_per_epoch": args.frames,
+               "warm_up_steps": 10}
     for key, value in changes.items():
         text, count = re.subn(rf"(?m)^{key} = .*$", f"{key} = {value}", text)
         assert count == 1, f"{args.config} has {count} lines with {key}; expected one"
@@ -34,12 +39,21 @@ def finetune(args, start, out):
     run(args.trainer, "train", "--config", config, "--out", out, "--resume")
 
 
-def cost(args, model):
-    info = run(args.farsight, "info", model).splitlines()[-1].split()
+def size(args, model):
+    """Parameters and GMAC, as `farsight info` prints them."""
+    _, parameters, gmacs = run(args.farsight, "info", model).splitlines()[-1].split()
+    return parameters, float(gmacs)
+
+
+def network_ms(args, models):
+    """Medians over rounds in which all models take turns."""
     bench = args.out / "bench.json"
-    run(args.farsight, "bench", "--model", model, "--runs", 15, "--json", bench)
-    stages = dict(json.loads(bench.read_text())["stages"])
-    return info[1], float(info[2]), stages["network"]["median_ms"]
+    times = {model: [] for model in models}
+    for _ in range(ROUNDS):
+        for model in models:
+            run(args.farsight, "bench", "--model", model, "--runs", 7, "--json", bench)
+            times[model].append(dict(json.loads(bench.read_text())["stages"])["network"]["median_ms"])
+    return {model: statistics.median(values) for model, values in times.items()}
 
 
 def error(args, model, name):
@@ -59,20 +73,23 @@ def main():
     parser.add_argument("--rate", type=float, default=3e-4)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    print("| share kept | parameters | GMAC | network, ms | found | MAE | AP BEV at 0.5 | without fine-tuning: found |\n|---:|---:|---:|---:|---:|---:|---:|---:|")
+    rows = []
     for keep in args.keep:
         name = f"keep{round(100 * keep)}"
         start = args.model if keep == 1.0 else args.out / f"{name}.safetensors"
         if keep != 1.0:
             run(args.farsight, "prune", "--model", args.model, "--keep", keep, "--out", start)
-        before, _ = error(args, start, f"{name}-raw")
+        print(f"training on with {100 * keep:.0f}% of the channels", flush=True)
         finetune(args, start, args.out / name)
         model = args.out / name / "model.safetensors"
-        parameters, gmacs, milliseconds = cost(args, model)
-        ranging, bev = error(args, model, name)
-        mae = ranging["mae_z"]
-        print(f"| {keep:.2f} | {parameters} | {gmacs:.2f} | {milliseconds:.1f} | {ranging['found']} of {ranging['objects']} ({100 * ranging['share']:.0f}%)"
-              f" | {'-' if mae is None else f'{mae:.2f} m'} | {bev:.2f} | {100 * before['share']:.0f}% |", flush=True)
+        rows.append((keep, model, error(args, start, f"{name}-raw")[0], *error(args, model, name)))
+    times = network_ms(args, [row[1] for row in rows])
+    print("| share kept | parameters | GMAC | network, ms | found | MAE | AP BEV at 0.5 | found without fine-tuning |\n|---:|---:|---:|---:|---:|---:|---:|---:|")
+    for keep, model, before, ranging, bev in rows:
+        parameters, gmacs = size(args, model)
+        mae = "-" if ranging["mae_z"] is None else f"{ranging['mae_z']:.2f} m"
+        print(f"| {keep:.2f} | {parameters} | {gmacs:.2f} | {times[model]:.1f} | {ranging['found']} of {ranging['objects']} ({100 * ranging['share']:.0f}%)"
+              f" | {mae} | {bev:.2f} | {100 * before['share']:.0f}% |")
 
 
 if __name__ == "__main__":
