@@ -90,7 +90,7 @@ fn the_shipped_model_in_8_bits() {
     let line = info.lines().find_map(|line| line.strip_prefix("8 bits")).unwrap();
     let facts: Value = serde_json::from_str(line.trim()).unwrap();
     assert_eq!(facts["images"], 4);
-    assert_eq!(facts["observer"], "percentile 99.99");
+    assert_eq!(facts["observer"], "mse");
     assert_eq!(facts["float_layers"], serde_json::json!([]));
     assert!(facts["distance_change"].as_f64().unwrap() < 0.05, "{facts}");
 

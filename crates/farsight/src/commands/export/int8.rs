@@ -49,7 +49,7 @@ pub(super) struct Int8Args {
     #[arg(long, value_name = "DIR", requires = "int8")]
     calibration: Option<PathBuf>,
     /// How the ranges of the maps are chosen from what the images show
-    #[arg(long, value_enum, default_value_t = ObserverName::Percentile, requires = "int8")]
+    #[arg(long, value_enum, default_value_t = ObserverName::Mse, requires = "int8")]
     observer: ObserverName,
     /// The share of values inside the range, for --observer percentile
     #[arg(long, value_name = "PERCENT", default_value_t = 99.99, value_parser = percent, requires = "int8")]
