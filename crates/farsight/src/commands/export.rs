@@ -41,6 +41,9 @@ pub(crate) struct ExportArgs {
     /// In which form deformable convolutions are written
     #[arg(long, value_enum, default_value_t = TargetName::Portable)]
     target: TargetName,
+    /// Focal lengths, pixels of the network's input, into which images of other cameras are scaled: where the model proved good [default: the model's]
+    #[arg(long, value_name = "LEAST,MOST", value_parser = focal_range)]
+    focal_range: Option<[f64; 2]>,
     /// What the model was trained on, for the file's metadata
     #[arg(long, value_name = "TEXT")]
     training_data: Option<String>,
@@ -70,7 +73,8 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
-    let model = read(&args.model)?;
+    let mut model = read(&args.model)?;
+    model.config.focal_range_px = args.focal_range.or(model.config.focal_range_px);
     if args.half {
         return half(&model, args, printer);
     }
@@ -105,6 +109,15 @@ fn read(path: &Path) -> Result<Model> {
         }
         Err(_) => Err(error.into()),
     })
+}
+
+/// Two focal lengths, as in `230,560`.
+fn focal_range(text: &str) -> Result<[f64; 2], String> {
+    let ends = text.split_once(',').map(|(least, most)| [least.parse::<f64>(), most.parse::<f64>()]);
+    match ends {
+        Some([Ok(least), Ok(most)]) if least > 0.0 && most > least && most.is_finite() => Ok([least, most]),
+        _ => Err("expected two focal lengths in pixels, the smaller one first: 230,560".to_owned()),
+    }
 }
 
 /// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.
