@@ -15,6 +15,9 @@ pub struct Camera {
     pub projection: [[f64; 4]; 3],
 }
 
+/// The least share of a row of the projection that lies along its own axis; in a photograph it is a tenth and more.
+const LEAST_ACROSS: f64 = 1e-6;
+
 /// A description of a camera that no camera can have.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CameraError {
@@ -57,6 +60,10 @@ impl Camera {
         }
         check_focal("fx", camera.focal_x())?;
         check_focal("fy", camera.focal_y())?;
+        // Else rounding decides whether the camera is mirrored.
+        if (0..2).any(|axis| camera.across(axis)[axis] < LEAST_ACROSS * norm(camera.row(axis))) {
+            return Err(CameraError::Degenerate("an axis of the image points along the view"));
+        }
         Ok(camera)
     }
 
@@ -97,16 +104,23 @@ impl Camera {
         self.focal(1)
     }
 
-    /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that is the focal length.
-    ///
     /// It has the sign of the axis it mostly lies along, so that a mirrored camera shows as a negative one.
     fn focal(&self, axis: usize) -> f64 {
-        let row = |i: usize| [0, 1, 2].map(|j| self.projection[i][j]);
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let (own, last) = (row(axis), row(2));
-        let center = dot(own, last) / dot(last, last);
-        let across = [0, 1, 2].map(|j| own[j] - center * last[j]);
+        let across = self.across(axis);
+        let last = self.row(2);
         (dot(across, across) / dot(last, last)).sqrt() * across[axis].signum()
+    }
+
+    /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that lies along `R[axis]`.
+    fn across(&self, axis: usize) -> [f64; 3] {
+        let (own, last) = (self.row(axis), self.row(2));
+        let center = dot(own, last) / dot(last, last);
+        [0, 1, 2].map(|j| own[j] - center * last[j])
+    }
+
+    /// A row without its last number.
+    fn row(&self, i: usize) -> [f64; 3] {
+        [0, 1, 2].map(|j| self.projection[i][j])
     }
 
     /// The pixel that sees `point` (metres); `None` for a point not in front of the camera.
@@ -157,6 +171,14 @@ impl Camera {
         }
         Self { projection }
     }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
 }
 
 fn check_focal(name: &'static str, value: f64) -> Result<(), CameraError> {
