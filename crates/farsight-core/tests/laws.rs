@@ -195,3 +195,14 @@ fn a_turned_camera_keeps_its_focal_length() {
     assert!((camera.focal_x() - f).abs() < 1e-9, "{}", camera.focal_x());
     assert!((camera.focal_y() - f).abs() < 1e-9, "{}", camera.focal_y());
 }
+
+#[test]
+fn a_camera_whose_image_axis_points_along_the_view_is_refused() {
+    let with_second_row = |row: [f64; 4]| {
+        Camera::from_projection([[700.0, 0.0, 600.0, 0.0], row, [0.0, 1e9, 1.0, 0.0]])
+            .map_err(|error| error.to_string())
+    };
+    assert!(with_second_row([0.0, 700.0, 180.0, 0.0]).is_err(), "all but along the last row");
+    let refused = "the projection is not a camera: an axis of the image points along the view";
+    assert_eq!(with_second_row([0.0, 1e12, 1e3 - 1e-4, 0.0]).unwrap_err(), refused);
+}
