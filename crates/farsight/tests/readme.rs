@@ -10,8 +10,12 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
+fn farsight_in(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap()
+}
+
 fn farsight(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(root()).output().unwrap()
+    farsight_in(&root(), arguments)
 }
 
 fn readme() -> String {
@@ -20,12 +24,16 @@ fn readme() -> String {
 
 #[test]
 fn every_command_is_one_that_the_program_understands() {
+    // Elsewhere, because some of them do write something.
+    let folder = tempfile::tempdir().unwrap();
     let readme = readme();
     let commands = readme.lines().filter_map(|line| line.trim().strip_prefix("cargo xtask run "));
     let mut seen = 0;
     for command in commands {
-        let words: Vec<&str> = command.split('#').next().unwrap().split_whitespace().collect();
-        let output = farsight(&words);
+        let words = command.split('#').next().unwrap().split_whitespace();
+        // One scene shows as much as two hundred.
+        let words: Vec<&str> = words.map(|word| if word == "200" { "1" } else { word }).collect();
+        let output = farsight_in(folder.path(), &words);
         let errors = String::from_utf8(output.stderr).unwrap();
         // The files of the examples are not there; that is an answer. A usage message is not.
         assert!(!errors.contains("Usage:"), "{command}\n{errors}");
