@@ -5,8 +5,10 @@
     reason = "the helpers of a test may panic and say that they were skipped"
 )]
 
+mod program;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use farsight_core::HeadMaps;
 use farsight_infer::{Engine, RtenEngine, probe};
@@ -17,6 +19,8 @@ use farsight_net::model::Model;
 use farsight_net::onnx::{OnnxModel, Target};
 use farsight_net::weights::{WeightTensor, Weights};
 use serde_json::Value;
+
+use program::{done, farsight, root};
 
 /// Head maps in single precision.
 const MAPS: f64 = 1e-4;
@@ -29,21 +33,6 @@ const BEST: f64 = 0.3;
 
 /// Scores.
 const SCORES: f64 = 1e-4;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-fn farsight(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-/// Standard output of a command that must work.
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    let output = farsight(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
 
 /// Engines that are ready here; says which are not.
 fn engines(folder: &Path) -> Vec<String> {

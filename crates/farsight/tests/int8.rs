@@ -5,10 +5,14 @@
     reason = "the helpers of a test may panic and say that they were skipped"
 )]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod program;
+
+use std::path::Path;
+use std::process::Command;
 
 use serde_json::Value;
+
+use program::{done, farsight, root};
 
 /// How far the distance of a car may move between engines, as a share: a sum on the border between two steps may be rounded either way.
 const DISTANCE: f64 = 0.03;
@@ -19,23 +23,8 @@ const SCORE: f64 = 0.05;
 /// Detections with a higher score than this have a twin on every engine.
 const BEST: f64 = 0.4;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
-}
-
 fn path(relative: &str) -> String {
     root().join(relative).to_str().unwrap().to_owned()
-}
-
-fn farsight(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-/// Standard output of a command that must work.
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    let output = farsight(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
 }
 
 fn detections(folder: &Path, arguments: &[&str]) -> Vec<Value> {
