@@ -38,6 +38,11 @@ impl DepthReference {
     /// Depth of KITTI's objects (SMOKE, spec 5.1).
     pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32, focal_px: None };
 
+    /// The depth that the network sees where `camera` (of the feature map) sees `depth_m`.
+    pub fn virtual_depth_m(&self, depth_m: f64, camera: &Camera) -> f64 {
+        depth_m / self.scale(camera)
+    }
+
     /// True depth over virtual depth under `camera` (of the feature map).
     fn scale(&self, camera: &Camera) -> f64 {
         self.focal_px.map_or(1.0, |focal_px| camera.focal_y() * STRIDE as f64 / focal_px)
@@ -150,7 +155,7 @@ impl Codec {
         let reference = self.classes.get(class)?.dimensions_lhw;
         let alpha = object.alpha();
         let regression = Regression {
-            depth: (object.depth_m() / self.depth.scale(camera) - self.depth.mean_m) / self.depth.std_m,
+            depth: (self.depth.virtual_depth_m(object.depth_m(), camera) - self.depth.mean_m) / self.depth.std_m,
             offset: pixel.map(f64::fract),
             log_dimensions_lhw: [
                 (length / reference[0]).ln(),

@@ -14,4 +14,6 @@ pub struct Frame {
     pub camera: Camera,
     /// What is in it, in the order of the label file.
     pub labels: Vec<Label>,
+    /// z of what each pixel shows, metres, row by row, infinite for the sky; known for rendered frames.
+    pub depth_m: Option<Vec<f32>>,
 }

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use farsight_core::codec::STRIDE;
 use farsight_core::input::InputRules;
 use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
@@ -38,6 +39,8 @@ pub struct Sample {
     pub labels: Vec<Label>,
     /// Whether the regression head may learn from it.
     pub regress: bool,
+    /// z of what is seen amid each cell of the feature map, metres, row by row; infinite where nothing is. Only where the frame knows it.
+    pub surface_m: Option<Vec<f32>>,
 }
 
 impl Transform {
@@ -87,6 +90,23 @@ impl Transform {
             camera: self.camera(&frame.camera, width),
             labels: frame.labels.iter().map(|label| self.label(label, width, rules.size)).collect(),
             regress: self.regress,
+            surface_m: frame.depth_m.as_ref().map(|depth_m| self.surface(depth_m, frame.image.dimensions(), rules)),
         }
+    }
+
+    /// Looks `depth_m`, of an image of this size, up amid the cells of the feature map.
+    fn surface(&self, depth_m: &[f32], (width, height): (u32, u32), rules: &InputRules) -> Vec<f32> {
+        let map_size = rules.size.map(|side| side / STRIDE);
+        let Some(image_from_input) = self.input_from_image(width as usize).inverse() else {
+            return vec![f32::INFINITY; map_size[0] * map_size[1]];
+        };
+        let amid = |cell: usize| (cell * STRIDE) as f64 + (STRIDE as f64 - 1.0) / 2.0;
+        let cells = (0..map_size[1]).flat_map(|row| (0..map_size[0]).map(move |column| [column, row]));
+        let depth_at = |cell: [usize; 2]| {
+            let [x, y] = image_from_input.apply(cell.map(amid)).map(f64::round);
+            let inside = x >= 0.0 && y >= 0.0 && x < f64::from(width) && y < f64::from(height);
+            if inside { depth_m[y as usize * width as usize + x as usize] } else { f32::INFINITY }
+        };
+        cells.map(depth_at).collect()
     }
 }

@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 
 use crate::Frame;
 use crate::ap::{ApReport, OverlapSet, SceneSet};
-use crate::ranging::{RangingOptions, RangingReport, Target, targets};
+use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport, Target, matched};
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
 ///
@@ -28,6 +28,7 @@ pub struct Evaluation {
     frames: usize,
     scenes: SceneSet,
     targets: Vec<Target>,
+    false_alarms: Vec<FalseAlarm>,
 }
 
 /// What an evaluation finds; in JSON as the command line promises it.
@@ -37,6 +38,8 @@ pub struct Report {
     pub ap: ApReport,
     /// Errors of distance.
     pub ranging: RangingReport,
+    /// What is found and what is made up, by the lowest score that takes part.
+    pub operating: OperatingPoints,
     /// How many frames were evaluated.
     pub frames: usize,
 }
@@ -50,7 +53,9 @@ impl Evaluation {
     /// Evaluates one more frame.
     pub fn add(&mut self, frame: &Frame) {
         self.scenes.append(SceneSet::observe(frame));
-        self.targets.extend(targets(frame, self.frames as u32, &self.options));
+        let (targets, false_alarms) = matched(frame, self.frames as u32, &self.options);
+        self.targets.extend(targets);
+        self.false_alarms.extend(false_alarms);
         self.frames += 1;
     }
 
@@ -58,6 +63,7 @@ impl Evaluation {
     pub fn append(&mut self, later: Self) {
         let first = self.frames as u32;
         self.targets.extend(later.targets.into_iter().map(|target| Target { frame: first + target.frame, ..target }));
+        self.false_alarms.extend(later.false_alarms);
         self.scenes.append(later.scenes);
         self.frames += later.frames;
     }
@@ -77,6 +83,7 @@ impl Evaluation {
         Report {
             ap: self.scenes.report(),
             ranging: RangingReport::new(&self.targets, self.frames, &self.options),
+            operating: OperatingPoints::new(&self.targets, &self.false_alarms, self.frames),
             frames: self.frames,
         }
     }
@@ -84,10 +91,11 @@ impl Evaluation {
 
 impl Serialize for Report {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(4))?;
+        let mut map = serializer.serialize_map(Some(5))?;
         map.serialize_entry("ap", &self.ap.table(OverlapSet::Strict))?;
         map.serialize_entry("ap_loose", &self.ap.table(OverlapSet::Loose))?;
         map.serialize_entry("ranging", &self.ranging)?;
+        map.serialize_entry("operating", &self.operating)?;
         map.serialize_entry("frames", &self.frames)?;
         map.end()
     }

@@ -1,7 +1,9 @@
 //! The report as a table for a terminal.
 
 use crate::ap::{ApReport, ApValues, Metric, OverlapSet};
-use crate::ranging::{Figure, GroupRanging, RangingComparison, RangingReport, SliceErrors};
+use crate::ranging::{
+    Figure, GroupRanging, OperatingPoint, OperatingPoints, RangingComparison, RangingReport, SliceErrors,
+};
 use crate::{Difficulty, EvaluatedClass, Report};
 
 /// Objects that it takes for AP to be able to reach 100 (spec kitti-eval.md, rule 20).
@@ -26,6 +28,7 @@ pub fn lines(report: &Report) -> Vec<String> {
         }
     }
     lines.extend(ranging_lines(&report.ranging));
+    lines.extend(operating_lines(&report.operating));
     lines
 }
 
@@ -109,6 +112,40 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
         }
     }
     lines
+}
+
+/// What each limit of score gives, in steps that fit a screen: every other one, until nothing is left.
+fn operating_lines(operating: &OperatingPoints) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (class, rows) in &operating.classes {
+        let has_any = |row: &&OperatingPoint| row.found > 0 || row.false_alarms_per_frame > 0.0;
+        let shown: Vec<_> = rows.iter().skip(1).step_by(2).take_while(has_any).collect();
+        if !shown.is_empty() {
+            lines.push(String::new());
+            lines.push(format!(
+                "{class}s at moderate by least score; false alarms are detections that are none of anything"
+            ));
+            lines.push(format!(
+                "{:<20}{:>8}{:>8}{:>21}{:>10}{:>16}",
+                "  score from", "found", "share", "false alarms/frame", "MAE z", "median AbsRel"
+            ));
+            lines.extend(shown.into_iter().map(operating_line));
+        }
+    }
+    lines
+}
+
+fn operating_line(row: &OperatingPoint) -> String {
+    let value = |value: Option<f64>, digits: usize| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"));
+    format!(
+        "  {:<18.2}{:>8}{:>8.3}{:>21.3}{:>10}{:>16}",
+        row.score,
+        row.found,
+        row.found as f64 / row.objects as f64,
+        row.false_alarms_per_frame,
+        value(row.mae_z, 3),
+        value(row.median_abs_rel_z, 4)
+    )
 }
 
 /// The errors of one class at moderate difficulty, as a whole and by distance; nothing for a class without such objects.

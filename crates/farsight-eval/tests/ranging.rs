@@ -7,7 +7,8 @@ mod common;
 use common::RealSets;
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_eval::ranging::{
-    Bootstrap, Figure, Group, MATCH_IOU, RangingComparison, RangingOptions, RangingReport, targets,
+    Bootstrap, FalseAlarm, Figure, Group, MATCH_IOU, OperatingPoints, RangingComparison, RangingOptions, RangingReport,
+    matched, targets,
 };
 use farsight_eval::{Claim, Difficulty, EvaluatedClass, Frame};
 
@@ -58,6 +59,43 @@ fn an_overlap_of_exactly_one_half_is_enough() {
         let frame = Frame { id: String::new(), claims: vec![claim(&car, 0.5, shift, 1.0)], labels: vec![car.clone()] };
         assert_eq!(targets(&frame, 0, &NO_INTERVALS)[0].found.is_some(), is_found, "{shift}");
     }
+}
+
+#[test]
+fn what_is_none_of_anything_is_a_false_alarm() {
+    let car = label(ObjectClass::Car, 0.0, 10.0);
+    let van = label(ObjectClass::Van, 300.0, 20.0);
+    let mut nobody_knows = label(ObjectClass::DontCare, 600.0, -1000.0);
+    nobody_knows.box2d.x2 = 1000.0;
+    let nothing = label(ObjectClass::Car, 1100.0, 30.0);
+    let mut low = nothing.clone();
+    low.box2d.y2 = low.box2d.y1 + 24.9;
+    let inside = Label { class: ObjectClass::Car, box2d: Box2d::new(700.0, 100.0, 800.0, 200.0), ..car.clone() };
+    let as_car = |like: &Label, score: f64| claim(&Label { class: ObjectClass::Car, ..like.clone() }, score, 0.0, 1.0);
+    let claims = vec![
+        as_car(&car, 0.9),
+        // The same car once more, nothing at all, and a cyclist where the car is: on an object, if another one.
+        as_car(&car, 0.6),
+        as_car(&nothing, 0.4),
+        claim(&Label { class: ObjectClass::Cyclist, ..car.clone() }, 0.8, 0.0, 0.0),
+        as_car(&van, 0.8),
+        as_car(&inside, 0.8),
+        as_car(&low, 0.8),
+    ];
+    let frame = Frame { id: String::new(), labels: vec![car, van, nobody_knows], claims };
+    let (targets, false_alarms) = matched(&frame, 0, &NO_INTERVALS);
+    let alarm = |score| FalseAlarm { class: EvaluatedClass::Car, score };
+    assert_eq!(false_alarms, [alarm(0.6), alarm(0.4)]);
+
+    let points = OperatingPoints::new(&targets, &false_alarms, 2);
+    let [(EvaluatedClass::Car, rows)] = &points.classes[..] else { panic!("{points:?}") };
+    let at = |score: f64| {
+        let row = rows.iter().find(|row| (row.score - score).abs() < 1e-9).unwrap();
+        (row.objects, row.found, row.false_alarms_per_frame, row.mae_z, row.median_abs_rel_z)
+    };
+    assert_eq!(at(0.3), (1, 1, 1.0, Some(1.0), Some(0.1)));
+    assert_eq!(at(0.5), (1, 1, 0.5, Some(1.0), Some(0.1)));
+    assert_eq!(at(0.95), (1, 0, 0.0, None, None));
 }
 
 #[test]

@@ -226,6 +226,12 @@ pub const LOGITS: &str = "cls_logits";
 /// Name of the raw regression channels among the taps.
 pub const REGRESSION: &str = "reg_raw";
 
+/// Name of the features that the heads read among the taps.
+pub const FEATURES: &str = "neck";
+
+/// Name of the logarithm of the surface's depth among the taps of a network in training.
+pub const SURFACE: &str = "surface";
+
 impl Graph {
     /// The node called `name`.
     pub fn tap(&self, name: &str) -> Option<NodeId> {

@@ -158,6 +158,19 @@ pub struct Sun {
     pub color: Color,
     /// Strength of cast shadows, 0 (overcast) to 1.
     pub shadow: f32,
+    /// Leaves between it and the scene.
+    pub canopy: Option<Canopy>,
+}
+
+/// Leaves high above the scene, out of the picture, through which the sun falls in patches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Canopy {
+    /// Share of the ground in the sun, 0 to 1.
+    pub open: f32,
+    /// Size of the largest patches, metres.
+    pub scale_m: f32,
+    /// Which leaves.
+    pub seed: u32,
 }
 
 /// A lamp: a street lamp, a headlight, a lit shop.

@@ -47,5 +47,5 @@ fn photographed(drawn: &Drawn, id: String, dice: &mut Dice) -> Frame {
     let rendered = render(scene);
     let image = PhotoSettings::draw(&scene.air, dice.rng()).develop(&rendered);
     let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, actors, &rendered);
-    Frame { id, image, camera: scene.camera, labels }
+    Frame { id, image, camera: scene.camera, labels, depth_m: Some(rendered.depth_m) }
 }

@@ -6,7 +6,7 @@ mod support;
 use farsight_core::Camera;
 use farsight_synth::photo::PhotoSettings;
 use farsight_synth::render::{Rendered, render};
-use farsight_synth::scene::{Lamp, Pattern, Scene, Triangle};
+use farsight_synth::scene::{Canopy, Lamp, Pattern, Scene, Triangle};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use support::{CAMERA_HEIGHT_M, block, camera, empty, flat, ground, joined, object, plain, quad, street};
@@ -53,6 +53,7 @@ fn the_bytes_are_those_of_other_machines() {
     scene.camera = Camera::from_intrinsics(180.0, 180.0, 155.0, 43.0).expect("a camera");
     scene.image_size = [310, 94];
     scene.air.wetness = 0.5;
+    scene.sun.canopy = Some(Canopy { open: 0.6, scale_m: 3.0, seed: 9 });
     scene.lamps.push(Lamp {
         position: [3.0, -3.0, 14.0],
         direction: [0.0, 1.0, 0.0],
@@ -68,8 +69,25 @@ fn the_bytes_are_those_of_other_machines() {
     assert_eq!([light, photo], [LIGHT_HASH, PHOTO_HASH], "{light:#x}, {photo:#x}");
 }
 
-const LIGHT_HASH: u64 = 0x4637_dafa_6131_02dc;
-const PHOTO_HASH: u64 = 0xbe4b_19bf_1779_7fcb;
+const LIGHT_HASH: u64 = 0x9a29_ee7b_62cb_7522;
+const PHOTO_HASH: u64 = 0x7825_90a9_eee8_2c7d;
+
+#[test]
+fn a_canopy_lets_its_share_of_the_sun_through() {
+    let light = |open: Option<f32>| {
+        let mut scene = street();
+        scene.sun.canopy = open.map(|open| Canopy { open, scale_m: 1.0, seed: 4 });
+        render(&scene).color.iter().flatten().map(|&value| f64::from(value)).sum::<f64>()
+    };
+    let (dark, bright) = (light(Some(0.0)), light(None));
+    for open in [0.3, 0.7] {
+        let share = (light(Some(open)) - dark) / (bright - dark);
+        assert!(
+            (share - f64::from(open)).abs() < 0.1,
+            "{open} of the canopy is open, {share} of the light comes through"
+        );
+    }
+}
 
 #[test]
 fn every_value_is_a_number() {

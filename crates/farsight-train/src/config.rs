@@ -94,6 +94,10 @@ pub struct TrainConfig {
     /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that relative errors are learnt rather
     /// than the guesses of the horizon; 0: all count the same, as in SMOKE.
     pub full_weight_m: f64,
+    /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
+    pub neighbour_cells: usize,
+    /// Weight of a second lesson, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
+    pub surface_weight: f64,
     /// Numbers of the convolutions.
     pub precision: Precision,
     /// Seed of the weights, the order and the augmentation.
@@ -121,6 +125,8 @@ impl Default for TrainConfig {
             bias_rate_factor: 1.0,
             clip_norm: 0.0,
             full_weight_m: 0.0,
+            neighbour_cells: 0,
+            surface_weight: 0.0,
             precision: Precision::F32,
             seed: 0,
             start_from: None,
@@ -217,7 +223,11 @@ impl RunConfig {
             ("train.weight_decay", train.weight_decay),
             ("train.clip_norm", train.clip_norm),
             ("train.full_weight_m", train.full_weight_m),
+            ("train.surface_weight", train.surface_weight),
         ];
+        if train.surface_weight > 0.0 && self.data.rendered.is_none() {
+            return Some("train.surface_weight needs data.rendered; other frames have no depth".to_owned());
+        }
         let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
         let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
         bad_positive

@@ -1,8 +1,10 @@
-//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7).
+//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7). And a lesson in depth that rendered scenes allow.
+
+use std::collections::HashSet;
 
 use farsight_core::codec::CHANNELS;
 use farsight_core::corner_loss::corner_loss;
-use farsight_core::targets::Targets;
+use farsight_core::targets::{ObjectTarget, Targets};
 use farsight_core::{Camera, Codec};
 use serde::Serialize;
 use tch::{Device, Kind, Tensor};
@@ -25,21 +27,27 @@ pub struct LossTerms {
     pub dimensions: f64,
     /// Corner loss with the predicted location.
     pub location: f64,
+    /// Error of the surface's depth; zero where it is not taught.
+    pub surface: f64,
 }
 
 impl LossTerms {
+    /// No loss at all.
+    pub const ZERO: Self = Self { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0, surface: 0.0 };
+
     /// What is minimised.
     pub fn total(&self) -> f64 {
-        self.heat_map + self.orientation + self.dimensions + self.location
+        self.heat_map + self.orientation + self.dimensions + self.location + self.surface
     }
 
     /// The terms by name.
-    pub fn named(&self) -> [(&'static str, f64); 4] {
+    pub fn named(&self) -> [(&'static str, f64); 5] {
         [
             ("heat_map", self.heat_map),
             ("orientation", self.orientation),
             ("dimensions", self.dimensions),
             ("location", self.location),
+            ("surface", self.surface),
         ]
     }
 }
@@ -70,12 +78,34 @@ impl CornerWeights {
 pub struct BatchTargets {
     /// Heat maps `[batch, classes, height, width]`.
     pub heat_map: Tensor,
-    /// Objects that the regression learns from, with the number of their image.
-    pub objects: Vec<(usize, farsight_core::targets::ObjectTarget)>,
+    /// Cells that the regression learns from.
+    pub cells: Vec<RegressionCell>,
     /// Camera of each image's feature map.
     pub cameras: Vec<Camera>,
     /// Width and height of the feature map, cells.
     pub map_size: [usize; 2],
+    /// Virtual depth of the surface in each cell, metres, `[batch, 1, height, width]`, infinite where there is none; if it is known.
+    pub surface_m: Option<Tensor>,
+}
+
+/// A cell that the regression learns from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegressionCell {
+    /// Number of its image in the batch.
+    pub image: usize,
+    /// What is to be learnt there.
+    pub object: ObjectTarget,
+    /// Its part of the object's weight.
+    pub share: f64,
+}
+
+impl RegressionCell {
+    /// This cell and those up to `reach` away from it on the map, column and row.
+    fn around(&self, reach: usize, [width, height]: [usize; 2]) -> Vec<[usize; 2]> {
+        let near = |center: usize, size: usize| center.saturating_sub(reach)..(center + reach + 1).min(size);
+        let [column, row] = self.object.cell;
+        near(row, height).flat_map(|y| near(column, width).map(move |x| [x, y])).collect()
+    }
 }
 
 impl BatchTargets {
@@ -84,13 +114,37 @@ impl BatchTargets {
         let map_size @ [width, height] = images.first().map_or([0, 0], |t| t.map_size);
         let values: Vec<f32> = images.iter().flat_map(|t| &t.heat_map).copied().collect();
         let shape = [images.len() as i64, -1, height as i64, width as i64];
-        let objects = images.iter().enumerate().filter(|&(i, _)| regress[i]);
+        let taught = images.iter().enumerate().filter(|&(i, _)| regress[i]);
+        let whole = |image: usize, object: &ObjectTarget| RegressionCell { image, object: object.clone(), share: 1.0 };
         Self {
             heat_map: Tensor::from_slice(&values).view(shape).to_device(device),
-            objects: objects.flat_map(|(i, t)| t.objects.iter().map(move |o| (i, o.clone()))).collect(),
+            cells: taught.flat_map(|(i, t)| t.objects.iter().map(move |object| whole(i, object))).collect(),
             cameras: images.iter().map(|t| t.camera).collect(),
             map_size,
+            surface_m: None,
         }
+    }
+
+    /// The same objects, each taught at its own cell and at those up to `reach` cells away, which share its weight: a peak that is a cell off then finds
+    /// an answer too. Cells that are another object's own are left to it.
+    pub fn with_neighbours(self, reach: usize) -> Self {
+        let own: HashSet<(usize, [usize; 2])> = self.cells.iter().map(|cell| (cell.image, cell.object.cell)).collect();
+        let spread = |cell: &RegressionCell| {
+            let mut places = cell.around(reach, self.map_size);
+            places.retain(|&place| place == cell.object.cell || !own.contains(&(cell.image, place)));
+            let share = cell.share / places.len() as f64;
+            let at = |place| ObjectTarget { cell: place, ..cell.object.clone() };
+            places.into_iter().map(|place| RegressionCell { image: cell.image, object: at(place), share }).collect()
+        };
+        let cells = self.cells.iter().flat_map(|cell| -> Vec<RegressionCell> { spread(cell) }).collect();
+        Self { cells, ..self }
+    }
+
+    /// With the virtual depth of the surfaces, metres, one list of cells an image.
+    pub fn with_surface(self, surface_m: &[Vec<f32>]) -> Self {
+        let [width, height] = self.map_size.map(|side| side as i64);
+        let values = Tensor::from_slice(&surface_m.concat()).view([surface_m.len() as i64, 1, height, width]);
+        Self { surface_m: Some(values.to_device(self.heat_map.device())), ..self }
     }
 }
 
@@ -129,10 +183,10 @@ pub fn loss(
     let values = crate::executor::values_from_tensor(&raw);
 
     let mut gradient = Vec::with_capacity(values.len());
-    let mut terms = LossTerms { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0 };
-    for ((image, object), raw) in targets.objects.iter().zip(values.as_chunks::<CHANNELS>().0) {
+    let mut terms = LossTerms::ZERO;
+    for (RegressionCell { image, object, share }, raw) in targets.cells.iter().zip(values.as_chunks::<CHANNELS>().0) {
         let part = corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]);
-        let factor = weights.factor(object.box3d.depth_m());
+        let factor = share * weights.factor(object.box3d.depth_m());
         terms.orientation += part.orientation * factor;
         terms.dimensions += part.dimensions * factor;
         terms.location += part.location * factor;
@@ -143,13 +197,25 @@ pub fn loss(
     (heat_map + (raw * gradient).sum(Kind::Float), terms)
 }
 
+/// Mean difference of the logarithms of depth, where `surface_m` (virtual, metres) knows one; `predicted` is the logarithm of depth over `mean_m`.
+///
+/// # Shapes
+/// Both `[batch, 1, height, width]`.
+pub fn surface_loss(predicted: &Tensor, surface_m: &Tensor, mean_m: f64) -> Tensor {
+    let known = surface_m.isfinite();
+    let nowhere = known.logical_not();
+    let wanted = (surface_m / mean_m).log().masked_fill(&nowhere, 0.0);
+    let error = (predicted - wanted).abs().masked_fill(&nowhere, 0.0);
+    error.sum(Kind::Float) / known.sum(Kind::Float).clamp_min(1.0)
+}
+
 /// The raw channels at the cells of the objects, `[objects, 8]`.
 fn regression_at_objects(regression: &Tensor, targets: &BatchTargets) -> Tensor {
     let [width, height] = targets.map_size;
-    let cell = |(image, object): &(usize, farsight_core::targets::ObjectTarget)| {
+    let index = |RegressionCell { image, object, .. }: &RegressionCell| {
         (image * width * height + object.cell[1] * width + object.cell[0]) as i64
     };
-    let cells: Vec<i64> = targets.objects.iter().map(cell).collect();
+    let cells: Vec<i64> = targets.cells.iter().map(index).collect();
     let cells = Tensor::from_slice(&cells).to_device(regression.device());
     let by_cell = regression.to_kind(Kind::Float).permute([0, 2, 3, 1]).reshape([-1, CHANNELS as i64]);
     by_cell.index_select(0, &cells)

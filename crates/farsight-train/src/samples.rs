@@ -21,6 +21,8 @@ pub struct TrainSample {
     pub targets: Targets,
     /// Whether the regression learns from this image.
     pub regress: bool,
+    /// Virtual depth of the surface in each cell of the feature map, metres, infinite where there is none; if the frame knows it.
+    pub surface_m: Option<Vec<f32>>,
 }
 
 /// Makes samples: frame, transform, targets. Shared by the loader's threads.
@@ -63,7 +65,10 @@ impl Sampler {
         // The quirk drops a column, which commutes with every transform of the image.
         let camera = self.quirks.camera(&sample.camera);
         let targets = self.target_rules.targets(&sample.labels, &camera, sample.size);
-        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
+        let depth = self.target_rules.codec.depth;
+        let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), &targets.camera) as f32;
+        let surface_m = sample.surface_m.map(|surface_m| surface_m.iter().map(seen).collect());
+        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress, surface_m })
     }
 }
 
@@ -84,8 +89,13 @@ impl TrainBatch {
         let shape = [3, height as i64, width as i64];
         let inputs: Vec<Tensor> = samples.iter().map(|s| Tensor::from_slice(&s.input).view(shape)).collect();
         let regress: Vec<bool> = samples.iter().map(|s| s.regress).collect();
+        let surface_m: Option<Vec<Vec<f32>>> = samples.iter().map(|s| s.surface_m.clone()).collect();
         let (ids, targets): (Vec<String>, Vec<Targets>) = samples.into_iter().map(|s| (s.id, s.targets)).unzip();
         let targets = BatchTargets::new(&targets, &regress, device);
+        let targets = match surface_m {
+            Some(surface_m) => targets.with_surface(&surface_m),
+            None => targets,
+        };
         Self { ids, input: Tensor::stack(&inputs, 0).to_device(device), targets }
     }
 }

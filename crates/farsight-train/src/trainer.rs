@@ -11,8 +11,8 @@ use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
 use farsight_data::{Batch, KittiDataset, Loader, LoaderConfig, Position};
 use farsight_files::{DurableError, write_atomically};
-use farsight_net::build::network;
-use farsight_net::graph::{Graph, LOGITS, NodeId, REGRESSION};
+use farsight_net::build::{network, with_surface_head};
+use farsight_net::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
 use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};
 use farsight_net::weights::{Weights, WeightsError};
@@ -24,7 +24,7 @@ use crate::adam::Adam;
 use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::config::RunConfig;
 use crate::executor::{ExecutorError, Mode, Network};
-use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss};
+use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss, surface_loss};
 use crate::metrics::{MetricsWriter, Record};
 use crate::samples::{Sampler, TrainBatch, TrainSample};
 use crate::sources::{FrameSource, KittiSource, RenderedSource};
@@ -155,7 +155,8 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
     let mut window = Window::new();
     for batch in loader {
         let Batch { position, items } = batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
-        let batch = TrainBatch::new(items, job.run.model.input, device);
+        let mut batch = TrainBatch::new(items, job.run.model.input, device);
+        batch.targets = batch.targets.with_neighbours(job.run.train.neighbour_cells);
         let record = trainer.step(&batch, progress.steps, position.epoch, total)?;
         progress = Progress { steps: progress.steps + 1, position: following(position, batches_per_epoch) };
         let record = window.add(record, batch.ids.len());
@@ -235,7 +236,9 @@ fn following(position: Position, batches_per_epoch: u64) -> Position {
 struct Trainer<'a> {
     job: &'a Job,
     network: Network,
-    outputs: [NodeId; 2],
+    /// Logits, regression and, where it is taught, the surface.
+    outputs: Vec<NodeId>,
+    is_narrowed: bool,
     adam: Adam,
     codec: Codec,
 }
@@ -247,14 +250,23 @@ impl<'a> Trainer<'a> {
         let stored =
             if job.resume && checkpoint_path.exists() { Some(checkpoint::read(checkpoint_path, run)?) } else { None };
         let graph = start_graph(run)?;
+        let is_narrowed = graph != network(&run.model);
+        let missing = |name: &str| ExecutorError::Missing(name.to_owned());
+        let graph = match run.train.surface_weight > 0.0 {
+            true => with_surface_head(graph, run.model.norm).ok_or_else(|| missing(FEATURES))?,
+            false => graph,
+        };
         let fresh = initial_weights(&graph, run.train.seed);
         let start = match (&stored, &run.train.start_from) {
             (Some((weights, _)), _) => weights.clone(),
             (None, Some(path)) => overlaid(fresh, Weights::read(path)?),
             (None, None) => fresh,
         };
-        let output = |name: &str| graph.tap(name).ok_or_else(|| ExecutorError::Missing(name.to_owned()));
-        let outputs = [output(LOGITS)?, output(REGRESSION)?];
+        let mut outputs = [LOGITS, REGRESSION]
+            .map(|name| graph.tap(name).ok_or_else(|| missing(name)))
+            .into_iter()
+            .collect::<Result<Vec<NodeId>, _>>()?;
+        outputs.extend(graph.tap(SURFACE));
         let network = Network::new(graph, &start, device, run.train.precision)?;
         let mut adam = Adam::new(run.train.adam(), network.learnt());
         let progress = match &stored {
@@ -264,7 +276,7 @@ impl<'a> Trainer<'a> {
             }
             None => Progress::default(),
         };
-        Ok((Self { job, network, outputs, adam, codec: run.model.codec() }, progress))
+        Ok((Self { job, network, outputs, is_narrowed, adam, codec: run.model.codec() }, progress))
     }
 
     /// One step of the optimiser on `batch`, the `step`-th of `total`.
@@ -273,7 +285,12 @@ impl<'a> Trainer<'a> {
         let maps = self.network.forward(&batch.input, Mode::Train, &self.outputs);
         let full_weight_m = (config.full_weight_m > 0.0).then_some(config.full_weight_m);
         let weights = CornerWeights { divisor: CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64, full_weight_m };
-        let (objective, terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, weights);
+        let (mut objective, mut terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, weights);
+        if let (Some(predicted), Some(surface_m)) = (maps.get(2), &batch.targets.surface_m) {
+            let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * config.surface_weight;
+            terms.surface = surface.double_value(&[]);
+            objective = objective + surface;
+        }
         check_terms(&terms, step, batch)?;
 
         let parameters: Vec<Tensor> = self.network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
@@ -314,8 +331,11 @@ impl<'a> Trainer<'a> {
             "data": if run.data.rendered.is_some() { "rendered scenes".into() } else { run.data.split.display().to_string() },
         });
         weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
-        let is_pruned = self.network.graph() != &network(&run.model);
-        if is_pruned { Model::narrowed(run.model.clone(), weights) } else { Model::new(run.model.clone(), weights) }
+        if self.is_narrowed {
+            Model::narrowed(run.model.clone(), weights)
+        } else {
+            Model::new(run.model.clone(), weights)
+        }
     }
 }
 
@@ -362,10 +382,8 @@ struct Window {
 }
 
 impl Window {
-    const NOTHING: LossTerms = LossTerms { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0 };
-
     fn new() -> Self {
-        Self { started: Instant::now(), samples: 0, steps: 0, sums: Self::NOTHING }
+        Self { started: Instant::now(), samples: 0, steps: 0, sums: LossTerms::ZERO }
     }
 
     /// Counts `record`, of a batch of `samples`, and gives it the speed so far.
@@ -376,6 +394,7 @@ impl Window {
         self.sums.orientation += record.terms.orientation;
         self.sums.dimensions += record.terms.dimensions;
         self.sums.location += record.terms.location;
+        self.sums.surface += record.terms.surface;
         Record { samples_per_second: self.samples as f64 / self.started.elapsed().as_secs_f64(), ..record }
     }
 
@@ -387,6 +406,7 @@ impl Window {
             orientation: self.sums.orientation / count,
             dimensions: self.sums.dimensions / count,
             location: self.sums.location / count,
+            surface: self.sums.surface / count,
         };
         *self = Self::new();
         Record { loss: terms.total(), terms, ..last }

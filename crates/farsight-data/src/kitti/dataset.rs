@@ -138,6 +138,7 @@ impl KittiDataset {
             image: read_image(&self.image_path(index))?,
             camera: self.load_camera(index)?,
             labels: self.load_labels(index)?,
+            depth_m: None,
         })
     }
 

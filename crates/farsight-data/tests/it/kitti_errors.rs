@@ -191,7 +191,7 @@ fn a_data_set_that_lacks_something_says_what() {
     std::fs::create_dir(root.join("ImageSets")).unwrap();
     std::fs::write(root.join("ImageSets/train.txt"), "000000\n").unwrap();
     let dataset = KittiDataset::open(root, Some(Path::new("train"))).unwrap();
-    let Frame { id, image, camera, labels } = dataset.load(0).unwrap();
+    let Frame { id, image, camera, labels, .. } = dataset.load(0).unwrap();
     assert_eq!((id.as_str(), image.dimensions(), labels.len()), ("000000", (8, 4), 1));
     let expected = Calibration::from_text(P2, Path::new("c")).unwrap().camera();
     assert_eq!(camera, expected);

@@ -101,13 +101,27 @@ fn boxes_are_clipped_to_the_input() {
 fn a_sample_is_the_frame_moved() {
     let camera = Camera::from_intrinsics(700.0, 700.0, 600.0, 180.0).unwrap();
     let image = RgbImage::from_pixel(1242, 375, image::Rgb([90, 100, 110]));
-    let frame = Frame { id: "000042".to_owned(), image, camera, labels: vec![car(), dont_care()] };
+    let depth_m = (0..1242 * 375).map(|pixel| (pixel % 1242) as f32).collect();
+    let frame =
+        Frame { id: "000042".to_owned(), image, camera, labels: vec![car(), dont_care()], depth_m: Some(depth_m) };
     let transform = lively().draw(&mut ItemKey { epoch: 3, index: 4, seed: 5 }.rng(), IMAGE_SIZE, &RULES);
     let sample = transform.apply(&frame, &RULES);
     assert_eq!((sample.id.as_str(), sample.size, sample.input.len()), ("000042", RULES.size, 3 * 1280 * 384));
     assert_eq!(sample.camera, transform.camera(&camera, 1242));
     assert_eq!(sample.labels[0], transform.label(&car(), 1242, RULES.size));
     assert_eq!(sample.input, transform.input(&frame.image, &RULES));
+
+    // The depth of this frame is the number of the column, so it must be where the inverse of the transform looks.
+    let surface = sample.surface_m.unwrap();
+    assert_eq!(surface.len(), 320 * 96);
+    let image_from_input = transform.input_from_image(1242).inverse().unwrap();
+    let mut seen = 0;
+    for (cell, &depth) in surface.iter().enumerate().filter(|(_, depth)| depth.is_finite()) {
+        let pixel = image_from_input.apply([(cell % 320 * 4) as f64 + 1.5, (cell / 320 * 4) as f64 + 1.5]);
+        assert!((f64::from(depth) - pixel[0]).abs() <= 0.5 + 1e-9, "cell {cell}: {depth}, not {pixel:?}");
+        seen += 1;
+    }
+    assert!(seen > surface.len() / 2, "{seen} cells see the image");
 }
 
 #[test]

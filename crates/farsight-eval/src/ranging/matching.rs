@@ -1,7 +1,7 @@
 //! Who found what: the greedy matching of the ranging protocol.
 
-use farsight_core::overlap::iou_2d;
-use farsight_core::{Detection, Label};
+use farsight_core::overlap::{covered_share_2d, iou_2d};
+use farsight_core::{Detection, Label, ObjectClass};
 
 use super::RangingOptions;
 use crate::{Claim, Difficulty, EvaluatedClass, Frame};
@@ -47,10 +47,26 @@ pub struct Measurement {
     pub sigma_m: Option<f64>,
 }
 
+/// A detection that is none of anything: it took no object of its class, and is neither on a labelled object of another class nor in a `DontCare` region
+/// (overlap, or covered share, of at least the options' `min_iou`), nor lower than KITTI's Moderate objects. A second detection of one object is one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FalseAlarm {
+    /// What it claims to be.
+    pub class: EvaluatedClass,
+    /// Its score.
+    pub score: f64,
+}
+
 /// The evaluated objects of `frame`, in the order of its labels, with what was found of them.
 ///
 /// Detections whose score, location or 2D box is not a finite number take no part.
 pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Target> {
+    matched(frame, index, options).0
+}
+
+/// As [`targets`], and what was found that is not there.
+pub fn matched(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<Target>, Vec<FalseAlarm>) {
+    let mut false_alarms = Vec::new();
     let mut targets: Vec<_> =
         frame.labels.iter().zip(0..).map(|(label, position)| target(label, [index, position])).collect();
     for (claim, position) in claims_by_score(&frame.claims, options) {
@@ -63,11 +79,24 @@ pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Targe
         let best = free
             .filter(|(iou, _)| *iou >= options.min_iou)
             .reduce(|best, next| if next.0 > best.0 { next } else { best });
-        if let Some((_, target)) = best {
-            target.found = Some(measurement(detection, position));
+        match best {
+            Some((_, target)) => target.found = Some(measurement(detection, position)),
+            None if is_excused(detection, class, frame, options) => {}
+            None => false_alarms.push(FalseAlarm { class, score: detection.score }),
         }
     }
-    targets.into_iter().flatten().collect()
+    (targets.into_iter().flatten().collect(), false_alarms)
+}
+
+/// Whether a detection that took no object is no false alarm all the same.
+fn is_excused(detection: &Detection, class: EvaluatedClass, frame: &Frame, options: &RangingOptions) -> bool {
+    let is_other = |label: &Label| EvaluatedClass::of(&label.class) != Some(class);
+    let lies_on = |label: &Label| match label.class {
+        ObjectClass::DontCare => covered_share_2d(&detection.box2d, &label.box2d),
+        _ => iou_2d(&detection.box2d, &label.box2d),
+    };
+    Difficulty::Moderate.ignores_detection(&detection.box2d)
+        || frame.labels.iter().any(|label| is_other(label) && lies_on(label) >= options.min_iou)
 }
 
 /// Claims that take part, highest score first, in file order where scores are equal.

@@ -17,6 +17,7 @@ mod calibration;
 mod compare;
 mod figures;
 mod matching;
+mod operating;
 mod report;
 mod slices;
 mod tally;
@@ -25,7 +26,8 @@ pub use bootstrap::{Bootstrap, Interval};
 pub use calibration::{Calibration, CoverageRow};
 pub use compare::{ComparisonRow, Difference, RangingComparison};
 pub use figures::{Figure, Figures};
-pub use matching::{MATCH_IOU, Measurement, Target, targets};
+pub use matching::{FalseAlarm, MATCH_IOU, Measurement, Target, matched, targets};
+pub use operating::{OperatingPoint, OperatingPoints};
 pub use report::{ClassRanging, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
 pub use slices::{DISTANCE_BINS, Group, Part, Slice};
 

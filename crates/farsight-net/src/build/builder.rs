@@ -26,7 +26,12 @@ pub struct Builder {
 impl Builder {
     /// An empty graph whose norms are of this kind.
     pub fn new(norm: NormKind) -> Self {
-        Self { graph: Graph::default(), norm, stage: "input" }
+        Self::from_graph(Graph::default(), norm)
+    }
+
+    /// Goes on with `graph`.
+    pub fn from_graph(graph: Graph, norm: NormKind) -> Self {
+        Self { graph, norm, stage: "input" }
     }
 
     /// The finished graph.

@@ -1,4 +1,4 @@
-//! The two heads (spec section 4).
+//! The two heads (spec section 4), and one for training.
 
 use farsight_core::codec::CHANNELS;
 
@@ -17,6 +17,12 @@ pub(super) fn class_head(b: &mut Builder, x: NodeId, width: usize, classes: usiz
 pub(super) fn regression_head(b: &mut Builder, x: NodeId, width: usize) -> NodeId {
     let zero = Init::Constant(0.0);
     head(b, x, "regression_head", width, CHANNELS, Some(zero), zero)
+}
+
+/// Appends the head that the features alone are for: no wider than they are, one channel.
+pub(super) fn surface_head(b: &mut Builder, x: NodeId) -> NodeId {
+    let (width, zero) = (b.channels(x), Init::Constant(0.0));
+    head(b, x, "surface_head", width, 1, Some(zero), zero)
 }
 
 fn head(

@@ -11,7 +11,7 @@ pub use dla34::Stem;
 pub use neck::NeckKind;
 
 use crate::config::{ModelConfig, Msfe};
-use crate::graph::{Graph, LOGITS, REGRESSION};
+use crate::graph::{FEATURES, Graph, LOGITS, REGRESSION, SURFACE};
 
 /// The network that `config` describes.
 pub fn network(config: &ModelConfig) -> Graph {
@@ -33,10 +33,20 @@ pub fn network(config: &ModelConfig) -> Graph {
     if config.msfe == Msfe::B {
         features = msfe::concat_fusion(&mut b, msfe::PREFIX, pyramid, features, msfe_width);
     }
-    b.tap("neck", features);
+    b.tap(FEATURES, features);
     let logits = heads::class_head(&mut b, features, config.head_width(), config.classes.len());
     let regression = heads::regression_head(&mut b, features, config.head_width());
     b.tap(LOGITS, logits);
     b.tap(REGRESSION, regression);
     b.finish()
+}
+
+/// `graph` with a head that says how far away the surface in each cell is (logarithm, tap [`SURFACE`]): a second lesson for the features, in training only.
+/// None when the graph has lost its [`FEATURES`].
+pub fn with_surface_head(graph: Graph, norm: NormKind) -> Option<Graph> {
+    let features = graph.tap(FEATURES)?;
+    let mut b = Builder::from_graph(graph, norm);
+    let surface = heads::surface_head(&mut b, features);
+    b.tap(SURFACE, surface);
+    Some(b.finish())
 }

@@ -26,7 +26,7 @@ pub struct PhotoSettings {
     pub most_exposure: f32,
     /// Factors on red, green and blue.
     pub white_balance: [f32; 3],
-    /// 0 is the plain curve of sRGB; 1 makes dark darker and bright brighter.
+    /// 0 is the plain curve of sRGB; 1 makes dark darker and bright brighter, 2 lets what is dark drown and what is bright burn out.
     pub contrast: f32,
     /// 0 is grey, 1 leaves colours as they are.
     pub saturation: f32,
@@ -78,7 +78,7 @@ impl PhotoSettings {
         let warmth = between(-0.08, 0.08);
         let tint = between(-0.03, 0.03);
         let target_mean = between(0.3, 0.46);
-        let (contrast, saturation) = (between(0.3, 1.0), between(0.75, 1.2));
+        let (contrast, saturation) = (between(0.2, 1.8), between(0.75, 1.3));
         // Squares make small values common and large ones rare.
         let mut rarely = |most: f32| most * between(0.0, 1.0) * between(0.0, 1.0);
         let noise = rarely(1.0);

@@ -12,6 +12,12 @@ pub(crate) type Footprint = [Lanes; 2];
 /// How much lighter or darker grains can be than the mean, times two.
 const GRAIN_CONTRAST: f32 = 1.0;
 
+/// How far the noise between two colours is spread: most of the surface is near one of them.
+const NOISE_CONTRAST: f32 = 1.8;
+
+/// The same for leaves, which are in the light or in the dark.
+const LEAF_CONTRAST: f32 = 2.5;
+
 /// Light of a lit window.
 const LIT_WINDOW: Color = [0.75, 0.5, 0.24];
 
@@ -75,7 +81,8 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         Pattern::Plain | Pattern::Worn { .. } => all3(base),
         Pattern::Noise { other, scale, amount, seed } => {
             let noise = Noise { scale, octaves: 4, seed };
-            let color = mix_colors(base, other, (all(0.5) + noise.at(uv, widest(footprint))) * all(amount));
+            let share = spread(noise.at(uv, widest(footprint)), NOISE_CONTRAST);
+            let color = mix_colors(base, other, share * all(amount));
             grained(color, material, uv, footprint, seed)
         }
         Pattern::Stripes { other, period, share } => {
@@ -84,7 +91,7 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         }
         Pattern::Leaves { other, scale, seed, .. } => {
             let noise = Noise { scale, octaves: 3, seed: !seed };
-            mix_colors(base, other, all(0.5) + noise.at(uv, widest(footprint)))
+            mix_colors(base, other, spread(noise.at(uv, widest(footprint)), LEAF_CONTRAST))
         }
         Pattern::Bricks { other, size, joint, variation, seed } => {
             let bricks = Cells::new(size, seed, uv, footprint).in_running_bond();
@@ -97,6 +104,11 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         }
     };
     Look { color, emission: all3(material.emission), shine: Lanes::ONE }
+}
+
+/// Noise of mean 0 as a share of mean a half.
+fn spread(noise: Lanes, contrast: f32) -> Lanes {
+    clamp(all(0.5) + noise * all(contrast), 0.0, 1.0)
 }
 
 /// `color`, lighter and darker from grain to grain; paint and metal have none.

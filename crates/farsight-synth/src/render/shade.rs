@@ -9,8 +9,11 @@ use super::noise::Noise;
 use super::pattern::{self, Footprint, Look};
 use super::shadow::Shadows;
 use super::sky;
-use crate::scene::{Color, Lamp, Material, Scene, Vec3};
+use crate::scene::{Canopy, Color, Lamp, Material, Scene, Sun, Vec3};
 use crate::vector;
+
+/// Half the width of the edge of a patch of sun, in units of the noise that draws it.
+const PENUMBRA: f32 = 0.03;
 
 /// Pieces of surface as seen through four pixels.
 #[derive(Debug, Clone, Copy)]
@@ -134,12 +137,27 @@ fn lit(light: &Light, surface: &Surface, skylight: Lanes, columns: [u32; 2]) -> 
     let lit_lanes = facing.simd_gt(Lanes::ZERO).to_bitmask();
     if lit_lanes != 0 {
         let reaching = light.shadows.sunlight(surface.position, surface.normal, lit_lanes);
+        let reaching = reaching * through_canopy(sun, surface.position);
         lit.take(surface, all3(sun.direction), scale(all3(sun.color), reaching));
     }
     for lamp in light.lamps.iter().filter(|lamp| lamp.may_light(columns)) {
         lit.take_lamp(surface, lamp.lamp);
     }
     lit
+}
+
+/// Share of the sun's light that the leaves above let through to these places.
+fn through_canopy(sun: &Sun, position: Vec3s) -> Lanes {
+    let Some(Canopy { open, scale_m, seed }) = sun.canopy else { return Lanes::ONE };
+    let [x, y, z] = sun.direction;
+    // Along the sun's rays to the level of the eye; a low sun draws the patches out.
+    let steep = y.min(-0.05);
+    let place = [position[0] - position[1] * all(x / steep), position[2] - position[1] * all(z / steep)];
+    let noise = Noise { scale: scale_m, octaves: 4, seed }.at(place, Lanes::ZERO);
+    let level = all(Noise::quantile(open));
+    let edge = all(PENUMBRA);
+    let dark = smooth_step(level - edge, level + edge, noise);
+    Lanes::ONE - dark * all(sun.shadow)
 }
 
 impl Lit {

@@ -3,7 +3,7 @@
 use super::config::Weather;
 use crate::dice::Dice;
 use crate::palette::{any_color, times};
-use crate::scene::{Air, Color, Sky, Sun, Vec3};
+use crate::scene::{Air, Canopy, Color, Sky, Sun, Vec3};
 
 /// The light of a scene.
 #[derive(Debug, Clone, Copy)]
@@ -53,21 +53,28 @@ fn toward(elevation_rad: f64, dice: &mut Dice) -> Vec3 {
     [flat * libm::sin(around), -libm::sin(elevation_rad), flat * libm::cos(around)].map(|v| v as f32)
 }
 
+/// Trees above the road, which may not be in the picture.
+fn canopy(dice: &mut Dice) -> Canopy {
+    Canopy { open: dice.range32(0.25, 0.85), scale_m: dice.log_range(1.0, 12.0) as f32, seed: dice.seed() }
+}
+
 fn clear(dice: &mut Dice, most_clouds: f32) -> Light {
     let elevation = dice.range(0.17, 1.15);
     let low = 1.0 - ((elevation - 0.17) / 0.5).clamp(0.0, 1.0) as f32;
     let strength = dice.range32(1.0, 2.6);
-    let ambient = dice.range32(0.14, 0.6);
     let haze = dice.range32(0.0, 1.0);
-    let deep = dice.range32(0.6, 1.5);
+    let deep = dice.log_range(0.6, 2.5) as f32;
     let zenith = times([0.12 + 0.1 * haze, 0.28 + 0.12 * haze, 0.70], deep);
-    let pale = dice.log_range(0.6, 2.4) as f32;
+    let pale = dice.log_range(0.7, 4.5) as f32;
+    // A sky that is white in the picture does not light the shade as much as it would seem.
+    let ambient = dice.range32(0.12, 0.6) / deep.max(pale * 0.5).max(1.0);
     let horizon = times([0.62 + 0.2 * haze, 0.76 + 0.12 * haze, 0.95], pale);
     Light {
         sun: Sun {
             direction: toward(elevation, dice),
             color: times([1.0, 0.95 - 0.12 * low, 0.86 - 0.3 * low], strength),
             shadow: dice.range32(0.85, 1.0),
+            canopy: dice.chance(0.4).then(|| canopy(dice)),
         },
         sky: Sky {
             zenith,
@@ -98,6 +105,7 @@ fn overcast(dice: &mut Dice) -> Light {
             direction: toward(dice.range(0.4, 1.3), dice),
             color: times([1.0, 1.0, 1.0], dice.range32(0.0, 0.35)),
             shadow: dice.range32(0.0, 0.35),
+            canopy: None,
         },
         sky: Sky {
             zenith: times(horizon, dice.range32(0.75, 1.1)),
@@ -140,6 +148,7 @@ fn night(dice: &mut Dice) -> Light {
             direction: toward(dice.range(0.5, 1.3), dice),
             color: times([0.5, 0.6, 1.0], dice.range32(0.0, 0.05)),
             shadow: 0.5,
+            canopy: None,
         },
         sky: Sky {
             zenith: times([0.3, 0.4, 1.0], glow * 0.3),

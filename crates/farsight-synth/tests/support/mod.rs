@@ -75,7 +75,7 @@ pub fn empty(camera: Camera, image_size: [usize; 2]) -> Scene {
         image_size,
         objects: Vec::new(),
         materials: vec![plain([0.5, 0.5, 0.5])],
-        sun: Sun { direction: [0.48, -0.8, -0.36], color: [0.95, 0.9, 0.8], shadow: 1.0 },
+        sun: Sun { direction: [0.48, -0.8, -0.36], color: [0.95, 0.9, 0.8], shadow: 1.0, canopy: None },
         lamps: Vec::new(),
         sky: Sky {
             zenith: [0.12, 0.25, 0.6],

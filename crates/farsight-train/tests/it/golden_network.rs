@@ -11,7 +11,7 @@ use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::weights::Weights;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor, weight_from_tensor};
-use farsight_train::loss::{BatchTargets, CornerWeights, focal_loss, loss};
+use farsight_train::loss::{BatchTargets, CornerWeights, RegressionCell, focal_loss, loss};
 use tch::{Device, Tensor, no_grad};
 
 /// Tolerances of the reference's own README.
@@ -128,11 +128,13 @@ fn gradient_targets(g: &Golden) -> BatchTargets {
         Camera::from_intrinsics(k[0], k[4], k[2], k[5]).unwrap().transformed(&map)
     };
     let size = g["heatmap_target"].size();
+    let cell = |i: usize| RegressionCell { image: i / per_image, object: object(i), share: 1.0 };
     BatchTargets {
         heat_map: g["heatmap_target"].copy(),
-        objects: (0..slots).filter(|&i| mask[i] > 0.0).map(|i| (i / per_image, object(i))).collect(),
+        cells: (0..slots).filter(|&i| mask[i] > 0.0).map(cell).collect(),
         cameras: vec![camera(0), camera(per_image)],
         map_size: [size[3] as usize, size[2] as usize],
+        surface_m: None,
     }
 }
 

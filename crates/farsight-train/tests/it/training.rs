@@ -5,8 +5,9 @@ use std::fs;
 use crate::tiny::{Silent, data_set, run_config};
 use farsight_core::corner_loss::corner_loss;
 use farsight_net::model::Model;
-use farsight_train::executor::Precision;
-use farsight_train::loss::{BatchTargets, CornerWeights, loss};
+use farsight_train::config::RenderedConfig;
+use farsight_train::executor::{Precision, values_from_tensor};
+use farsight_train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
 use farsight_train::trainer::{CHECKPOINT_FILE, Job, TrainError, train};
 use tch::{Device, Kind, Tensor};
 
@@ -104,7 +105,7 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     };
     let (one, eight) = (terms(1), terms(8));
     for ((name, a), (_, b)) in one.named().iter().zip(eight.named()) {
-        assert!((a - b).abs() < 1e-5 * a.abs(), "{name}: {a} and {b}");
+        assert!((a - b).abs() <= 1e-5 * a.abs(), "{name}: {a} and {b}");
     }
     // And by hand: the corner terms are the sum over the objects, over 37.5.
     let raw = std::array::from_fn(|channel| {
@@ -113,6 +114,71 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     });
     let by_hand = corner_loss(&codec, raw, &image.objects[0], &image.camera);
     assert!((one.location - by_hand.location / 37.5).abs() < 1e-5 * one.location);
+}
+
+#[test]
+fn neighbours_share_the_weight_of_an_object_and_leave_other_objects_their_cells() {
+    let image = crate::tiny::targets(&run_config("unused".as_ref()).model);
+    let mut beside = image.objects[0].clone();
+    beside.cell[0] += 1;
+    let mut corner = beside.clone();
+    corner.cell = [0, 0];
+    let objects = vec![image.objects[0].clone(), beside, corner];
+    let batch = || {
+        BatchTargets::new(
+            &[farsight_core::targets::Targets { objects: objects.clone(), ..image.clone() }],
+            &[true],
+            Device::Cpu,
+        )
+    };
+    assert_eq!(batch().with_neighbours(0).cells, batch().cells);
+    let cells = batch().with_neighbours(1).cells;
+    // Eight of nine for the two side by side, a quarter of the square for the one in the corner.
+    assert_eq!(cells.len(), 8 + 8 + 4);
+    assert!((cells.iter().map(|cell| cell.share).sum::<f64>() - 3.0).abs() < 1e-12);
+    for object in &objects {
+        let own: Vec<_> = cells.iter().filter(|cell| cell.object.cell == object.cell).collect();
+        assert!(own.iter().any(|cell| cell.object == *object));
+    }
+    let [first, second] = [0, 1].map(|i| objects[i].cell);
+    assert_eq!(cells.iter().filter(|cell| cell.object.cell == first || cell.object.cell == second).count(), 2);
+}
+
+#[test]
+fn the_surface_loss_is_a_relative_error_and_leaves_the_sky_out() {
+    let map = |values: &[f32]| Tensor::from_slice(values).view([1, 1, 1, values.len() as i64]);
+    let known = map(&[20.0, 40.0, f32::INFINITY, f32::INFINITY]);
+    let predicted = map(&[0.0, 0.0, 7.0, -7.0]).set_requires_grad(true);
+    let loss = surface_loss(&predicted, &known, 20.0);
+    assert!((loss.double_value(&[]) - 2.0_f64.ln() / 2.0).abs() < 1e-6);
+    let gradient = Tensor::run_backward(&[loss], &[&predicted], false, false).remove(0);
+    assert_eq!(values_from_tensor(&gradient), [0.0, -0.5, 0.0, 0.0]);
+    let sky = map(&[f32::INFINITY; 4]);
+    assert_eq!(surface_loss(&predicted, &sky, 20.0).double_value(&[]), 0.0);
+}
+
+#[test]
+fn the_surface_is_taught_and_its_head_left_out_of_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = run_config("unused".as_ref());
+    run.data.root = None;
+    run.data.rendered = Some(RenderedConfig { frames_per_epoch: 2, ..RenderedConfig::default() });
+    run.train.epochs = 1;
+    let model = |name: &str, surface_weight: f64| {
+        let mut run = run.clone();
+        run.train.surface_weight = surface_weight;
+        let mut observer = Silent::default();
+        let path = train(&Job { run, out: folder.path().join(name), resume: false }, &mut observer).unwrap();
+        (Model::read(&path).unwrap(), observer.losses)
+    };
+    let ((without, less), (with, more)) = (model("without", 0.0), model("with", 1.0));
+    assert!(more[0] > less[0], "{more:?} {less:?}");
+    assert_eq!(with.graph, without.graph);
+    assert!(with.weights.tensors != without.weights.tensors);
+
+    run.data.rendered = None;
+    run.train.surface_weight = 1.0;
+    assert!(run.problem().unwrap().contains("train.surface_weight needs data.rendered"));
 }
 
 #[test]

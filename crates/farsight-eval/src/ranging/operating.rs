@@ -1,0 +1,80 @@
+//! What a user gets who takes detections from some score on: how much is found, how much is made up, how far off it is.
+
+use serde::{Serialize, Serializer};
+
+use super::matching::{FalseAlarm, Target};
+use crate::{Difficulty, EvaluatedClass};
+
+/// The limits of score that are looked at: multiples of one twentieth.
+const STEPS: u32 = 20;
+
+/// The detector with detections from one score on, on objects of one class that count at Moderate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OperatingPoint {
+    /// The lowest score that takes part.
+    pub score: f64,
+    /// How many objects there are.
+    pub objects: usize,
+    /// How many were found.
+    pub found: usize,
+    /// Detections a frame that are none of anything ([`FalseAlarm`]).
+    pub false_alarms_per_frame: f64,
+    /// Mean absolute error of z of the found, metres.
+    pub mae_z: Option<f64>,
+    /// Median of the absolute error of z over the true z.
+    pub median_abs_rel_z: Option<f64>,
+}
+
+/// The operating points of every class with objects, lowest score first; in JSON a map from class to rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OperatingPoints {
+    /// Class and rows.
+    pub classes: Vec<(EvaluatedClass, Vec<OperatingPoint>)>,
+}
+
+impl Serialize for OperatingPoints {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.classes.iter().map(|(class, rows)| (class.name(), rows)))
+    }
+}
+
+impl OperatingPoints {
+    /// Those of `targets` and `false_alarms` from `frames` frames.
+    pub fn new(targets: &[Target], false_alarms: &[FalseAlarm], frames: usize) -> Self {
+        let counts = |target: &&Target| target.difficulty.is_some_and(|level| level <= Difficulty::Moderate);
+        let classes = EvaluatedClass::ALL.into_iter().filter_map(|class| {
+            let objects: Vec<&Target> = targets.iter().filter(counts).filter(|t| t.class == class).collect();
+            let alarms: Vec<f64> = false_alarms.iter().filter(|a| a.class == class).map(|a| a.score).collect();
+            let limits = (1..STEPS).map(|step| f64::from(step) / f64::from(STEPS));
+            let rows = limits.map(|score| OperatingPoint::new(score, &objects, &alarms, frames)).collect();
+            (!objects.is_empty()).then_some((class, rows))
+        });
+        Self { classes: classes.collect() }
+    }
+}
+
+impl OperatingPoint {
+    fn new(score: f64, objects: &[&Target], alarms: &[f64], frames: usize) -> Self {
+        // Higher scores choose first, so dropping the lower ones leaves the other matches as they are.
+        let found = objects.iter().filter_map(|t| Some((t.depth_m, t.found.filter(|f| f.score >= score)?.depth_m)));
+        let errors: Vec<(f64, f64)> = found.map(|(truth, told)| ((told - truth).abs(), truth)).collect();
+        let mut relative: Vec<f64> = errors.iter().map(|(error, truth)| error / truth.abs()).collect();
+        Self {
+            score,
+            objects: objects.len(),
+            found: errors.len(),
+            false_alarms_per_frame: alarms.iter().filter(|&&alarm| alarm >= score).count() as f64
+                / frames.max(1) as f64,
+            mae_z: (!errors.is_empty()).then(|| errors.iter().map(|(e, _)| e).sum::<f64>() / errors.len() as f64),
+            median_abs_rel_z: median(&mut relative),
+        }
+    }
+}
+
+/// The middle value, or the mean of the two middle ones.
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let upper = *values.get(values.len() / 2)?;
+    let lower = values[(values.len() - 1) / 2];
+    Some(lower.midpoint(upper))
+}
