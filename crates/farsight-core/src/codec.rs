@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::box3d::ray_angle;
 use crate::scalar::Scalar;
+use crate::score::ScoreCalibration;
 use crate::{Box3d, Camera, Dimensions, ObjectClass, wrapped_angle};
 
 /// Input pixels per cell of the head maps.
@@ -60,6 +61,9 @@ pub struct ClassReference {
     /// Factor on the dynamic heat map's alpha for this class.
     #[serde(default = "one")]
     pub heat_map_factor: f64,
+    /// Makes probabilities of the peaks; without it the peak is the score, as in SMOKE.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub score: Option<ScoreCalibration>,
 }
 
 fn one() -> f64 {
@@ -71,7 +75,7 @@ impl ClassReference {
     ///
     /// The car's height and width look exchanged; both public code bases carry it and it only shifts a learnt offset.
     pub fn smoke() -> Vec<Self> {
-        let reference = |class, dimensions_lhw| Self { class, dimensions_lhw, heat_map_factor: 1.0 };
+        let reference = |class, dimensions_lhw| Self { class, dimensions_lhw, heat_map_factor: 1.0, score: None };
         vec![
             reference(ObjectClass::Car, [3.88, 1.63, 1.53]),
             reference(ObjectClass::Cyclist, [1.78, 1.70, 0.58]),

@@ -2,6 +2,7 @@
 
 use crate::codec::{CHANNELS, Encoded, Regression};
 use crate::peaks::{Peak, peaks};
+use crate::score::LEAST_PEAK;
 use crate::targets::feature_camera;
 use crate::{Box2d, Box3d, Camera, Codec, ObjectClass};
 
@@ -10,7 +11,7 @@ use crate::{Box2d, Box3d, Camera, Codec, ObjectClass};
 pub struct Detection {
     /// What it is.
     pub class: ObjectClass,
-    /// Height of its peak, 0 to 1.
+    /// Height of its peak, 0 to 1; of a model with calibrated scores the probability that it is right.
     pub score: f64,
     /// Around the projected 3D box, clipped to the image, pixels of the original image.
     pub box2d: Box2d,
@@ -50,6 +51,13 @@ pub struct View {
     pub input_camera: Camera,
 }
 
+impl View {
+    /// Height in pixels of the network's input of a box in the original image.
+    pub fn input_height_px(&self, box2d: &Box2d) -> f64 {
+        box2d.height() * self.input_camera.focal_y() / self.camera.focal_y()
+    }
+}
+
 /// What to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DecodeOptions {
@@ -86,17 +94,28 @@ pub fn detections_at_peaks(
     view: &View,
     options: &DecodeOptions,
 ) -> Vec<Detection> {
-    let floor = (options.min_score / (1.0 - options.min_score)).ln() as f32;
+    // A low peak of a near object can stand for a high probability.
+    let is_calibrated = codec.classes.iter().any(|class| class.score.is_some());
+    let least_peak = if is_calibrated { options.min_score.min(LEAST_PEAK) } else { options.min_score };
+    let floor = (least_peak / (1.0 - least_peak)).ln() as f32;
     let camera = feature_camera(&view.input_camera);
-    peaks(logits, map_size, options.max_detections, floor)
+    let mut found: Vec<Detection> = peaks(logits, map_size, options.max_detections, floor)
         .into_iter()
         .filter_map(|peak| {
             let regression = Regression::from_raw(regression(peak.cell));
             let score = (1.0 / (1.0 + (-f64::from(peak.value)).exp())).clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
-            detection(codec, &peak, score, regression, &camera, view)
+            let mut found = detection(codec, &peak, score, regression, &camera, view)?;
+            if let Some(calibration) = &codec.classes[peak.class].score {
+                let probability = calibration.probability(score, view.input_height_px(&found.box2d));
+                found.score = probability.clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
+            }
+            Some(found)
         })
         .filter(|detection| detection.score > options.min_score)
-        .collect()
+        .collect();
+    // Stable: peaks come highest first, and equals stay in the order of the map.
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    found
 }
 
 /// The raw channels at `cell` of maps that hold them.

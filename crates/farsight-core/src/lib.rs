@@ -21,6 +21,7 @@ pub mod label;
 pub mod overlap;
 pub mod peaks;
 pub mod scalar;
+pub mod score;
 pub mod targets;
 
 pub use affine::Affine2;
@@ -31,6 +32,7 @@ pub use class::ObjectClass;
 pub use codec::{ClassReference, Codec};
 pub use detection::{Detection, HeadMaps};
 pub use label::Label;
+pub use score::ScoreCalibration;
 
 /// The angle equal to `angle_rad` up to whole turns, in `(-pi, pi]`.
 pub fn wrapped_angle(angle_rad: f64) -> f64 {

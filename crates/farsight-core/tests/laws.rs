@@ -4,12 +4,14 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use farsight_core::codec::DepthReference;
+use farsight_core::codec::{CHANNELS, DepthReference};
+use farsight_core::detection::{DecodeOptions, View, detections};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::peaks::peaks;
 use farsight_core::targets::{HeatMapBox, TargetRules};
 use farsight_core::{
-    Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Dimensions, Label, ObjectClass, wrapped_angle,
+    Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Dimensions, HeadMaps, Label, ObjectClass, ScoreCalibration,
+    wrapped_angle,
 };
 use proptest::prelude::*;
 
@@ -205,4 +207,43 @@ fn a_camera_whose_image_axis_points_along_the_view_is_refused() {
     assert!(with_second_row([0.0, 700.0, 180.0, 0.0]).is_err(), "all but along the last row");
     let refused = "the projection is not a camera: an axis of the image points along the view";
     assert_eq!(with_second_row([0.0, 1e12, 1e3 - 1e-4, 0.0]).unwrap_err(), refused);
+}
+
+#[test]
+fn calibrated_scores_put_a_large_box_with_a_low_peak_before_a_small_one_with_a_high_peak() {
+    let (map_size, image_size) = ([160, 48], [640, 192]);
+    let camera = Camera::from_intrinsics(372.0, 372.0, 320.0, 96.0).unwrap();
+    let view = View { image_size, camera, input_camera: camera };
+    let mut codec = Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI };
+    let area = map_size[0] * map_size[1];
+    let mut maps = HeadMaps { logits: vec![-9.0; 3 * area], regression: vec![0.0; CHANNELS * area], map_size };
+    // Peak and depth of a near car on the left and of a far one on the right.
+    for (cell, logit, depth_m) in [(24 * 160 + 50, -2.0, 9.0), (24 * 160 + 110, 0.5, 45.0)] {
+        maps.logits[cell] = logit;
+        maps.regression[cell] = ((depth_m - codec.depth.mean_m) / codec.depth.std_m) as f32;
+        maps.regression[7 * area + cell] = 1.0;
+    }
+    let depths = |codec: &Codec, min_score: f64| {
+        let found = detections(codec, &maps, &view, &DecodeOptions { min_score, max_detections: 50 });
+        found.iter().map(|d| (d.box3d.depth_m().round(), d.score)).collect::<Vec<_>>()
+    };
+    let peak = |logit: f64| 1.0 / (1.0 + (-logit).exp());
+    let plain = depths(&codec, 0.05);
+    assert_eq!(plain.iter().map(|d| d.0).collect::<Vec<_>>(), [45.0, 9.0]);
+    assert!((plain[1].1 - peak(-2.0)).abs() < 1e-6);
+
+    let calibration =
+        ScoreCalibration { peak: 1.0, height: 2.0, height_squared: 0.0, bias: 0.0, heights_px: [5.0, 100.0] };
+    codec.classes[0].score = Some(calibration);
+    // The low peak is above the limit once it is a probability.
+    let fitted = depths(&codec, 0.3);
+    assert_eq!(fitted.iter().map(|d| d.0).collect::<Vec<_>>(), [9.0, 45.0]);
+    let near = detections(&codec, &maps, &view, &DecodeOptions::default()).remove(0);
+    assert!((near.score - calibration.probability(peak(-2.0), near.box2d.height())).abs() < 1e-6);
+
+    // Half the image's pixels in the input: half the height.
+    let large =
+        View { image_size: [1280, 384], camera: camera.transformed(&Affine2::scaling(2.0)), input_camera: camera };
+    let same = detections(&codec, &maps, &large, &DecodeOptions::default()).remove(0);
+    assert!((same.score - near.score).abs() < 0.01 && same.box2d.height() > 1.9 * near.box2d.height());
 }

@@ -84,8 +84,8 @@ fn what_is_none_of_anything_is_a_false_alarm() {
     ];
     let frame = Frame { id: String::new(), labels: vec![car, van, nobody_knows], claims };
     let (targets, false_alarms) = matched(&frame, 0, &NO_INTERVALS);
-    let alarm = |score| FalseAlarm { class: EvaluatedClass::Car, score };
-    assert_eq!(false_alarms, [alarm(0.6), alarm(0.4)]);
+    let alarm = |score, claim| FalseAlarm { class: EvaluatedClass::Car, score, claim };
+    assert_eq!(false_alarms, [alarm(0.6, 1), alarm(0.4, 2)]);
 
     let points = OperatingPoints::new(&targets, &false_alarms, 2);
     let [(EvaluatedClass::Car, rows)] = &points.classes[..] else { panic!("{points:?}") };

@@ -58,7 +58,12 @@ fn multiply_accumulates_are_those_of_the_specification() {
 
 #[test]
 fn classes_are_free() {
-    let tram = ClassReference { class: ObjectClass::Tram, dimensions_lhw: [16.0, 3.5, 2.5], heat_map_factor: 1.0 };
+    let tram = ClassReference {
+        class: ObjectClass::Tram,
+        dimensions_lhw: [16.0, 3.5, 2.5],
+        heat_map_factor: 1.0,
+        score: None,
+    };
     let config = ModelConfig { classes: vec![tram], width: 0.25, ..ModelConfig::default() };
     let graph = network(&config);
     assert_eq!(graph.nodes[graph.tap(LOGITS).unwrap()].channels, 1);

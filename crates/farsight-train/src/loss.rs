@@ -129,15 +129,14 @@ impl BatchTargets {
     /// an answer too. Cells that are another object's own are left to it.
     pub fn with_neighbours(self, reach: usize) -> Self {
         let own: HashSet<(usize, [usize; 2])> = self.cells.iter().map(|cell| (cell.image, cell.object.cell)).collect();
-        let spread = |cell: &RegressionCell| {
+        let spread = |cell: &RegressionCell| -> Vec<RegressionCell> {
             let mut places = cell.around(reach, self.map_size);
             places.retain(|&place| place == cell.object.cell || !own.contains(&(cell.image, place)));
             let share = cell.share / places.len() as f64;
             let at = |place| ObjectTarget { cell: place, ..cell.object.clone() };
             places.into_iter().map(|place| RegressionCell { image: cell.image, object: at(place), share }).collect()
         };
-        let cells = self.cells.iter().flat_map(|cell| -> Vec<RegressionCell> { spread(cell) }).collect();
-        Self { cells, ..self }
+        Self { cells: self.cells.iter().flat_map(spread).collect(), ..self }
     }
 
     /// With the virtual depth of the surfaces, metres, one list of cells an image.

@@ -262,10 +262,8 @@ impl<'a> Trainer<'a> {
             (None, Some(path)) => overlaid(fresh, Weights::read(path)?),
             (None, None) => fresh,
         };
-        let mut outputs = [LOGITS, REGRESSION]
-            .map(|name| graph.tap(name).ok_or_else(|| missing(name)))
-            .into_iter()
-            .collect::<Result<Vec<NodeId>, _>>()?;
+        let output = |name: &str| graph.tap(name).ok_or_else(|| missing(name));
+        let mut outputs = vec![output(LOGITS)?, output(REGRESSION)?];
         outputs.extend(graph.tap(SURFACE));
         let network = Network::new(graph, &start, device, run.train.precision)?;
         let mut adam = Adam::new(run.train.adam(), network.learnt());

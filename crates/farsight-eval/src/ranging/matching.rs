@@ -55,6 +55,8 @@ pub struct FalseAlarm {
     pub class: EvaluatedClass,
     /// Its score.
     pub score: f64,
+    /// Position of the detection in its frame.
+    pub claim: u32,
 }
 
 /// The evaluated objects of `frame`, in the order of its labels, with what was found of them.
@@ -82,7 +84,7 @@ pub fn matched(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<Targ
         match best {
             Some((_, target)) => target.found = Some(measurement(detection, position)),
             None if is_excused(detection, class, frame, options) => {}
-            None => false_alarms.push(FalseAlarm { class, score: detection.score }),
+            None => false_alarms.push(FalseAlarm { class, score: detection.score, claim: position }),
         }
     }
     (targets.into_iter().flatten().collect(), false_alarms)

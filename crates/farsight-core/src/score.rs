@@ -1,0 +1,182 @@
+//! From the height of a peak to the probability that the detection is right.
+//!
+//! A near car's centre can lie in many cells, so its peak stays low however plain the car; a far one has a single cell and a high peak. Ranked by their
+//! peaks, far cars and what looks like them come before near ones. A fit on labelled frames puts that right: logistic regression on the peak's logit and
+//! on the logarithm of the box's height and its square.
+
+use serde::{Deserialize, Serialize};
+
+/// Height that the logarithms are taken against, pixels of the network's input.
+const REFERENCE_HEIGHT_PX: f64 = 25.0;
+
+/// Pull of the coefficients towards zero, in examples: keeps the fit finite when right and wrong can be told apart perfectly.
+const RIDGE: f64 = 1e-3;
+
+/// Newton's method has long converged after so many steps.
+const STEPS: usize = 50;
+
+/// Peaks lower than this are looked at neither when fitting nor afterwards.
+pub const LEAST_PEAK: f64 = 0.03;
+
+/// The least number of right and of wrong examples that a fit is made of.
+pub const LEAST_EXAMPLES: usize = 50;
+
+/// A fit: coefficients of the logit of the probability.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScoreCalibration {
+    /// Of the peak's logit.
+    pub peak: f64,
+    /// Of the logarithm of the box's height over 25 pixels of the network's input.
+    pub height: f64,
+    /// Of that logarithm's square.
+    pub height_squared: f64,
+    /// Added.
+    pub bias: f64,
+    /// Smallest and largest height among the examples, pixels of the network's input; others count as these.
+    pub heights_px: [f64; 2],
+}
+
+/// A detection of which is known whether it is right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScoreExample {
+    /// Height of its peak, 0 to 1.
+    pub peak: f64,
+    /// Height of its 2D box, pixels of the network's input.
+    pub height_px: f64,
+    /// Whether there is such an object.
+    pub is_right: bool,
+}
+
+impl ScoreCalibration {
+    /// The probability that a detection with this peak (0 to 1, both excluded) and a 2D box of this height, pixels of the network's input, is right.
+    pub fn probability(&self, peak: f64, height_px: f64) -> f64 {
+        let [least, most] = self.heights_px;
+        let terms = terms(peak, height_px.clamp(least, most));
+        logistic(dot(&terms, &[self.peak, self.height, self.height_squared, self.bias]))
+    }
+
+    /// The fit to `examples`; none with fewer than [`LEAST_EXAMPLES`] right or wrong ones.
+    pub fn fit(examples: &[ScoreExample]) -> Option<Self> {
+        let right = examples.iter().filter(|example| example.is_right).count();
+        if right < LEAST_EXAMPLES || examples.len() - right < LEAST_EXAMPLES {
+            return None;
+        }
+        let rows: Vec<([f64; 4], f64)> =
+            examples.iter().map(|e| (terms(e.peak, e.height_px), f64::from(u8::from(e.is_right)))).collect();
+        let mut weights = [0.0; 4];
+        for _ in 0..STEPS {
+            let step = newton_step(&rows, &weights)?;
+            weights = std::array::from_fn(|i| weights[i] + step[i]);
+        }
+        let heights = examples.iter().map(|example| example.height_px);
+        let heights_px = [heights.clone().fold(f64::INFINITY, f64::min), heights.fold(0.0, f64::max)];
+        let [peak, height, height_squared, bias] = weights;
+        weights.iter().all(|w| w.is_finite()).then_some(Self { peak, height, height_squared, bias, heights_px })
+    }
+}
+
+fn terms(peak: f64, height_px: f64) -> [f64; 4] {
+    let height = (height_px / REFERENCE_HEIGHT_PX).ln();
+    [(peak / (1.0 - peak)).ln(), height, height * height, 1.0]
+}
+
+fn logistic(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The step of Newton's method towards the most likely weights.
+fn newton_step(rows: &[([f64; 4], f64)], weights: &[f64; 4]) -> Option<[f64; 4]> {
+    // The curvature, with the slope as a fifth column.
+    let mut system = [[0.0; 5]; 4];
+    for (i, row) in system.iter_mut().enumerate() {
+        row[i] = RIDGE;
+        row[4] = -RIDGE * weights[i];
+    }
+    for (terms, is_right) in rows {
+        let probability = logistic(dot(terms, weights));
+        for (i, row) in system.iter_mut().enumerate() {
+            for (cell, term) in row.iter_mut().zip(terms) {
+                *cell += probability * (1.0 - probability) * terms[i] * term;
+            }
+            row[4] += terms[i] * (is_right - probability);
+        }
+    }
+    solved(system)
+}
+
+/// Gauss and Jordan's elimination with the largest pivot; none for a singular system.
+fn solved(mut system: [[f64; 5]; 4]) -> Option<[f64; 4]> {
+    for column in 0..4 {
+        let pivot = (column..4).max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
+        system.swap(column, pivot);
+        let row = system[column];
+        if row[column] == 0.0 {
+            return None;
+        }
+        for (other, cells) in system.iter_mut().enumerate().filter(|(other, _)| *other != column) {
+            debug_assert_ne!(other, column);
+            let factor = cells[column] / row[column];
+            for (cell, value) in cells.iter_mut().zip(row) {
+                *cell -= factor * value;
+            }
+        }
+    }
+    Some(std::array::from_fn(|i| system[i][4] / system[i][i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRUTH: ScoreCalibration =
+        ScoreCalibration { peak: 1.5, height: 0.8, height_squared: 0.3, bias: 0.4, heights_px: [5.0, 160.0] };
+
+    /// Examples on a grid, each as often right as the law says.
+    fn examples() -> Vec<ScoreExample> {
+        let mut examples = Vec::new();
+        for peak in [0.04, 0.1, 0.2, 0.3, 0.5, 0.8] {
+            for height_px in [5.0, 12.0, 30.0, 70.0, 160.0] {
+                let right = (TRUTH.probability(peak, height_px) * 1000.0).round() as usize;
+                examples.extend((0..1000).map(|i| ScoreExample { peak, height_px, is_right: i < right }));
+            }
+        }
+        examples
+    }
+
+    #[test]
+    fn a_fit_finds_the_law_that_made_the_examples() {
+        let fit = ScoreCalibration::fit(&examples()).expect("enough examples");
+        for (found, expected) in [
+            (fit.peak, TRUTH.peak),
+            (fit.height, TRUTH.height),
+            (fit.height_squared, TRUTH.height_squared),
+            (fit.bias, TRUTH.bias),
+        ] {
+            assert!((found - expected).abs() < 0.02, "{found}, not {expected}");
+        }
+        assert_eq!(fit.heights_px, TRUTH.heights_px);
+    }
+
+    #[test]
+    fn too_few_or_separable_examples_are_survived() {
+        assert_eq!(ScoreCalibration::fit(&[]), None);
+        let one_sided = [ScoreExample { peak: 0.5, height_px: 20.0, is_right: true }; 1000];
+        assert_eq!(ScoreCalibration::fit(&one_sided), None);
+        let example =
+            |is_right: bool| ScoreExample { peak: if is_right { 0.9 } else { 0.1 }, height_px: 20.0, is_right };
+        let separable: Vec<_> = (0..200).map(|i| example(i % 2 == 0)).collect();
+        let fit = ScoreCalibration::fit(&separable).expect("a fit");
+        assert!(fit.probability(0.9, 20.0) > 0.99 && fit.probability(0.1, 20.0) < 0.01, "{fit:?}");
+    }
+
+    #[test]
+    fn heights_beyond_the_examples_count_as_the_last_one() {
+        assert_eq!(TRUTH.probability(0.2, 1.0), TRUTH.probability(0.2, 5.0));
+        assert_eq!(TRUTH.probability(0.2, 1e9), TRUTH.probability(0.2, 160.0));
+    }
+}
