@@ -105,6 +105,9 @@ pub struct TrainConfig {
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
+    /// Batches after the last step over which the statistics of batch norm are taken anew; without it they are those of the last dozens of steps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistics_batches: Option<u64>,
     /// Steps between checkpoints; one is also written at the end.
     pub checkpoint_steps: u64,
     /// Steps between lines of the metrics.
@@ -130,6 +133,7 @@ impl Default for TrainConfig {
             precision: Precision::F32,
             seed: 0,
             start_from: None,
+            statistics_batches: None,
             checkpoint_steps: 200,
             log_steps: 10,
             threads: 0,
@@ -181,7 +185,7 @@ impl RunConfig {
         }
     }
 
-    /// This run without what does not change its outcome: a checkpoint belongs to every run that has the same identity.
+    /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.
     pub fn identity(&self) -> Self {
         let (data, train) = (DataConfig::default(), TrainConfig::default());
         let mut identity = self.clone();
@@ -189,6 +193,7 @@ impl RunConfig {
         identity.data = DataConfig { rendered, split, limit, ..data };
         identity.train.checkpoint_steps = train.checkpoint_steps;
         identity.train.log_steps = train.log_steps;
+        identity.train.statistics_batches = train.statistics_batches;
         identity
     }
 

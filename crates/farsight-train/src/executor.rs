@@ -14,10 +14,15 @@ use crate::deform::deformable_samples;
 const BATCH_NORM_MOMENTUM: f64 = 0.1;
 
 /// What a pass is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mode {
     /// Batch norm uses the batch and updates its running statistics.
     Train,
+    /// The same, with the batch counting for this share of the statistics.
+    Gather {
+        /// 1 forgets what was before; one over the number of batches so far makes a mean of them.
+        share: f64,
+    },
     /// Batch norm uses its running statistics.
     Evaluate,
 }
@@ -104,6 +109,11 @@ impl Network {
         &self.graph
     }
 
+    /// Where the parameters are.
+    pub fn device(&self) -> Device {
+        self.parameters.first().map_or(Device::Cpu, Tensor::device)
+    }
+
     /// Name and tensor of every learnt parameter, in the order of the graph.
     pub fn learnt(&self) -> impl Iterator<Item = (&str, &Tensor)> {
         let pairs = self.graph.parameters.iter().zip(&self.parameters);
@@ -184,8 +194,9 @@ impl Network {
             }
             Op::BatchNorm { weight, bias, mean, variance } => {
                 let [weight, bias, mean, variance] = [weight, bias, mean, variance].map(|id| Some(self.tensor(*id)));
-                let training = mode == Mode::Train;
-                x.batch_norm(weight, bias, mean, variance, training, BATCH_NORM_MOMENTUM, NORM_EPSILON, true)
+                let training = mode != Mode::Evaluate;
+                let momentum = if let Mode::Gather { share } = mode { share } else { BATCH_NORM_MOMENTUM };
+                x.batch_norm(weight, bias, mean, variance, training, momentum, NORM_EPSILON, true)
             }
             // Nobody else reads this map and nothing that makes it needs its own output for the gradient: no second copy.
             Op::Relu if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => x.shallow_clone().relu_(),

@@ -17,7 +17,7 @@ use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};
 use farsight_net::weights::{Weights, WeightsError};
 use farsight_synth::SceneStream;
-use tch::{Device, Tensor};
+use tch::{Device, Tensor, no_grad};
 use thiserror::Error;
 
 use crate::adam::Adam;
@@ -145,9 +145,10 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
     let (mut trainer, progress) = Trainer::start(job, &checkpoint_path, device)?;
     let resolved = toml::to_string(&job.run)?;
     write_atomically(&job.out.join(CONFIG_FILE), |file| file.write_all(resolved.as_bytes()))?;
-    let loader = loader(&job.run, sampler, frames, progress.position)?;
+    let (sampler, epochs) = (Arc::new(sampler), job.run.train.epochs);
+    let loader = loader(&job.run, &sampler, frames, progress.position, Some(epochs))?;
     let batches_per_epoch = loader.batches_per_epoch();
-    let total = batches_per_epoch * job.run.train.epochs;
+    let total = batches_per_epoch * epochs;
     let mut metrics = metrics(&job.out, progress.steps)?;
     observer.begin(progress.steps, total);
 
@@ -168,6 +169,10 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
         if progress.steps % job.run.train.checkpoint_steps == 0 || progress.steps == total {
             checkpoint::write(&checkpoint_path, &trainer.network, &trainer.adam, progress, &job.run)?;
         }
+    }
+    if let Some(batches) = job.run.train.statistics_batches {
+        let after = Position { epoch: epochs, batch: 0 };
+        trainer.gather_statistics(self::loader(&job.run, &sampler, frames, after, None)?.take(batches as usize))?;
     }
     let path = job.out.join(MODEL_FILE);
     trainer.model(progress, frames)?.write(&path)?;
@@ -206,7 +211,15 @@ fn metrics(out: &Path, steps: u64) -> Result<MetricsWriter, TrainError> {
 
 type TrainLoader = Loader<TrainSample, DatasetError>;
 
-fn loader(run: &RunConfig, sampler: Sampler, frames: usize, start: Position) -> Result<TrainLoader, LoaderError> {
+type TrainItems = Result<Batch<TrainSample>, ItemError<DatasetError>>;
+
+fn loader(
+    run: &RunConfig,
+    sampler: &Arc<Sampler>,
+    frames: usize,
+    start: Position,
+    epochs: Option<u64>,
+) -> Result<TrainLoader, LoaderError> {
     let batch_size = run.train.batch_size.min(frames);
     let config = LoaderConfig {
         items: frames,
@@ -217,9 +230,9 @@ fn loader(run: &RunConfig, sampler: Sampler, frames: usize, start: Position) -> 
         workers: run.data.workers,
         prefetch: run.data.prefetch,
         start,
-        epochs: Some(run.train.epochs),
+        epochs,
     };
-    let sampler = Arc::new(sampler);
+    let sampler = Arc::clone(sampler);
     Loader::new(&config, move |key| sampler.sample(key))
 }
 
@@ -303,6 +316,19 @@ impl<'a> Trainer<'a> {
         self.adam.step(&parameters, &gradients, learning_rate);
         let (loss, samples_per_second) = (terms.total(), 0.0);
         Ok(Record { step: step + 1, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second })
+    }
+
+    /// Takes the statistics of batch norm anew, as means over `batches`: those gathered while learning are of the last dozens of steps only.
+    fn gather_statistics(&self, batches: impl Iterator<Item = TrainItems>) -> Result<(), TrainError> {
+        let device = self.network.device();
+        for (done, batch) in batches.enumerate() {
+            let step = done as u64;
+            let items = batch.map_err(|source| TrainError::Sample { step, source })?.items;
+            let batch = TrainBatch::new(items, self.job.run.model.input, device);
+            let mode = Mode::Gather { share: 1.0 / (step + 1) as f64 };
+            no_grad(|| self.network.forward(&batch.input, mode, &self.outputs));
+        }
+        Ok(())
     }
 
     /// The norm over all gradients; an error that names the first parameter whose gradient is not finite.

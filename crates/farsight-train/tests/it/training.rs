@@ -4,6 +4,8 @@ use std::fs;
 
 use crate::tiny::{Silent, data_set, run_config};
 use farsight_core::corner_loss::corner_loss;
+use farsight_net::config::NormKind;
+use farsight_net::graph::Role;
 use farsight_net::model::Model;
 use farsight_train::config::RenderedConfig;
 use farsight_train::executor::{Precision, values_from_tensor};
@@ -179,6 +181,26 @@ fn the_surface_is_taught_and_its_head_left_out_of_the_model() {
     run.data.rendered = None;
     run.train.surface_weight = 1.0;
     assert!(run.problem().unwrap().contains("train.surface_weight needs data.rendered"));
+}
+
+#[test]
+fn statistics_are_taken_anew_after_the_last_step_and_nothing_else_changes() {
+    let folder = data_set(4);
+    let mut run = run_config(folder.path());
+    run.model.norm = NormKind::Batch;
+    run.train.epochs = 2;
+    let mut tensors = |statistics_batches, resume| {
+        run.train.statistics_batches = statistics_batches;
+        let job = Job { run: run.clone(), out: folder.path().join("run"), resume };
+        Model::read(&train(&job, &mut Silent::default()).unwrap()).unwrap()
+    };
+    let during = tensors(None, false);
+    // The run is over, so that only the statistics are left to be taken.
+    let anew = tensors(Some(3), true);
+    for parameter in &during.graph.parameters {
+        let [before, after] = [&during, &anew].map(|model| &model.weights.tensors[&parameter.name]);
+        assert_eq!(before != after, parameter.role == Role::Statistic, "{}", parameter.name);
+    }
 }
 
 #[test]
