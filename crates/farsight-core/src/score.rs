@@ -118,8 +118,7 @@ fn solved(mut system: [[f64; 5]; 4]) -> Option<[f64; 4]> {
         if row[column] == 0.0 {
             return None;
         }
-        for (other, cells) in system.iter_mut().enumerate().filter(|(other, _)| *other != column) {
-            debug_assert_ne!(other, column);
+        for (_, cells) in system.iter_mut().enumerate().filter(|(other, _)| *other != column) {
             let factor = cells[column] / row[column];
             for (cell, value) in cells.iter_mut().zip(row) {
                 *cell -= factor * value;
@@ -159,13 +158,13 @@ mod tests {
         ] {
             assert!((found - expected).abs() < 0.02, "{found}, not {expected}");
         }
-        assert_eq!(fit.heights_px, TRUTH.heights_px);
+        assert!(fit.heights_px.iter().zip(TRUTH.heights_px).all(|(found, truth)| (found - truth).abs() < 1e-9));
     }
 
     #[test]
     fn too_few_or_separable_examples_are_survived() {
         assert_eq!(ScoreCalibration::fit(&[]), None);
-        let one_sided = [ScoreExample { peak: 0.5, height_px: 20.0, is_right: true }; 1000];
+        let one_sided = [ScoreExample { peak: 0.5, height_px: 20.0, is_right: true }; 200];
         assert_eq!(ScoreCalibration::fit(&one_sided), None);
         let example =
             |is_right: bool| ScoreExample { peak: if is_right { 0.9 } else { 0.1 }, height_px: 20.0, is_right };
@@ -176,7 +175,8 @@ mod tests {
 
     #[test]
     fn heights_beyond_the_examples_count_as_the_last_one() {
-        assert_eq!(TRUTH.probability(0.2, 1.0), TRUTH.probability(0.2, 5.0));
-        assert_eq!(TRUTH.probability(0.2, 1e9), TRUTH.probability(0.2, 160.0));
+        for (beyond, last) in [(1.0, 5.0), (1e9, 160.0)] {
+            assert!((TRUTH.probability(0.2, beyond) - TRUTH.probability(0.2, last)).abs() < 1e-12);
+        }
     }
 }

@@ -265,9 +265,10 @@ impl<'a> Trainer<'a> {
         let graph = start_graph(run)?;
         let is_narrowed = graph != network(&run.model);
         let missing = |name: &str| ExecutorError::Missing(name.to_owned());
-        let graph = match run.train.surface_weight > 0.0 {
-            true => with_surface_head(graph, run.model.norm).ok_or_else(|| missing(FEATURES))?,
-            false => graph,
+        let graph = if run.train.surface_weight > 0.0 {
+            with_surface_head(graph, run.model.norm).ok_or_else(|| missing(FEATURES))?
+        } else {
+            graph
         };
         let fresh = initial_weights(&graph, run.train.seed);
         let start = match (&stored, &run.train.start_from) {
@@ -300,7 +301,7 @@ impl<'a> Trainer<'a> {
         if let (Some(predicted), Some(surface_m)) = (maps.get(2), &batch.targets.surface_m) {
             let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * config.surface_weight;
             terms.surface = surface.double_value(&[]);
-            objective = objective + surface;
+            objective += surface;
         }
         check_terms(&terms, step, batch)?;
 
