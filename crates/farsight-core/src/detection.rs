@@ -1,6 +1,7 @@
 //! From head maps to detections: the one decoder that every engine shares.
 
 use crate::codec::{CHANNELS, Encoded, Regression};
+use crate::overlap::iou_bev;
 use crate::peaks::{Peak, peaks};
 use crate::score::LEAST_PEAK;
 use crate::targets::feature_camera;
@@ -61,17 +62,26 @@ impl View {
 /// What to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DecodeOptions {
-    /// Detections have a score above this.
-    pub min_score: f64,
+    /// Detections have a score above this; without it above [`usual_min_score`].
+    pub min_score: Option<f64>,
     /// At most so many detections an image.
     pub max_detections: usize,
 }
 
 impl Default for DecodeOptions {
-    /// Official SMOKE: score above 0.25, at most 50.
+    /// The usual score, at most 50 (as official SMOKE).
     fn default() -> Self {
-        Self { min_score: 0.25, max_detections: 50 }
+        Self { min_score: None, max_detections: 50 }
     }
+}
+
+/// A peak of 0.25, as official SMOKE; where scores are probabilities, what is more likely right than wrong.
+pub fn usual_min_score(codec: &Codec) -> f64 {
+    if is_calibrated(codec) { 0.5 } else { 0.25 }
+}
+
+fn is_calibrated(codec: &Codec) -> bool {
+    codec.classes.iter().any(|class| class.score.is_some())
 }
 
 /// Bounds of a score (spec section 4).
@@ -95,8 +105,8 @@ pub fn detections_at_peaks(
     options: &DecodeOptions,
 ) -> Vec<Detection> {
     // A low peak of a near object can stand for a high probability.
-    let is_calibrated = codec.classes.iter().any(|class| class.score.is_some());
-    let least_peak = if is_calibrated { options.min_score.min(LEAST_PEAK) } else { options.min_score };
+    let min_score = options.min_score.unwrap_or_else(|| usual_min_score(codec));
+    let least_peak = if is_calibrated(codec) { min_score.min(LEAST_PEAK) } else { min_score };
     let floor = (least_peak / (1.0 - least_peak)).ln() as f32;
     let camera = feature_camera(&view.input_camera);
     let mut found: Vec<Detection> = peaks(logits, map_size, options.max_detections, floor)
@@ -111,11 +121,23 @@ pub fn detections_at_peaks(
             }
             Some(found)
         })
-        .filter(|detection| detection.score > options.min_score)
+        .filter(|detection| detection.score > min_score)
         .collect();
     // Stable: peaks come highest first, and equals stay in the order of the map.
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found
+}
+
+/// `detections`, highest score first, without those that stand where a better one stands: seen from above they overlap by more than `max_overlap`
+/// (intersection over union), whatever their classes. SMOKE has no such step; two things in one place are one too many for whoever reads the answer.
+pub fn apart(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
+    let mut kept: Vec<Detection> = Vec::with_capacity(detections.len());
+    for detection in detections {
+        if kept.iter().all(|better| iou_bev(&better.box3d, &detection.box3d) <= max_overlap) {
+            kept.push(detection);
+        }
+    }
+    kept
 }
 
 /// The raw channels at `cell` of maps that hold them.

@@ -5,13 +5,13 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use farsight_core::codec::{CHANNELS, DepthReference};
-use farsight_core::detection::{DecodeOptions, View, detections};
+use farsight_core::detection::{DecodeOptions, View, apart, detections};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::peaks::peaks;
 use farsight_core::targets::{HeatMapBox, TargetRules};
 use farsight_core::{
-    Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Dimensions, HeadMaps, Label, ObjectClass, ScoreCalibration,
-    wrapped_angle,
+    Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Detection, Dimensions, HeadMaps, Label, ObjectClass,
+    ScoreCalibration, wrapped_angle,
 };
 use proptest::prelude::*;
 
@@ -224,6 +224,7 @@ fn calibrated_scores_put_a_large_box_with_a_low_peak_before_a_small_one_with_a_h
         maps.regression[7 * area + cell] = 1.0;
     }
     let depths = |codec: &Codec, min_score: f64| {
+        let min_score = Some(min_score);
         let found = detections(codec, &maps, &view, &DecodeOptions { min_score, max_detections: 50 });
         found.iter().map(|d| (d.box3d.depth_m().round(), d.score)).collect::<Vec<_>>()
     };
@@ -246,4 +247,23 @@ fn calibrated_scores_put_a_large_box_with_a_low_peak_before_a_small_one_with_a_h
         View { image_size: [1280, 384], camera: camera.transformed(&Affine2::scaling(2.0)), input_camera: camera };
     let same = detections(&codec, &maps, &large, &DecodeOptions::default()).remove(0);
     assert!((same.score - near.score).abs() < 0.01 && same.box2d.height() > 1.9 * near.box2d.height());
+}
+
+#[test]
+fn of_things_in_one_place_the_best_stays() {
+    let found = |class: ObjectClass, score: f64, x: f64| Detection {
+        class,
+        score,
+        box2d: Box2d::new(0.0, 0.0, 10.0, 10.0),
+        box3d: box3d([x, 1.6, 20.0], 0.0),
+        range_sigma_m: None,
+    };
+    // Cars 3.9 m long, one behind the other: the second covers half of the first, the third touches the second, the fourth the third.
+    let (car, van) = (ObjectClass::Car, ObjectClass::Van);
+    let all =
+        vec![found(car.clone(), 0.9, 0.0), found(van, 0.8, 1.3), found(car.clone(), 0.7, 3.9), found(car, 0.6, 7.0)];
+    let left = |max_overlap: f64| apart(all.clone(), max_overlap).iter().map(|d| d.score).collect::<Vec<_>>();
+    assert_eq!(left(0.2), [0.9, 0.7, 0.6]);
+    assert_eq!(left(0.05), [0.9, 0.7]);
+    assert_eq!(left(1.0), [0.9, 0.8, 0.7, 0.6]);
 }

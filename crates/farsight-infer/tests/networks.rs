@@ -268,7 +268,7 @@ fn images() -> Vec<RgbImage> {
 fn detections_at_the_peaks_are_those_of_the_dense_head() {
     let model = lively(ModelConfig { input: [640, 192], ..small(NormKind::Batch, NeckKind::Plain, Msfe::A) });
     // All scores, so that there is something to compare whatever the weights are.
-    let spec = DetectorSpec::new(&model.config, DecodeOptions { min_score: 0.0, max_detections: 50 });
+    let spec = DetectorSpec::new(&model.config, DecodeOptions { min_score: Some(0.0), max_detections: 50 });
     let dense = engine(&Network::deployable(&model).unwrap(), &model, Target::Portable);
     let mut dense = Detector::new(Box::new(dense), spec.clone());
     let (engine, head) = cut(&model);

@@ -193,7 +193,7 @@ impl MetricName {
     }
 }
 
-fn overlap_from_text(text: &str) -> Result<f64, String> {
+pub(super) fn overlap_from_text(text: &str) -> Result<f64, String> {
     let overlap = text.parse().ok().filter(|overlap| *overlap > 0.0 && *overlap <= 1.0);
     overlap.ok_or_else(|| "expected a number above 0 and at most 1".to_owned())
 }

@@ -41,9 +41,12 @@ pub(crate) struct RangeArgs {
     /// Which distance to give
     #[arg(long, value_enum, default_value_t = RangeKind::Depth)]
     range: RangeKind,
-    /// Leave out what has a lower score
-    #[arg(long, value_name = "SCORE", default_value_t = DecodeOptions::default().min_score, value_parser = score)]
-    min_score: f64,
+    /// Leave out what has a lower score [default: 0.25, or 0.5 for a model whose scores are probabilities]
+    #[arg(long, value_name = "SCORE", value_parser = score)]
+    min_score: Option<f64>,
+    /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does
+    #[arg(long, value_name = "IOU", default_value_t = MAX_OVERLAP, value_parser = super::eval::overlap_from_text)]
+    max_overlap: f64,
     /// End with status 1 when an image fails
     #[arg(long)]
     strict: bool,
@@ -51,6 +54,9 @@ pub(crate) struct RangeArgs {
     #[command(flatten)]
     camera: CameraArgs,
 }
+
+/// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
+const MAX_OVERLAP: f64 = 0.1;
 
 impl RangeArgs {
     /// The shipped model on a folder of images in KITTI's layout: pictures into the folder `out`, everything into the file `json`.
@@ -63,7 +69,8 @@ impl RangeArgs {
             json: Some(json),
             kitti: None,
             range: RangeKind::Depth,
-            min_score: DecodeOptions::default().min_score,
+            min_score: None,
+            max_overlap: MAX_OVERLAP,
             strict: false,
             camera: CameraArgs::default(),
         }

@@ -51,7 +51,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
-    let options = DecodeOptions { min_score: MIN_SCORE, ..DecodeOptions::default() };
+    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     let mut detector = open_detector(&args.engine, args.model.as_deref(), options)?;
     write_results_of(&mut detector, &dataset, &results)?;
     printer.status(&format!("{} frames looked at by {}", dataset.len(), detector.engine_name()));

@@ -31,7 +31,7 @@ pub(super) fn calibrate(model: &mut Model, source: &Path, data: &Path, printer: 
     }
     let network = Network::deployable(model)?;
     let bytes = write(&network, &Facts::new(model, Target::Portable), Target::Portable)?;
-    let options = DecodeOptions { min_score: LEAST_PEAK, ..DecodeOptions::default() };
+    let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let file = OnnxModel::from_bytes(bytes, source)?;
     let mut detector = detector_of(&EngineArgs::default(), file, source, options)?;
     let examples = examples(&mut detector, &KittiDataset::open(data, None)?)?;

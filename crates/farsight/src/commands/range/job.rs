@@ -6,6 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight_core::detection::apart;
 use farsight_core::{Box3d, Camera, Detection};
 use farsight_data::kitti::write_results;
 use farsight_data::read_image;
@@ -127,6 +128,7 @@ impl<'a> Job<'a> {
         let size = [image.width() as usize, image.height() as usize];
         let camera = self.cameras.camera(path, size)?;
         let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+        let detections = apart(detections, self.args.max_overlap);
         if let Some(target) = self.picture_path(name) {
             self.write_picture(&target, &image, &camera, &detections)?;
         }

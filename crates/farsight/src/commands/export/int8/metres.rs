@@ -51,7 +51,7 @@ impl Metres {
         let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
         let judged = |model: &OnnxModel| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
-            let options = DecodeOptions { min_score: MIN_SCORE, ..DecodeOptions::default() };
+            let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
             let mut detector = detector_of(&args.int8.engine, model.clone(), &args.model, options)?;
             write_results_of(&mut detector, &dataset, folder.path())?;
             let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
