@@ -39,6 +39,7 @@ def config(args, levels, head, msfe):
         r"frames_per_epoch = .*": f"frames_per_epoch = {args.frames}",
         r"epochs = .*": "epochs = 1",
         r"start_from = .*": "",
+        r"statistics_batches = .*": "",
         r"seed = .*": "seed = 0",
     }
     for pattern, line in lines.items():
