@@ -49,6 +49,13 @@ pub struct ScoreExample {
 }
 
 impl ScoreCalibration {
+    /// Whether these are numbers that a fit could have given: files from strangers may hold others.
+    pub fn is_usable(&self) -> bool {
+        let [least, most] = self.heights_px;
+        let numbers = [self.peak, self.height, self.height_squared, self.bias, most];
+        numbers.iter().all(|number| number.is_finite()) && 0.0 < least && least <= most
+    }
+
     /// The probability that a detection with this peak (0 to 1, both excluded) and a 2D box of this height, pixels of the network's input, is right.
     pub fn probability(&self, peak: f64, height_px: f64) -> f64 {
         let [least, most] = self.heights_px;
@@ -171,6 +178,15 @@ mod tests {
         let separable: Vec<_> = (0..200).map(|i| example(i % 2 == 0)).collect();
         let fit = ScoreCalibration::fit(&separable).expect("a fit");
         assert!(fit.probability(0.9, 20.0) > 0.99 && fit.probability(0.1, 20.0) < 0.01, "{fit:?}");
+    }
+
+    #[test]
+    fn numbers_that_no_fit_gives_are_told_apart() {
+        assert!(TRUTH.is_usable());
+        for heights_px in [[0.0, 10.0], [20.0, 10.0], [f64::NAN, 10.0], [5.0, f64::INFINITY]] {
+            assert!(!ScoreCalibration { heights_px, ..TRUTH }.is_usable(), "{heights_px:?}");
+        }
+        assert!(!ScoreCalibration { bias: f64::NAN, ..TRUTH }.is_usable());
     }
 
     #[test]

@@ -195,6 +195,9 @@ impl ModelConfig {
             if sizes.into_iter().any(|v| !(v.is_finite() && *v > 0.0)) {
                 return error(format!("has {} with a size or factor that is not a positive number", class.class));
             }
+            if let Some(score) = class.score.filter(|score| !score.is_usable()) {
+                return error(format!("has {} with scores that no fit gives: {score:?}", class.class));
+            }
         }
         Ok(())
     }

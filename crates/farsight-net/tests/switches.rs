@@ -1,8 +1,8 @@
 //! The switches of a model are independent of each other, and a wrong one says what is wrong.
 
-use farsight_core::ObjectClass;
 use farsight_core::codec::ClassReference;
 use farsight_core::heatmap::HeatMapRule;
+use farsight_core::{ObjectClass, ScoreCalibration};
 use farsight_net::build::network;
 use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
 use farsight_net::count::{count, total};
@@ -73,12 +73,19 @@ fn classes_are_free() {
 fn wrong_values_say_what_was_found_and_what_was_expected() {
     let base = ModelConfig::default;
     let class = base().classes[0].clone();
+    let heights_px = [20.0, 10.0];
+    let score = ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px };
+    let upside_down = ClassReference { score: Some(score), ..class.clone() };
     let table = [
         (ModelConfig { input: [1280, 380], ..base() }, "model.input is 1280x380; expected multiples of 32 pixels"),
         (ModelConfig { width: 0.0, ..base() }, "model.width is 0; expected a factor above 0 and at most 8"),
         (ModelConfig { head_channels: Some(20), ..base() }, "model.head_channels is 20; expected a multiple of 16"),
         (ModelConfig { classes: vec![], ..base() }, "model.classes is empty; expected at least one class"),
         (ModelConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
+        (
+            ModelConfig { classes: vec![upside_down], ..base() },
+            "model.classes has Car with scores that no fit gives: ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px: [20.0, 10.0] }",
+        ),
         (
             ModelConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },
             "model.heat_map heat map alpha is -1; expected a positive number",
