@@ -4,18 +4,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use farsight_core::Detection;
-use farsight_core::ObjectClass;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreCalibration, ScoreExample};
-use farsight_data::KittiDataset;
-use farsight_data::read_image;
+use farsight_core::{Detection, ObjectClass};
+use farsight_data::{KittiDataset, read_image};
 use farsight_eval::ranging::{RangingOptions, matched};
 use farsight_eval::{Difficulty, Frame};
 use farsight_infer::Detector;
 use farsight_net::model::Model;
-use farsight_net::onnx::{Facts, OnnxModel, Target, write};
-use farsight_net::transform::Network;
+use farsight_net::onnx::{OnnxModel, Target};
 use indicatif::ProgressBar;
 
 use crate::engines::{EngineArgs, detector_of};
@@ -29,10 +26,8 @@ pub(super) fn calibrate(model: &mut Model, source: &Path, data: &Path, printer: 
     for class in &mut model.config.classes {
         class.score = None;
     }
-    let network = Network::deployable(model)?;
-    let bytes = write(&network, &Facts::new(model, Target::Portable), Target::Portable)?;
+    let file = OnnxModel::from_model(model, Target::Portable, source)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let file = OnnxModel::from_bytes(bytes, source)?;
     let mut detector = detector_of(&EngineArgs::default(), file, source, options)?;
     let examples = examples(&mut detector, &KittiDataset::open(data, None)?)?;
 
