@@ -8,6 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use serde::{Deserialize, Serialize};
 
 use crate::box3d::ray_angle;
+use crate::range_error::RangeError;
 use crate::scalar::Scalar;
 use crate::score::ScoreCalibration;
 use crate::{Box3d, Camera, Dimensions, ObjectClass, wrapped_angle};
@@ -33,15 +34,24 @@ pub struct DepthReference {
     /// the same picture means a distance larger or smaller by the ratio of the two. Without it the network's depth is taken as it is, as in SMOKE.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<f64>,
+    /// How far off the model's depths are, where that was fitted: gives detections their error bars.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<RangeError>,
 }
 
 impl DepthReference {
     /// Depth of KITTI's objects (SMOKE, spec 5.1).
-    pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32, focal_px: None };
+    pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32, focal_px: None, error: None };
 
     /// The depth that the network sees where `camera` (of the feature map) sees `depth_m`.
     pub fn virtual_depth_m(&self, depth_m: f64, camera: &Camera) -> f64 {
         depth_m / self.scale(camera)
+    }
+
+    /// Standard deviation, metres, of a depth that `camera` (of the feature map) sees with this score (0 to 1, both excluded), where that was fitted.
+    pub fn sigma_m(&self, depth_m: f64, score: f64, camera: &Camera) -> Option<f64> {
+        let sigma_m = self.error?.sigma_m(self.virtual_depth_m(depth_m, camera), score) * self.scale(camera);
+        sigma_m.is_finite().then_some(sigma_m)
     }
 
     /// True depth over virtual depth under `camera` (of the feature map).

@@ -1,6 +1,6 @@
 //! From head maps to detections: the one decoder that every engine shares.
 
-use crate::codec::{CHANNELS, Encoded, Regression};
+use crate::codec::{CHANNELS, DepthReference, Encoded, Regression};
 use crate::overlap::iou_bev;
 use crate::peaks::{Peak, peaks};
 use crate::score::LEAST_PEAK;
@@ -53,6 +53,11 @@ pub struct View {
 }
 
 impl View {
+    /// The virtual depth of something at `depth_m`, as [`DepthReference::virtual_depth_m`] has it.
+    pub fn virtual_depth_m(&self, reference: &DepthReference, depth_m: f64) -> f64 {
+        reference.virtual_depth_m(depth_m, &feature_camera(&self.input_camera))
+    }
+
     /// Height in pixels of the network's input of a box in the original image.
     pub fn input_height_px(&self, box2d: &Box2d) -> f64 {
         box2d.height() * self.input_camera.focal_y() / self.camera.focal_y()
@@ -119,6 +124,7 @@ pub fn detections_at_peaks(
                 let probability = calibration.probability(score, view.input_height_px(&found.box2d));
                 found.score = probability.clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
             }
+            found.range_sigma_m = codec.depth.sigma_m(found.box3d.depth_m(), found.score, &camera);
             Some(found)
         })
         .filter(|detection| detection.score > min_score)

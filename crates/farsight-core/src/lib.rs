@@ -18,8 +18,10 @@ pub mod detection;
 pub mod heatmap;
 pub mod input;
 pub mod label;
+mod linear;
 pub mod overlap;
 pub mod peaks;
+pub mod range_error;
 pub mod scalar;
 pub mod score;
 pub mod targets;
@@ -32,6 +34,7 @@ pub use class::ObjectClass;
 pub use codec::{ClassReference, Codec};
 pub use detection::{Detection, HeadMaps};
 pub use label::Label;
+pub use range_error::RangeError;
 pub use score::ScoreCalibration;
 
 /// The angle equal to `angle_rad` up to whole turns, in `(-pi, pi]`.

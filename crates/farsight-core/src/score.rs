@@ -6,6 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::linear::{dot, solved};
+
 /// Height that the logarithms are taken against, pixels of the network's input.
 const REFERENCE_HEIGHT_PX: f64 = 25.0;
 
@@ -92,47 +94,23 @@ fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// The step of Newton's method towards the most likely weights.
 fn newton_step(rows: &[([f64; 4], f64)], weights: &[f64; 4]) -> Option<[f64; 4]> {
-    // The curvature, with the slope as a fifth column.
-    let mut system = [[0.0; 5]; 4];
-    for (i, row) in system.iter_mut().enumerate() {
+    let mut curvature = [[0.0; 4]; 4];
+    let mut slope = weights.map(|weight| -RIDGE * weight);
+    for (i, row) in curvature.iter_mut().enumerate() {
         row[i] = RIDGE;
-        row[4] = -RIDGE * weights[i];
     }
     for (terms, is_right) in rows {
         let probability = logistic(dot(terms, weights));
-        for (i, row) in system.iter_mut().enumerate() {
+        for (i, row) in curvature.iter_mut().enumerate() {
             for (cell, term) in row.iter_mut().zip(terms) {
                 *cell += probability * (1.0 - probability) * terms[i] * term;
             }
-            row[4] += terms[i] * (is_right - probability);
+            slope[i] += terms[i] * (is_right - probability);
         }
     }
-    solved(system)
-}
-
-/// Gauss and Jordan's elimination with the largest pivot; none for a singular system.
-fn solved(mut system: [[f64; 5]; 4]) -> Option<[f64; 4]> {
-    for column in 0..4 {
-        let pivot = (column..4).max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
-        system.swap(column, pivot);
-        let row = system[column];
-        if row[column] == 0.0 {
-            return None;
-        }
-        for (_, cells) in system.iter_mut().enumerate().filter(|(other, _)| *other != column) {
-            let factor = cells[column] / row[column];
-            for (cell, value) in cells.iter_mut().zip(row) {
-                *cell -= factor * value;
-            }
-        }
-    }
-    Some(std::array::from_fn(|i| system[i][4] / system[i][i]))
+    solved(curvature, slope)
 }
 
 #[cfg(test)]

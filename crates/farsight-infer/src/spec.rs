@@ -1,7 +1,7 @@
 //! What a detector must know of its model.
 
 use farsight_core::codec::STRIDE;
-use farsight_core::detection::DecodeOptions;
+use farsight_core::detection::{DecodeOptions, View};
 use farsight_core::input::InputRules;
 use farsight_core::{Camera, Codec};
 use farsight_data::network_input_into;
@@ -80,7 +80,13 @@ impl DetectorSpec {
         let rules = self.input_for(image_size, camera);
         let affine = rules.whole_image(image_size);
         network_input_into(input, image, &affine, &rules, None);
-        (rules.size, self.quirks.camera(camera).transformed(&affine))
+        (rules.size, self.view(image_size, camera).input_camera)
+    }
+
+    /// How the network sees an image of `image_size` (width and height, pixels) taken by `camera`.
+    pub fn view(&self, image_size: [usize; 2], camera: &Camera) -> View {
+        let affine = self.input_for(image_size, camera).whole_image(image_size);
+        View { image_size, camera: *camera, input_camera: self.quirks.camera(camera).transformed(&affine) }
     }
 
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.

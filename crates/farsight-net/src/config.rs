@@ -174,6 +174,9 @@ impl ModelConfig {
         {
             return error("depth.focal_px", format!("is {focal_px}; expected a positive number of pixels"));
         }
+        if let Some(fit) = self.depth.error.filter(|fit| !fit.is_usable()) {
+            return error("depth.error", format!("is {fit:?}; expected the numbers of a fit"));
+        }
         if let Some([low, high]) = self.focal_range_px
             && !(low > 0.0 && low <= high && high.is_finite())
         {

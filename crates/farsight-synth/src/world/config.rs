@@ -22,6 +22,8 @@ pub struct WorldConfig {
     pub distractor_share: f64,
     /// Share of scenes where people drive on the left.
     pub left_hand_share: f64,
+    /// Share of scenes whose surfaces carry patterns that they do not have in life: blotches, stripes, tiles.
+    pub textured_share: f64,
 }
 
 /// Relative frequencies of the places.
@@ -191,6 +193,7 @@ impl Default for WorldConfig {
             unusual_share: 0.08,
             distractor_share: 0.08,
             left_hand_share: 0.08,
+            textured_share: 0.0,
         }
     }
 }
@@ -241,6 +244,7 @@ impl WorldConfig {
             .or_else(|| share("unusual_share", self.unusual_share))
             .or_else(|| share("distractor_share", self.distractor_share))
             .or_else(|| share("left_hand_share", self.left_hand_share))
+            .or_else(|| share("textured_share", self.textured_share))
     }
 }
 

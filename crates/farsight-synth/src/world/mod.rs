@@ -14,6 +14,7 @@ mod props;
 pub(crate) mod stage;
 mod street;
 mod surroundings;
+mod textures;
 mod traffic;
 pub(crate) mod view;
 
@@ -52,7 +53,11 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
     Traffic { stage: &mut stage, plan: &plan, density, farthest_m: config.farthest_m, dice: traffic_dice }.place_all();
     let distracting = dice.chance(config.distractor_share);
     furnish(&mut stage, &plan, distracting, &mut dice);
-    stage.into_drawn()
+    let mut drawn = stage.into_drawn();
+    if dice.chance(config.textured_share) {
+        textures::spread(&mut drawn.scene.materials, &mut dice);
+    }
+    drawn
 }
 
 /// Builds the streets and what is beside them around the actors.

@@ -1,7 +1,7 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
+mod fit;
 mod int8;
-mod scores;
 
 use std::path::{Path, PathBuf};
 
@@ -45,10 +45,10 @@ pub(crate) struct ExportArgs {
     /// Focal lengths, pixels of the network's input, into which images of other cameras are scaled: where the model proved good [default: the model's]
     #[arg(long, value_name = "LEAST,MOST", value_parser = focal_range)]
     focal_range: Option<[f64; 2]>,
-    /// Labelled frames in KITTI's layout, not those of the training, on which scores are fitted to be probabilities: of a hundred detections with a score of 0.7
-    /// seventy are right [default: the model's scores]
+    /// Labelled frames in KITTI's layout, not those of the training, to fit the answers on: distances to be right in the median and to have error bars, scores to
+    /// be probabilities (of a hundred detections with a score of 0.7 seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
-    scores_from: Option<PathBuf>,
+    fit_on: Option<PathBuf>,
     /// What the model was trained on, for the file's metadata
     #[arg(long, value_name = "TEXT")]
     training_data: Option<String>,
@@ -80,8 +80,8 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     };
     let mut model = read(&args.model)?;
     model.config.focal_range_px = args.focal_range.or(model.config.focal_range_px);
-    if let Some(data) = &args.scores_from {
-        scores::calibrate(&mut model, &args.model, data, printer)?;
+    if let Some(data) = &args.fit_on {
+        fit::fit(&mut model, &args.model, data, printer)?;
     }
     if args.half {
         return half(&model, args, printer);

@@ -1,0 +1,188 @@
+//! Distances judged on labelled frames: put right in the median, and given an error bar.
+
+use serde::{Deserialize, Serialize};
+
+use crate::codec::DepthReference;
+use crate::linear::{dot, solved};
+
+/// The least number of found objects that a fit is made of.
+pub const LEAST_EXAMPLES: usize = 50;
+
+/// Slopes are taken between pairs of so many objects at most.
+const MOST_PAIRED: usize = 1500;
+
+/// Pairs that are closer than this, metres, say little about the slope.
+const LEAST_APART_M: f64 = 1.0;
+
+/// Errors smaller than this, metres, count as so large: labels are no better, and their logarithm would rule the fit.
+const LEAST_ERROR_M: f64 = 0.02;
+
+/// Share of the errors that lie within one standard deviation of a normal distribution.
+const WITHIN_ONE_SIGMA: f64 = 0.6827;
+
+/// A found object of which the distance is known. Depths are virtual ones ([`DepthReference::virtual_depth_m`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthExample {
+    /// What the model said, metres.
+    pub found_m: f64,
+    /// What is right, metres.
+    pub true_m: f64,
+    /// The model's score, between 0 and 1.
+    pub score: f64,
+}
+
+/// How far off a model's depths are: the logarithm of the standard deviation, in metres of virtual depth, is linear in these terms.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RangeError {
+    /// Added.
+    pub bias: f64,
+    /// Of the logarithm of the virtual depth in metres.
+    pub depth: f64,
+    /// Of the score's logit.
+    pub score: f64,
+}
+
+impl RangeError {
+    /// Whether these are numbers that a fit could have given: files from strangers may hold others.
+    pub fn is_usable(&self) -> bool {
+        [self.bias, self.depth, self.score].iter().all(|number| number.is_finite() && number.abs() < 20.0)
+    }
+
+    /// Standard deviation, metres, of a positive virtual depth of a detection with this score (0 to 1, both excluded).
+    pub fn sigma_m(&self, depth_m: f64, score: f64) -> f64 {
+        dot(&terms(depth_m, score), &[self.bias, self.depth, self.score]).exp()
+    }
+
+    /// The fit to `examples`: least squares in the logarithm of the error, then moved so that as many errors lie within one standard deviation as of a normal
+    /// distribution. None with fewer than [`LEAST_EXAMPLES`].
+    pub fn fit(examples: &[DepthExample]) -> Option<Self> {
+        if examples.len() < LEAST_EXAMPLES {
+            return None;
+        }
+        let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+        for example in examples {
+            let terms = terms(example.found_m, example.score);
+            for (i, term) in terms.iter().enumerate() {
+                matrix[i] = std::array::from_fn(|j| matrix[i][j] + term * terms[j]);
+                right[i] += term * log_error(example);
+            }
+        }
+        let [bias, depth, score] = solved(matrix, right)?;
+        let fit = Self { bias, depth, score };
+        let over = examples.iter().map(|e| log_error(e) - fit.sigma_m(e.found_m, e.score).ln());
+        let moved = Self { bias: bias + quantile(over.collect(), WITHIN_ONE_SIGMA), ..fit };
+        moved.is_usable().then_some(moved)
+    }
+}
+
+fn terms(depth_m: f64, score: f64) -> [f64; 3] {
+    [1.0, depth_m.ln(), (score / (1.0 - score)).ln()]
+}
+
+fn log_error(example: &DepthExample) -> f64 {
+    (example.found_m - example.true_m).abs().max(LEAST_ERROR_M).ln()
+}
+
+impl DepthReference {
+    /// This reference moved and stretched, so that depths come out right in the median for near and for far objects: Theil and Sen's line through what was found
+    /// (by a model of this reference) and what is right. None with fewer than [`LEAST_EXAMPLES`], or where the line does not rise.
+    pub fn refitted(&self, examples: &[DepthExample]) -> Option<Self> {
+        if examples.len() < LEAST_EXAMPLES {
+            return None;
+        }
+        let step = examples.len().div_ceil(MOST_PAIRED);
+        let paired: Vec<_> = examples.iter().step_by(step).collect();
+        let mut slopes = Vec::new();
+        for (i, a) in paired.iter().enumerate() {
+            let apart = paired[i + 1..].iter().filter(|b| (a.found_m - b.found_m).abs() >= LEAST_APART_M);
+            slopes.extend(apart.map(|b| (a.true_m - b.true_m) / (a.found_m - b.found_m)));
+        }
+        if slopes.is_empty() {
+            return None;
+        }
+        let slope = quantile(slopes, 0.5);
+        let offset_m = quantile(examples.iter().map(|e| e.true_m - slope * e.found_m).collect(), 0.5);
+        let refitted = Self { mean_m: offset_m + slope * self.mean_m, std_m: slope * self.std_m, ..*self };
+        (refitted.std_m > 0.0 && refitted.mean_m.is_finite()).then_some(refitted)
+    }
+}
+
+/// The value below which this share of `values`, which must not be empty, lies.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    let rank = ((values.len() - 1) as f64 * share).round() as usize;
+    *values.select_nth_unstable_by(rank, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A number in `[-1, 1)`, the same for the same `i`.
+    fn noise(i: usize) -> f64 {
+        (i as f64 * 0.618_033_988_75).fract() * 2.0 - 1.0
+    }
+
+    #[test]
+    fn a_line_with_outliers_is_found_and_found_again() {
+        let reference = DepthReference::KITTI;
+        let example = |i: usize| {
+            let found_m = 4.0 + (i as f64 * 0.37) % 60.0;
+            let outlier = if i.is_multiple_of(9) { 40.0 } else { 0.0 };
+            DepthExample { found_m, true_m: 0.5 + 0.95 * found_m + 0.3 * noise(i) + outlier, score: 0.5 }
+        };
+        let examples: Vec<_> = (0..4000).map(example).collect();
+        let fit = reference.refitted(&examples).expect("a line");
+        // A depth of `mean_m` comes out where the line has it, and so does one a deviation farther.
+        for (found, expected) in [
+            (fit.mean_m, 0.5 + 0.95 * reference.mean_m),
+            (fit.mean_m + fit.std_m, 0.5 + 0.95 * (reference.mean_m + reference.std_m)),
+        ] {
+            assert!((found - expected).abs() < 0.1, "{found}, not {expected}");
+        }
+        let slope = fit.std_m / reference.std_m;
+        let again =
+            |e: &DepthExample| DepthExample { found_m: fit.mean_m + slope * (e.found_m - reference.mean_m), ..*e };
+        let twice = fit.refitted(&examples.iter().map(again).collect::<Vec<_>>()).expect("a line");
+        assert!(
+            (twice.mean_m - fit.mean_m).abs() < 0.02 && (twice.std_m - fit.std_m).abs() < 0.02,
+            "{twice:?}, {fit:?}"
+        );
+    }
+
+    #[test]
+    fn too_few_or_falling_examples_are_no_line() {
+        let example = |i: usize| DepthExample { found_m: i as f64, true_m: 100.0 - i as f64, score: 0.5 };
+        let falling: Vec<_> = (1..80).map(example).collect();
+        assert_eq!(DepthReference::KITTI.refitted(&falling), None);
+        assert_eq!(DepthReference::KITTI.refitted(&falling[..10]), None);
+        let one_place = [DepthExample { found_m: 10.0, true_m: 11.0, score: 0.5 }; 60];
+        assert_eq!(DepthReference::KITTI.refitted(&one_place), None);
+        assert_eq!(RangeError::fit(&one_place), None);
+        assert_eq!(RangeError::fit(&falling[..10]), None);
+    }
+
+    #[test]
+    fn error_bars_grow_with_what_makes_errors_grow_and_hold_their_share() {
+        let truth = RangeError { bias: -3.0, depth: 1.2, score: -0.4 };
+        let example = |i: usize| {
+            let (found_m, score) = (4.0 + (i as f64 * 0.37) % 60.0, 0.05 + (i as f64 * 0.0123) % 0.9);
+            let sigma = truth.sigma_m(found_m, score);
+            // Of an even distribution this share lies within one sigma.
+            DepthExample { found_m, true_m: found_m + sigma * noise(i) / WITHIN_ONE_SIGMA, score }
+        };
+        let examples: Vec<_> = (0..5000).map(example).collect();
+        let fit = RangeError::fit(&examples).expect("a fit");
+        assert!((fit.depth - truth.depth).abs() < 0.1 && (fit.score - truth.score).abs() < 0.05, "{fit:?}");
+        let within = |e: &&DepthExample| (e.true_m - e.found_m).abs() <= fit.sigma_m(e.found_m, e.score);
+        let share = examples.iter().filter(within).count() as f64 / 5000.0;
+        assert!((share - WITHIN_ONE_SIGMA).abs() < 0.01, "{share}");
+    }
+
+    #[test]
+    fn numbers_that_no_fit_gives_are_told_apart() {
+        let fit = RangeError { bias: -3.0, depth: 1.2, score: -0.4 };
+        assert!(fit.is_usable());
+        assert!(!RangeError { depth: f64::NAN, ..fit }.is_usable() && !RangeError { bias: 1e3, ..fit }.is_usable());
+    }
+}

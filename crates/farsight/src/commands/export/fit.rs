@@ -1,0 +1,156 @@
+//! `farsight export --fit-on`: distances that are right in the median and have error bars, and scores that are probabilities; fitted on labelled frames.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use farsight_core::detection::DecodeOptions;
+use farsight_core::range_error::DepthExample;
+use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
+use farsight_core::{Detection, ObjectClass, RangeError, ScoreCalibration};
+use farsight_data::{KittiDataset, read_image};
+use farsight_eval::ranging::{RangingOptions, Target, matched};
+use farsight_eval::{Difficulty, Frame};
+use farsight_infer::Detector;
+use farsight_net::model::Model;
+use farsight_net::onnx::{self, OnnxModel};
+use indicatif::ProgressBar;
+
+use crate::engines::{EngineArgs, detector_of};
+use crate::printer::Printer;
+
+/// A detection of which the labels say whether it is right.
+struct Judged {
+    class: ObjectClass,
+    /// Height of its box, pixels of the network's input.
+    height_px: f64,
+    /// Its virtual depth and its score.
+    found_m: f64,
+    score: f64,
+    /// The virtual depth of what it found; none of a false alarm.
+    true_m: Option<f64>,
+    /// Whether that is one of the Moderate objects, which show enough of themselves to be ranged.
+    is_plain: bool,
+}
+
+impl Judged {
+    fn depth_example(&self) -> Option<DepthExample> {
+        Some(DepthExample { found_m: self.found_m, true_m: self.true_m?, score: self.score })
+    }
+
+    fn score_example(&self) -> ScoreExample {
+        ScoreExample { peak: self.score, height_px: self.height_px, is_right: self.true_m.is_some() }
+    }
+}
+
+/// Fits `model` to all frames of `data`: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
+pub(super) fn fit(model: &mut Model, source: &Path, data: &Path, printer: &mut Printer) -> Result<()> {
+    for class in &mut model.config.classes {
+        class.score = None;
+    }
+    model.config.depth.error = None;
+    let dataset = KittiDataset::open(data, None)?;
+    let first = judged_by_model(model, source, &dataset)?;
+    fit_distances(model, &first, printer).with_context(|| data.display().to_string())?;
+    let mut second = judged_by_model(model, source, &dataset)?;
+    fit_scores(model, &second, printer).with_context(|| data.display().to_string())?;
+    for judged in &mut second {
+        judged.score = probability(model, judged);
+    }
+    model.config.depth.error = RangeError::fit(&depth_examples(&second));
+    let bars = if model.config.depth.error.is_some() { "fitted" } else { "none: too few objects found" };
+    printer.status(&format!("error bars: {bars}"));
+    Ok(())
+}
+
+fn depth_examples<'a>(judged: impl IntoIterator<Item = &'a Judged>) -> Vec<DepthExample> {
+    judged.into_iter().filter_map(Judged::depth_example).collect()
+}
+
+fn fit_distances(model: &mut Model, judged: &[Judged], printer: &mut Printer) -> Result<()> {
+    let examples = depth_examples(judged.iter().filter(|judged| judged.is_plain));
+    let old = model.config.depth;
+    let Some(new) = old.refitted(&examples) else {
+        bail!(
+            "{} objects found; expected at least {LEAST_EXAMPLES}, near and far, to fit distances on",
+            examples.len()
+        );
+    };
+    let slope = new.std_m / old.std_m;
+    let offset_m = new.mean_m - slope * old.mean_m;
+    printer.status(&format!("distances: times {slope:.3}, {offset_m:+.2} m, fitted on {} objects", examples.len()));
+    model.config.depth = new;
+    Ok(())
+}
+
+/// A class with enough examples gets the fit of its own ones, the others that of all.
+fn fit_scores(model: &mut Model, judged: &[Judged], printer: &mut Printer) -> Result<()> {
+    let mut examples: BTreeMap<&ObjectClass, Vec<ScoreExample>> = BTreeMap::new();
+    for judged in judged {
+        examples.entry(&judged.class).or_default().push(judged.score_example());
+    }
+    let all: Vec<ScoreExample> = examples.values().flatten().copied().collect();
+    let Some(of_all) = ScoreCalibration::fit(&all) else {
+        let right = all.iter().filter(|example| example.is_right).count();
+        let wrong = all.len() - right;
+        bail!(
+            "{right} right and {wrong} wrong detections; expected at least {LEAST_EXAMPLES} of each to fit scores on"
+        );
+    };
+    for class in &mut model.config.classes {
+        let own = examples.get(&class.class).and_then(|examples| ScoreCalibration::fit(examples));
+        let of = if own.is_some() { "its own detections" } else { "the detections of all classes" };
+        printer.status(&format!("scores of {}: fitted on {of}", class.class));
+        class.score = Some(own.unwrap_or(of_all));
+    }
+    Ok(())
+}
+
+/// The fitted score of a detection whose score is still its peak.
+fn probability(model: &Model, judged: &Judged) -> f64 {
+    let class = model.config.classes.iter().find(|class| class.class == judged.class);
+    let calibration = class.and_then(|class| class.score);
+    calibration.map_or(judged.score, |calibration| calibration.probability(judged.score, judged.height_px))
+}
+
+/// What `model` finds in all frames of `dataset`, but for what the labels do not judge.
+fn judged_by_model(model: &Model, source: &Path, dataset: &KittiDataset) -> Result<Vec<Judged>> {
+    let file = OnnxModel::from_model(model, onnx::Target::Portable, source)?;
+    let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
+    let mut detector = detector_of(&EngineArgs::default(), file, source, options)?;
+    let mut found = Vec::new();
+    let bar = ProgressBar::new(dataset.len() as u64);
+    for index in 0..dataset.len() {
+        found.extend(judged_in_frame(&mut detector, dataset, index)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(found)
+}
+
+fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize) -> Result<Vec<Judged>> {
+    let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
+    let image = read_image(&path)?;
+    let view = detector.spec().view([image.width() as usize, image.height() as usize], &camera);
+    let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
+    let reference = &detector.spec().codec.depth;
+    let judged = |(detection, target): (&Detection, Option<Target>)| Judged {
+        class: detection.class.clone(),
+        height_px: view.input_height_px(&detection.box2d),
+        found_m: view.virtual_depth_m(reference, detection.box3d.depth_m()),
+        score: detection.score,
+        true_m: target.as_ref().map(|target| view.virtual_depth_m(reference, target.depth_m)),
+        is_plain: target.is_some_and(|target| target.difficulty.is_some_and(|d| d <= Difficulty::Moderate)),
+    };
+    Ok(told(&frame).map(judged).collect())
+}
+
+/// The detections of which the labels say whether they are right, with what they found: too low ones and those that are excused are left out.
+fn told(frame: &Frame) -> impl Iterator<Item = (&Detection, Option<Target>)> {
+    let (targets, false_alarms) = matched(frame, 0, &RangingOptions::default());
+    let right = targets.into_iter().filter_map(|target| Some((target.found?.claim, Some(target))));
+    let wrong = false_alarms.into_iter().map(|alarm| (alarm.claim, None));
+    let told = right.chain(wrong).map(|(claim, target)| (&frame.claims[claim as usize].detection, target));
+    told.filter(|(detection, _)| !Difficulty::Moderate.ignores_detection(&detection.box2d))
+}

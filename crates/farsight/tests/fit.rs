@@ -1,0 +1,72 @@
+//! `farsight export --fit-on`: distances that are right in the median and have error bars, scores that are probabilities.
+
+#![allow(clippy::unwrap_used)]
+
+mod program;
+
+use std::path::Path;
+use std::process::Output;
+
+use program::{done, farsight, root};
+use serde_json::Value;
+
+/// `model` fitted on the scenes, as `to`.
+fn fitted(folder: &Path, model: &str, to: &str) -> Output {
+    farsight(folder, &["export", "--half", "--model", model, "--fit-on", "scenes", "--out", to])
+}
+
+fn rendered(folder: &Path, frames: &str) {
+    done(folder, &["synth", "--out", "scenes", "--frames", frames, "--seed", "5"]);
+}
+
+fn shipped() -> String {
+    root().join("models/farsight-s.safetensors").display().to_string()
+}
+
+/// Depth, its error bar and score of what `model` finds in one of the scenes.
+fn found(folder: &Path, model: &str) -> Vec<[f64; 3]> {
+    let arguments = ["range", "scenes/training/image_2/000003.png", "--hfov", "81.4", "--json", "answer.json"];
+    done(folder, &[&arguments[..], &["--model", model, "--min-score", "0.1"]].concat());
+    let answer: Value = serde_json::from_slice(&std::fs::read(folder.join("answer.json")).unwrap()).unwrap();
+    let found = answer[0]["detections"].as_array().unwrap().iter();
+    let number = |value: &Value| value.as_f64().unwrap();
+    found.map(|d| [number(&d["location"][2]), number(&d["range_sigma_m"]), number(&d["score"])]).collect()
+}
+
+#[test]
+fn answers_are_fitted_on_labelled_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    rendered(folder, "24");
+    let told = fitted(folder, &shipped(), "once.safetensors");
+    let status = String::from_utf8_lossy(&told.stderr);
+    let said = |text: &str| assert!(status.contains(text), "{status}");
+    assert!(told.status.success(), "{status}");
+    said("distances: times ");
+    said("scores of Car: fitted on its own detections");
+    said("error bars: fitted");
+    let once = found(folder, "once.safetensors");
+    assert!(!once.is_empty() && once.is_sorted_by(|a, b| a[2] >= b[2]), "{once:?}");
+    for [depth_m, sigma_m, _] in &once {
+        assert!((0.005..0.5).contains(&(sigma_m / depth_m)), "{depth_m} m, give or take {sigma_m}");
+    }
+    // Fitting what is fitted already starts from the peaks again, and finds little to put right.
+    assert!(fitted(folder, "once.safetensors", "twice.safetensors").status.success());
+    let twice = found(folder, "twice.safetensors");
+    assert_eq!(twice.len(), once.len());
+    for (once, twice) in once.iter().flatten().zip(twice.iter().flatten()) {
+        assert!((once - twice).abs() <= 0.05 * once.abs(), "{once}, then {twice}");
+    }
+}
+
+#[test]
+fn too_few_detections_to_fit_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    rendered(folder, "1");
+    let told = fitted(folder, &shipped(), "fitted.safetensors");
+    let problem = String::from_utf8_lossy(&told.stderr);
+    let expected = "expected at least 50, near and far, to fit distances on";
+    assert!(!told.status.success() && problem.contains(expected), "{problem}");
+    assert!(!folder.join("fitted.safetensors").exists());
+}
