@@ -19,7 +19,7 @@ import subprocess
 CAMERAS = [40, 81, 95, 110]
 CAMERA_SIZE = (1242, 375)
 # Limits of score that are told, and the false alarms a frame that the last line keeps to.
-SCORES = (0.25, 0.35)
+SCORES = (0.25, 0.5)
 FEW_FALSE_ALARMS = 0.3
 
 

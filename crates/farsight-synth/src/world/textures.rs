@@ -19,7 +19,8 @@ pub(crate) fn spread(materials: &mut [Material], dice: &mut Dice) {
     for material in materials {
         let mut dice = dice.fork();
         let is_plain = matches!(material.pattern, Pattern::Plain | Pattern::Noise { .. });
-        if !is_plain || material.emission != [0.0; 3] || !dice.chance(share) {
+        let glows = material.emission.iter().any(|&light| light > 0.0);
+        if !is_plain || glows || !dice.chance(share) {
             continue;
         }
         material.pattern = pattern(material.color, &mut dice);
