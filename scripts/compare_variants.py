@@ -47,6 +47,7 @@ checkpoint_steps = 500
 log_steps = 50
 """
 AP_ROWS = [("2d", "2D"), ("bev", "BEV"), ("3d", "3D")]
+COLUMNS = "car, AP at 40 points (Easy / Moderate / Hard); overlap 0.7, and 0.5 (loose); ranging of Moderate cars"
 
 
 def run(*words):
@@ -83,6 +84,20 @@ def against(args, out, base):
     return out / "against.txt"
 
 
+def row(figures):
+    """The figures of a run: three APs a column of the table, then found (%), MAE and RMSE."""
+    moderate = figures["ranging"]["car"]["moderate"]
+    aps = [figures[table]["car"][metric]["r40"] for table in ("ap", "ap_loose") for metric, _ in AP_ROWS]
+    return [*aps, [100 * moderate["share"], moderate["mae_z"], moderate["rmse_z"]]]
+
+
+def line(name, cells):
+    *aps, (found, mae, rmse) = cells
+    titles = 2 * [title for _, title in AP_ROWS]
+    columns = [f"{title} " + "/".join(f"{v:.2f}" for v in values) for title, values in zip(titles, aps)]
+    return " | ".join([f"{name:6}", *columns, f"found {found:.1f}%, MAE {mae:.2f}, RMSE {rmse:.2f} m"])
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--farsight", required=True)
@@ -96,21 +111,19 @@ def main():
     parser.add_argument("--precision", default="f32", choices=["f32", "bf16"])
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    told = {name: [] for name, _, _ in VARIANTS}
     for seed in range(args.seeds):
         outs = {name: train(args, name, msfe, heat_map, seed) for name, msfe, heat_map in VARIANTS}
-        print(f"\nseed {seed}: car, AP at 40 points (Easy / Moderate / Hard); overlap 0.7, and 0.5 (loose); ranging of Moderate cars")
+        print(f"\nseed {seed}: {COLUMNS}")
         for name, out in outs.items():
-            figures = evaluate(args, out)
-            cells = [f"{name:6}"]
-            for table in ("ap", "ap_loose"):
-                for metric, title in AP_ROWS:
-                    cells.append(title + " " + "/".join(f"{v:.2f}" for v in figures[table]["car"][metric]["r40"]))
-            moderate = figures["ranging"]["car"]["moderate"]
-            cells.append(f"found {100 * moderate['share']:.1f}%, MAE {moderate['mae_z']:.2f}, RMSE {moderate['rmse_z']:.2f} m")
-            print(" | ".join(cells), flush=True)
+            told[name].append(row(evaluate(args, out)))
+            print(line(name, told[name][-1]), flush=True)
         for name, out in outs.items():
             if name != "smoke":
                 print(f"{name} against smoke: {against(args, out, outs['smoke'])}")
+    print(f"\nmean of {args.seeds} seeds: {COLUMNS}")
+    for name, rows in told.items():
+        print(line(name, [[sum(values) / len(rows) for values in zip(*cells)] for cells in zip(*rows)]))
 
 
 if __name__ == "__main__":
