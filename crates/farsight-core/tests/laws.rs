@@ -11,7 +11,7 @@ use farsight_core::peaks::peaks;
 use farsight_core::targets::{HeatMapBox, TargetRules};
 use farsight_core::{
     Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Detection, Dimensions, HeadMaps, Label, ObjectClass,
-    ScoreCalibration, wrapped_angle,
+    RangeError, ScoreCalibration, wrapped_angle,
 };
 use proptest::prelude::*;
 
@@ -184,6 +184,18 @@ fn with_virtual_depth_twice_the_focal_length_means_twice_the_distance() {
     assert!((encoded(40.0, &long).regression.depth - near).abs() < EXACT);
     let back = codec.decode(&encoded(40.0, &long), 0, &long);
     assert!((back.location[2] - 40.0).abs() < EXACT, "{back:?}");
+}
+
+#[test]
+fn an_error_bar_grows_with_the_focal_length_as_the_distance_does() {
+    let error = Some(RangeError { bias: -3.0, depth: 1.2, score: -0.2 });
+    let depth = DepthReference { focal_px: Some(700.0), error, ..DepthReference::KITTI };
+    let camera = |f: f64| Camera::from_intrinsics(f, f, 160.0, 48.0).unwrap();
+    let sigma_m = |z: f64, f: f64| depth.sigma_m(z, 0.7, &camera(f)).unwrap();
+    assert!((sigma_m(40.0, 350.0) - 2.0 * sigma_m(20.0, 175.0)).abs() < EXACT);
+    assert!(sigma_m(40.0, 175.0) > sigma_m(20.0, 175.0));
+    assert_eq!(depth.sigma_m(-1.0, 0.7, &camera(175.0)), None, "behind the camera there is none");
+    assert_eq!(DepthReference::KITTI.sigma_m(20.0, 0.7, &camera(175.0)), None, "not fitted");
 }
 
 #[test]
