@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
+use farsight_core::codec::DepthReference;
 use farsight_net::build::network;
 use farsight_net::config::ModelConfig;
 use farsight_net::count::{StageCount, count, total};
@@ -89,7 +90,15 @@ fn facts(config: &ModelConfig) -> Vec<(&'static str, String)> {
         ("normalisation", format!("{:?}", config.norm).to_lowercase()),
         ("neck", format!("{:?}", config.neck).to_lowercase()),
         ("MSFE", format!("{:?}", config.msfe).to_lowercase()),
+        ("depth", depth(&config.depth)),
     ]
+}
+
+fn depth(reference: &DepthReference) -> String {
+    let DepthReference { mean_m, std_m, focal_px, error } = reference;
+    let focal = focal_px.map_or(String::new(), |px| format!(" at a focal length of {px:.1} pixels of the input"));
+    let bars = if error.is_some() { ", with error bars" } else { "" };
+    format!("{mean_m:.2} m, give or take {std_m:.2} m{focal}{bars}")
 }
 
 fn row(stage: &StageCount) -> String {
