@@ -24,6 +24,7 @@ pub mod peaks;
 pub mod range_error;
 pub mod scalar;
 pub mod score;
+pub mod statistics;
 pub mod targets;
 
 pub use affine::Affine2;

@@ -4,9 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec::DepthReference;
 use crate::linear::{dot, solved};
-
-/// The least number of found objects that a fit is made of.
-pub const LEAST_EXAMPLES: usize = 50;
+use crate::score::LEAST_EXAMPLES;
+use crate::statistics::quantile;
 
 /// Slopes are taken between pairs of so many objects at most.
 const MOST_PAIRED: usize = 1500;
@@ -71,7 +70,7 @@ impl RangeError {
         let [bias, depth, score] = solved(matrix, right)?;
         let fit = Self { bias, depth, score };
         let over = examples.iter().map(|e| log_error(e) - fit.sigma_m(e.found_m, e.score).ln());
-        let moved = Self { bias: bias + quantile(over.collect(), WITHIN_ONE_SIGMA), ..fit };
+        let moved = Self { bias: bias + quantile(&sorted(over), WITHIN_ONE_SIGMA), ..fit };
         moved.is_usable().then_some(moved)
     }
 }
@@ -101,17 +100,18 @@ impl DepthReference {
         if slopes.is_empty() {
             return None;
         }
-        let slope = quantile(slopes, 0.5);
-        let offset_m = quantile(examples.iter().map(|e| e.true_m - slope * e.found_m).collect(), 0.5);
+        slopes.sort_unstable_by(f64::total_cmp);
+        let slope = quantile(&slopes, 0.5);
+        let offset_m = quantile(&sorted(examples.iter().map(|e| e.true_m - slope * e.found_m)), 0.5);
         let refitted = Self { mean_m: offset_m + slope * self.mean_m, std_m: slope * self.std_m, ..*self };
         (refitted.std_m > 0.0 && refitted.mean_m.is_finite()).then_some(refitted)
     }
 }
 
-/// The value below which this share of `values`, which must not be empty, lies.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    let rank = ((values.len() - 1) as f64 * share).round() as usize;
-    *values.select_nth_unstable_by(rank, f64::total_cmp).1
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ const STEPS: usize = 50;
 /// Peaks lower than this are looked at neither when fitting nor afterwards.
 pub const LEAST_PEAK: f64 = 0.03;
 
-/// The least number of right and of wrong examples that a fit is made of.
+/// The least number of examples, here of right and of wrong ones each, that a fit is made of.
 pub const LEAST_EXAMPLES: usize = 50;
 
 /// A fit: coefficients of the logit of the probability.

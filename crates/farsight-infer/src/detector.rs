@@ -147,8 +147,7 @@ impl Detector {
     fn warped(&mut self, images: &[(&RgbImage, &Camera)]) -> Vec<View> {
         self.inputs.resize_with(images.len(), Vec::new);
         let one = |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| {
-            self.spec.input_into(input, image, camera);
-            self.spec.view([image.width() as usize, image.height() as usize], camera)
+            self.spec.input_into(input, image, camera).1
         };
         images.iter().zip(&mut self.inputs).map(one).collect()
     }

@@ -3,7 +3,7 @@
 use farsight_core::codec::STRIDE;
 use farsight_core::detection::{DecodeOptions, View};
 use farsight_core::input::InputRules;
-use farsight_core::{Camera, Codec};
+use farsight_core::{Affine2, Camera, Codec};
 use farsight_data::network_input_into;
 use farsight_net::config::{ModelConfig, Quirks, SIZE_STEP};
 use image::RgbImage;
@@ -71,22 +71,25 @@ impl DetectorSpec {
         InputRules { size: [width, whole.max(height)], ..self.input }
     }
 
-    /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and the camera that sees it.
+    /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and how it sees the image.
     ///
     /// # Shapes
     /// `[3, height, width]`, planar and normalised.
-    pub fn input_into(&self, input: &mut Vec<f32>, image: &RgbImage, camera: &Camera) -> ([usize; 2], Camera) {
+    pub fn input_into(&self, input: &mut Vec<f32>, image: &RgbImage, camera: &Camera) -> ([usize; 2], View) {
         let image_size = [image.width() as usize, image.height() as usize];
         let rules = self.input_for(image_size, camera);
         let affine = rules.whole_image(image_size);
         network_input_into(input, image, &affine, &rules, None);
-        (rules.size, self.view(image_size, camera).input_camera)
+        (rules.size, self.view_through(&affine, image_size, camera))
     }
 
     /// How the network sees an image of `image_size` (width and height, pixels) taken by `camera`.
     pub fn view(&self, image_size: [usize; 2], camera: &Camera) -> View {
-        let affine = self.input_for(image_size, camera).whole_image(image_size);
-        View { image_size, camera: *camera, input_camera: self.quirks.camera(camera).transformed(&affine) }
+        self.view_through(&self.input_for(image_size, camera).whole_image(image_size), image_size, camera)
+    }
+
+    fn view_through(&self, affine: &Affine2, image_size: [usize; 2], camera: &Camera) -> View {
+        View { image_size, camera: *camera, input_camera: self.quirks.camera(camera).transformed(affine) }
     }
 
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.

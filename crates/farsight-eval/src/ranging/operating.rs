@@ -2,6 +2,8 @@
 
 use serde::{Serialize, Serializer};
 
+use farsight_core::statistics::quantile;
+
 use super::matching::{FalseAlarm, Target};
 use crate::{Difficulty, EvaluatedClass};
 
@@ -59,6 +61,7 @@ impl OperatingPoint {
         let found = objects.iter().filter_map(|t| Some((t.depth_m, t.found.filter(|f| f.score >= score)?.depth_m)));
         let errors: Vec<(f64, f64)> = found.map(|(truth, told)| ((told - truth).abs(), truth)).collect();
         let mut relative: Vec<f64> = errors.iter().map(|(error, truth)| error / truth.abs()).collect();
+        relative.sort_unstable_by(f64::total_cmp);
         Self {
             score,
             objects: objects.len(),
@@ -66,15 +69,7 @@ impl OperatingPoint {
             false_alarms_per_frame: alarms.iter().filter(|&&alarm| alarm >= score).count() as f64
                 / frames.max(1) as f64,
             mae_z: (!errors.is_empty()).then(|| errors.iter().map(|(e, _)| e).sum::<f64>() / errors.len() as f64),
-            median_abs_rel_z: median(&mut relative),
+            median_abs_rel_z: (!relative.is_empty()).then(|| quantile(&relative, 0.5)),
         }
     }
-}
-
-/// The middle value, or the mean of the two middle ones.
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let upper = *values.get(values.len() / 2)?;
-    let lower = values[(values.len() - 1) / 2];
-    Some(lower.midpoint(upper))
 }

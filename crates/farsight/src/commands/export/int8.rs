@@ -199,7 +199,8 @@ impl Images {
             Some(cameras) => cameras.camera(path, size)?,
             None => Camera::from_hfov(HFOV_DEG, width, height)?,
         };
-        Ok(self.spec.input_into(input, &image, &camera))
+        let (size, view) = self.spec.input_into(input, &image, &camera);
+        Ok((size, view.input_camera))
     }
 
     /// Whether this image is among those that find out which layers do harm.
