@@ -6,7 +6,7 @@ use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::{ColorJitter, Transform};
+use crate::{ColorJitter, Reflections, Transform};
 
 /// How training images are varied.
 ///
@@ -33,6 +33,10 @@ pub struct AugmentationConfig {
     pub saturation: f64,
     /// Largest turn of hue, either way, radians.
     pub hue_rad: f64,
+    /// Share of images with reflections of themselves on everything ([`Reflections`]); for rendered images.
+    pub reflection_probability: f64,
+    /// How strong reflections get at most, 0 to 1.
+    pub reflection_strength: f64,
     /// Whether shifted and scaled images teach only the heat map, as in official SMOKE, whose camera does not follow its window
     /// (spec 7.3). Ours follows, so nothing has to be masked.
     pub mask_scaled_regression: bool,
@@ -50,6 +54,8 @@ impl Default for AugmentationConfig {
             contrast: 0.2,
             saturation: 0.2,
             hue_rad: 0.0,
+            reflection_probability: 0.0,
+            reflection_strength: 0.5,
             mask_scaled_regression: false,
         }
     }
@@ -58,7 +64,14 @@ impl Default for AugmentationConfig {
 impl AugmentationConfig {
     /// Varies nothing: every draw is [`Transform::identity`].
     pub fn none() -> Self {
-        Self { flip_probability: 0.0, window_probability: 0.0, jitter_probability: 0.0, ..Self::default() }
+        let never = 0.0;
+        Self {
+            flip_probability: never,
+            window_probability: never,
+            jitter_probability: never,
+            reflection_probability: never,
+            ..Self::default()
+        }
     }
 
     /// Why this configuration cannot be used, if it cannot.
@@ -77,6 +90,8 @@ impl AugmentationConfig {
             .or_else(|| share("brightness", self.brightness))
             .or_else(|| share("contrast", self.contrast))
             .or_else(|| share("saturation", self.saturation))
+            .or_else(|| share("reflection_probability", self.reflection_probability))
+            .or_else(|| share("reflection_strength", self.reflection_strength))
             .or_else(|| steps("shift_steps", &self.shift_steps, |v| v.abs() <= 1.0, "number from -1 to 1"))
             .or_else(|| steps("scale_steps", &self.scale_steps, |v| v.is_finite() && v > 0.0, "positive number"))
             .or_else(|| {
@@ -108,6 +123,7 @@ impl AugmentationConfig {
             mirror,
             window: Affine2::window(center, window_width, rules.size),
             jitter: self.draw_jitter(rng),
+            reflections: self.draw_reflections(rng, rules.size),
             scaled,
             regress: !(scaled && self.mask_scaled_regression),
         }
@@ -120,6 +136,10 @@ impl AugmentationConfig {
             saturation: 1.0 + symmetric(rng, self.saturation),
             hue_rad: symmetric(rng, self.hue_rad),
         })
+    }
+
+    fn draw_reflections(&self, rng: &mut impl Rng, size: [usize; 2]) -> Option<Reflections> {
+        happens(rng, self.reflection_probability).then(|| Reflections::draw(rng, size, self.reflection_strength))
     }
 }
 

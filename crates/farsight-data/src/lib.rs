@@ -10,6 +10,7 @@ pub mod image_io;
 pub mod jitter;
 pub mod kitti;
 pub mod loader;
+pub mod reflections;
 pub mod transform;
 pub mod warp;
 
@@ -19,5 +20,6 @@ pub use image_io::{ImageError, read_image};
 pub use jitter::ColorJitter;
 pub use kitti::KittiDataset;
 pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};
+pub use reflections::Reflections;
 pub use transform::{Sample, Transform};
 pub use warp::{network_input, network_input_into, warp};

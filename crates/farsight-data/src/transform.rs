@@ -7,7 +7,7 @@ use farsight_core::input::InputRules;
 use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
 
-use crate::{ColorJitter, Frame, network_input};
+use crate::{ColorJitter, Frame, Reflections, network_input};
 
 /// What is done to one frame to make a network's input of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +18,8 @@ pub struct Transform {
     pub window: Affine2,
     /// Change of colours.
     pub jitter: Option<ColorJitter>,
+    /// What shines through what.
+    pub reflections: Option<Reflections>,
     /// Whether the window is shifted or scaled, not the whole image.
     pub scaled: bool,
     /// Whether the regression head may learn from the result.
@@ -46,7 +48,14 @@ pub struct Sample {
 impl Transform {
     /// The whole image of `image_size` (width, height), nothing varied: for validation and use (spec 5.2).
     pub fn identity(image_size: [usize; 2], rules: &InputRules) -> Self {
-        Self { mirror: false, window: rules.whole_image(image_size), jitter: None, scaled: false, regress: true }
+        Self {
+            mirror: false,
+            window: rules.whole_image(image_size),
+            jitter: None,
+            reflections: None,
+            scaled: false,
+            regress: true,
+        }
     }
 
     /// From pixels of an image `image_width` pixels wide to pixels of the input, mirror included.
@@ -77,7 +86,12 @@ impl Transform {
 
     /// The network's input from the image alone.
     pub fn input(&self, image: &RgbImage, rules: &InputRules) -> Vec<f32> {
-        network_input(image, &self.input_from_image(image.width() as usize), rules, self.jitter.as_ref())
+        let affine = self.input_from_image(image.width() as usize);
+        let mut input = network_input(image, &affine, rules, self.jitter.as_ref());
+        if let Some(reflections) = &self.reflections {
+            reflections.apply(&mut input, rules.size);
+        }
+        input
     }
 
     /// Image, camera and labels of `frame`, moved together.

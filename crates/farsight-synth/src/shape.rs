@@ -1,43 +1,10 @@
 //! Building meshes: flat faces, blocks, tubes, balls and skins over cross-sections.
 
 use crate::scene::{MaterialId, Mesh, Triangle, Vec3, Vertex};
+use crate::vector::{add, cross, dot, length, scale, sub, unit};
 
 /// Faces whose normals differ by more than this are not smoothed into each other (cosine of 40 degrees).
 const CREASE_COS: f32 = 0.766;
-
-pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(crate) fn scale(a: Vec3, by: f32) -> Vec3 {
-    a.map(|v| v * by)
-}
-
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(crate) fn length(a: Vec3) -> f32 {
-    dot(a, a).sqrt()
-}
-
-/// The unit vector along `a`; straight up where `a` has no direction.
-pub(crate) fn unit(a: Vec3) -> Vec3 {
-    let norm = length(a);
-    if norm > 1e-9 { scale(a, 1.0 / norm) } else { [0.0, -1.0, 0.0] }
-}
-
-pub(crate) fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
-    add(scale(a, 1.0 - t), scale(b, t))
-}
 
 /// Adds shapes to a mesh.
 #[derive(Debug, Default)]

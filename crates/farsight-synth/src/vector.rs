@@ -22,6 +22,12 @@ pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
+/// `a - b`.
+#[inline]
+pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
 /// `a * factor`.
 #[inline]
 pub(crate) fn scale(a: Vec3, factor: f32) -> Vec3 {
@@ -45,6 +51,18 @@ pub(crate) fn mix(a: Color, b: Color, share: f32) -> Color {
 pub(crate) fn normalized(a: Vec3) -> Vec3 {
     let square = dot(a, a);
     if square > 0.0 { scale(a, 1.0 / square.sqrt()) } else { a }
+}
+
+/// Its norm.
+#[inline]
+pub(crate) fn length(a: Vec3) -> f32 {
+    dot(a, a).sqrt()
+}
+
+/// The unit vector along `a`; straight up where `a` has no direction.
+pub(crate) fn unit(a: Vec3) -> Vec3 {
+    let norm = length(a);
+    if norm > 1e-9 { scale(a, 1.0 / norm) } else { [0.0, -1.0, 0.0] }
 }
 
 /// A count below two thousand million as a number: one instruction, where a 64-bit count takes a branch and several.

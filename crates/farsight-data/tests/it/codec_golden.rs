@@ -64,6 +64,7 @@ fn transforms_projections_and_both_directions_of_the_code_agree() {
             mirror: flips[i] == 1,
             window: Affine2::window([center_x, center_y], window_width, INPUT_SIZE),
             jitter: None,
+            reflections: None,
             scaled: false,
             regress: true,
         };

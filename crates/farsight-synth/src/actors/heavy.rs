@@ -7,6 +7,9 @@ use crate::palette::{any_color, grey};
 use crate::scene::{Material, MaterialId, Mesh, Pattern, Vec3};
 use crate::shape::Shape;
 
+/// How far walls stay behind the tyres, metres: there are no arches, and a wheel's dish is 5 cm deep.
+const WALL_BEHIND_WHEELS: f32 = 0.06;
+
 /// A lorry: cab and box, tipper or flat bed. KITTI counts buses among them.
 pub(super) fn truck(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let long = hwl[2] > 9.0;
@@ -99,7 +102,7 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
         front,
         floor: 0.4,
         roof: cab_height,
-        half: width / 2.0 * 0.97,
+        half: width / 2.0 - WALL_BEHIND_WHEELS,
         round: 0.18,
         rake: 0.35,
     };
@@ -112,11 +115,11 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
         // A headboard reaches to the top.
         shape.block(
             [load_front - 0.1, -height, -width / 2.0 * 0.95],
-            [load_front, -bed, width / 2.0 * 0.95],
+            [load_front + 0.02, -bed + 0.02, width / 2.0 * 0.95],
             livery.second,
         );
     }
-    shape.block([rear + 0.1, -bed, -0.45], [front - 0.3, -0.5, 0.45], livery.under);
+    shape.block([rear + 0.1, -bed - 0.02, -0.45], [front - 0.3, -0.5, 0.45], livery.under);
     for side in [-1.0f32, 1.0] {
         let z = side * width / 2.0 * 0.98;
         let [a, b] = [rear + length * 0.35, front - cab_length - 0.6];
@@ -159,16 +162,17 @@ fn load_material(workshop: &mut Workshop, closed: bool, livery: &Livery) -> Mate
 
 /// Grille, lamps, bumper and plate in front of a cab.
 fn cab_face(shape: &mut Shape, cab: &Hull, sill: f32, livery: &Livery) {
-    let x = cab.front + 0.01;
-    let mut panel = |low: f32, high: f32, left: f32, right: f32, material: MaterialId| {
+    let mut panel = |x: f32, low: f32, high: f32, left: f32, right: f32, material: MaterialId| {
         shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
     };
     let half = cab.half * 0.88;
-    panel(cab.floor, cab.floor + 0.3, -half, half, livery.trim);
-    panel(cab.floor + 0.4, sill - 0.15, -half * 0.7, half * 0.7, livery.trim);
-    panel(cab.floor + 0.12, cab.floor + 0.3, -half, -half * 0.65, livery.head_lamp);
-    panel(cab.floor + 0.12, cab.floor + 0.3, half * 0.65, half, livery.head_lamp);
-    panel(cab.floor + 0.05, cab.floor + 0.16, -0.26, 0.26, livery.plate);
+    // Lamps and plate lie on the bumper.
+    let (under, over) = (cab.front + 0.01, cab.front + 0.02);
+    panel(under, cab.floor, cab.floor + 0.3, -half, half, livery.trim);
+    panel(under, cab.floor + 0.4, sill - 0.15, -half * 0.7, half * 0.7, livery.trim);
+    panel(over, cab.floor + 0.12, cab.floor + 0.3, -half, -half * 0.65, livery.head_lamp);
+    panel(over, cab.floor + 0.12, cab.floor + 0.3, half * 0.65, half, livery.head_lamp);
+    panel(over, cab.floor + 0.05, cab.floor + 0.16, -0.26, 0.26, livery.plate);
 }
 
 fn axle_wheels(
@@ -181,7 +185,7 @@ fn axle_wheels(
     let radius = 0.5f32.min(height * 0.16).min(length * 0.09);
     for &t in axles {
         for side in [-1.0f32, 1.0] {
-            let center = [length * (0.5 - t), -radius, side * width / 2.0 * 0.97];
+            let center = [length * (0.5 - t), -radius, side * width / 2.0];
             Wheel { center, radius, width: 0.35, rim: 0.55, spokes: 10 }.build(shape, livery, workshop.detail);
         }
     }
@@ -196,21 +200,27 @@ fn bus(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
         front: length / 2.0,
         floor: 0.32,
         roof: height,
-        half: width / 2.0,
+        half: width / 2.0 - WALL_BEHIND_WHEELS,
         round: 0.2,
         rake: 0.25,
     };
     let sill = height * workshop.dice.range32(0.36, 0.44);
     hull.build(&mut shape, [sill, height * 0.78], [livery.body, livery.glass, livery.under]);
     cab_face(&mut shape, &hull, sill, &livery);
-    pillars(&mut shape, hwl, [sill, height * 0.78], 1.5, livery.body);
+    pillars(&mut shape, hwl, [sill, height * 0.78], 1.5, (livery.body, 0));
     rear_face(&mut shape, hwl, sill, &livery);
     axle_wheels(&mut shape, hwl, &[0.2, 0.72], &livery, workshop);
     shape.mesh
 }
 
-/// Bars over a band of windows.
-fn pillars(shape: &mut Shape, [_, width, length]: [f32; 3], [low, high]: [f32; 2], pitch: f32, material: MaterialId) {
+/// Upright bars on both sides, one every `pitch` metres.
+fn pillars(
+    shape: &mut Shape,
+    [_, width, length]: [f32; 3],
+    [low, high]: [f32; 2],
+    pitch: f32,
+    (material, layer): (MaterialId, u8),
+) {
     let count = ((length / pitch) as usize).max(2);
     for k in 1..count {
         let x = length * (k as f32 / count as f32 - 0.5);
@@ -219,7 +229,7 @@ fn pillars(shape: &mut Shape, [_, width, length]: [f32; 3], [low, high]: [f32; 2
             shape.quad(
                 [[x - 0.06, -low, z], [x + 0.06, -low, z], [x + 0.06, -high, z], [x - 0.06, -high, z]],
                 material,
-                0,
+                layer,
             );
         }
     }
@@ -255,8 +265,9 @@ pub(super) fn tram(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let sill = height * workshop.dice.range32(0.32, 0.42);
     let top = height * 0.74;
     hull.build(&mut shape, [sill, top], [livery.body, livery.glass, livery.under]);
-    pillars(&mut shape, hwl, [sill, top], 1.7, livery.body);
-    pillars(&mut shape, hwl, [0.35, height * 0.9], 9.0, livery.gap);
+    pillars(&mut shape, hwl, [sill, top], 1.7, (livery.body, 0));
+    // The joints between its parts.
+    pillars(&mut shape, hwl, [0.35, height * 0.9], 9.0, (livery.gap, 1));
     rear_face(&mut shape, hwl, sill, &livery);
     cab_face(&mut shape, &hull, sill, &livery);
     // Stripe, roof equipment and bogies.
@@ -279,9 +290,10 @@ pub(super) fn trailer(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let mut shape = Shape::default();
     let floor = (height * 0.3).min(0.6);
     let draw_bar = (length * 0.2).min(1.2);
-    shape.block([-length / 2.0, -height, -width / 2.0], [length / 2.0 - draw_bar, -floor, width / 2.0], load);
+    let wall = width / 2.0 - WALL_BEHIND_WHEELS;
+    shape.block([-length / 2.0, -height, -wall], [length / 2.0 - draw_bar, -floor, wall], load);
     shape.block(
-        [-length / 2.0 + 0.05, -floor, -width * 0.4],
+        [-length / 2.0 + 0.05, -floor - 0.02, -width * 0.4],
         [length / 2.0 - draw_bar, -floor * 0.7, width * 0.4],
         livery.under,
     );

@@ -18,6 +18,7 @@ use crate::dice::Dice;
 use crate::palette::Palette;
 use crate::scene::{Mesh, Object, Vec3};
 use crate::shape::{Shape, Turn};
+use crate::vector::add;
 
 /// How finely something is built, by its distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -115,5 +116,74 @@ pub(crate) fn placed(mesh: &Mesh, box3d: &Box3d, instance: u16) -> Object {
 
 /// A point of an object, given in object coordinates, in the scene.
 pub(crate) fn point_of(box3d: &Box3d, point: Vec3) -> Vec3 {
-    crate::shape::add(Turn::new(box3d.yaw).apply(point), box3d.location.map(|v| v as f32))
+    add(Turn::new(box3d.yaw).apply(point), box3d.location.map(|v| v as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::palette::Palette;
+    use crate::scene::Triangle;
+    use crate::sizes::SizeStatistics;
+    use crate::vector::{cross, dot, length, scale, sub};
+
+    /// Surfaces nearer than this to each other, metres, flicker.
+    const APART_M: f32 = 0.001;
+
+    fn points(mesh: &Mesh, triangle: &Triangle) -> [Vec3; 3] {
+        triangle.vertices.map(|k| mesh.vertices[k as usize].position)
+    }
+
+    /// How deep inside a triangle a point of its plane lies, metres; negative outside.
+    fn depth_inside([a, b, c]: [Vec3; 3], normal: Vec3, point: Vec3) -> f32 {
+        let edge = |from: Vec3, to: Vec3| dot(cross(normal, sub(to, from)), sub(point, from)) / length(sub(to, from));
+        edge(a, b).min(edge(b, c)).min(edge(c, a))
+    }
+
+    /// Whether the middle of `triangle` lies on `other`, in the same plane.
+    fn rests_on(triangle: [Vec3; 3], other: [Vec3; 3]) -> bool {
+        let normal = |[a, b, c]: [Vec3; 3]| cross(sub(b, a), sub(c, a));
+        let (mine, its) = (normal(triangle), normal(other));
+        let (my_length, its_length) = (length(mine), length(its));
+        if my_length < 2e-4 || its_length < 2e-4 || dot(mine, its).abs() < 0.999 * my_length * its_length {
+            return false;
+        }
+        let unit = scale(its, 1.0 / its_length);
+        let middle = scale(add(add(triangle[0], triangle[1]), triangle[2]), 1.0 / 3.0);
+        dot(unit, sub(middle, other[0])).abs() < APART_M && depth_inside(other, unit, middle) > 0.01
+    }
+
+    #[test]
+    fn no_two_materials_flicker_in_one_place() {
+        use ObjectClass::{Car, Cyclist, Misc, Pedestrian, Tram, Truck, Van};
+        for (k, class) in [Car, Van, Truck, Tram, Misc, Cyclist, Pedestrian].into_iter().enumerate() {
+            for seed in 0..8 {
+                let mut dice = Dice::new(seed, k as u64, 0);
+                let size = SizeStatistics::of(&class).draw(&mut dice);
+                let mut palette = Palette::default();
+                let mut workshop = Workshop {
+                    palette: &mut palette,
+                    dice,
+                    detail: Detail::Near,
+                    conduct: Conduct::default(),
+                    unusual: false,
+                };
+                let mesh = build(&class, size, &mut workshop);
+                for a in &mesh.triangles {
+                    let place = points(&mesh, a);
+                    let rival = mesh
+                        .triangles
+                        .iter()
+                        .find(|b| b.layer == a.layer && b.material != a.material && rests_on(place, points(&mesh, b)));
+                    let material = |t: &Triangle| palette.materials[usize::from(t.material)];
+                    assert!(
+                        rival.is_none(),
+                        "{class:?}, seed {seed}: {place:?} of {:?} lies on {:?}",
+                        material(a),
+                        rival.map(material)
+                    );
+                }
+            }
+        }
+    }
 }

@@ -4,7 +4,8 @@ use super::{Detail, Workshop};
 use crate::dice::Dice;
 use crate::palette::{any_color, grey, varied};
 use crate::scene::{Color, MaterialId, Mesh, Vec3};
-use crate::shape::{Shape, mix};
+use crate::shape::Shape;
+use crate::vector::mix;
 
 /// What someone wears.
 struct Outfit {

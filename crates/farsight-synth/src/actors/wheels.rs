@@ -3,7 +3,8 @@
 use super::Detail;
 use super::paint::Livery;
 use crate::scene::Vec3;
-use crate::shape::{Shape, add};
+use crate::shape::Shape;
+use crate::vector::add;
 
 /// One wheel whose outer face looks along z.
 #[derive(Debug, Clone, Copy)]

@@ -84,10 +84,10 @@ pub(crate) fn leafy_ball(
 /// Single boughs that stick out of a crown, so that its outline is ragged.
 fn sprays(shape: &mut Shape, center: Vec3, radii: Vec3, count: usize, leaves: MaterialId, dice: &mut Dice) {
     for _ in 0..count {
-        let out = crate::shape::unit([dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0)]);
+        let out = crate::vector::unit([dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0), dice.range32(-1.0, 1.0)]);
         let from = [0, 1, 2].map(|i| center[i] + out[i] * radii[i] * 0.8);
         let reach = radii[0] * dice.range32(0.25, 0.5);
-        let side = crate::shape::unit([out[2], dice.range32(-0.4, 0.4), -out[0]]);
+        let side = crate::vector::unit([out[2], dice.range32(-0.4, 0.4), -out[0]]);
         let corner = |a: f32, b: f32| [0, 1, 2].map(|i| from[i] + (out[i] * a + side[i] * b) * reach);
         let first = shape.mesh.vertices.len();
         shape.quad([corner(-0.3, -0.7), corner(0.0, 0.8), corner(1.1, 0.4), corner(0.8, -0.6)], leaves, 0);

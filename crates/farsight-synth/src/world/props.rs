@@ -252,7 +252,7 @@ pub(crate) fn street_lamp(stage: &mut Stage, at: Vec3, yaw: f64, height: f32, st
     stage.solid.place(&shape.mesh, yaw, at);
     if on && stage.lamps.len() < 24 {
         let out = crate::shape::Turn::new(yaw).apply([0.0, -height - 0.05, reach + 0.2]);
-        let position = crate::shape::add(at, out);
+        let position = crate::vector::add(at, out);
         let warm = dice.range32(0.45, 0.95);
         let color = [30.0, 30.0 * (0.5 + 0.5 * warm), 30.0 * warm * 0.8];
         stage.lamps.push(Lamp { position, direction: [0.0, 1.0, 0.0], cone_cos: 0.25, color, reach_m: 28.0 });

@@ -159,7 +159,7 @@ impl Stage {
             let local = [length / 2.0 + 0.05, -0.42 * height.min(2.0), side * width].map(|v| v as f32);
             let position = actors::point_of(box3d, local);
             let ahead = actors::point_of(box3d, [local[0] + 10.0, -0.1, local[2]]);
-            let direction = crate::shape::unit(crate::shape::sub(ahead, position));
+            let direction = crate::vector::unit(crate::vector::sub(ahead, position));
             self.lamps.push(Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 });
         }
     }

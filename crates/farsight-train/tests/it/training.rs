@@ -119,6 +119,35 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
 }
 
 #[test]
+fn the_factor_on_the_orientation_reaches_the_direction_and_nothing_else() {
+    let config = run_config("unused".as_ref()).model;
+    let image = crate::tiny::targets(&config);
+    let [width, height] = image.map_size.map(|s| s as i64);
+    let codec = config.codec();
+    let targets = BatchTargets::new(std::slice::from_ref(&image), &[true], Device::Cpu);
+    let learn = |orientation: f64| {
+        let maps = |channels: i64| {
+            let values = Tensor::arange(channels * height * width, (Kind::Float, Device::Cpu)) * 0.37;
+            values.sin().view([1, channels, height, width])
+        };
+        let regression = maps(8).set_requires_grad(true);
+        let weights = CornerWeights { orientation, ..CornerWeights::alike(37.5) };
+        let (objective, terms) = loss(&codec, &maps(3), &regression, &targets, weights);
+        (terms, Tensor::run_backward(&[objective], &[regression], false, false).remove(0))
+    };
+    let ((once, gradient), (thrice, stronger)) = (learn(1.0), learn(3.0));
+    assert!(once.orientation > 0.0);
+    assert!((thrice.orientation - 3.0 * once.orientation).abs() < 1e-9 * once.orientation);
+    assert_eq!([once.heat_map, once.dimensions, once.location], [thrice.heat_map, thrice.dimensions, thrice.location]);
+
+    let part = |gradient: &Tensor, from: i64, to: i64| gradient.narrow(1, from, to - from);
+    assert_eq!(part(&stronger, 0, 6), part(&gradient, 0, 6));
+    let direction = part(&gradient, 6, 8);
+    assert!(direction.abs().max().double_value(&[]) > 0.0);
+    assert!(part(&stronger, 6, 8).allclose(&(direction * 3.0), 1e-6, 0.0, false));
+}
+
+#[test]
 fn neighbours_share_the_weight_of_an_object_and_leave_other_objects_their_cells() {
     let image = crate::tiny::targets(&run_config("unused".as_ref()).model);
     let mut beside = image.objects[0].clone();
