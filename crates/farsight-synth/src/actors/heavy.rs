@@ -127,16 +127,7 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
             shape.quad([[a, -0.45, z], [b, -0.45, z], [b, -bed, z], [a, -bed, z]], livery.trim, 0);
         }
         let [near, far] = [side * width / 2.0 * 0.55, side * width / 2.0 * 0.95];
-        shape.quad(
-            [
-                [rear - 0.01, -0.75, near],
-                [rear - 0.01, -0.75, far],
-                [rear - 0.01, -0.9, far],
-                [rear - 0.01, -0.9, near],
-            ],
-            livery.brake_lamp,
-            0,
-        );
+        panel(&mut shape, rear - 0.01, [0.75, 0.9], [near, far], livery.brake_lamp);
     }
     shape.block([rear, -0.6, -width / 2.0 * 0.9], [rear + 0.08, -0.45, width / 2.0 * 0.9], livery.trim);
     let axles: &[f32] = if length > 9.0 { &[0.14, 0.72, 0.84] } else { &[0.17, 0.78] };
@@ -160,19 +151,22 @@ fn load_material(workshop: &mut Workshop, closed: bool, livery: &Livery) -> Mate
     workshop.palette.add(Material { pattern, gloss: 0.2, shininess: 15.0, mirror: 0.02, ..material })
 }
 
+/// A flat piece across the vehicle at `x`, between two heights and from left to right.
+fn panel(shape: &mut Shape, x: f32, [low, high]: [f32; 2], [left, right]: [f32; 2], material: MaterialId) {
+    shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
+}
+
 /// Grille, lamps, bumper and plate in front of a cab.
 fn cab_face(shape: &mut Shape, cab: &Hull, sill: f32, livery: &Livery) {
-    let mut panel = |x: f32, low: f32, high: f32, left: f32, right: f32, material: MaterialId| {
-        shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
-    };
     let half = cab.half * 0.88;
-    // Lamps and plate lie on the bumper.
-    let (under, over) = (cab.front + 0.01, cab.front + 0.02);
-    panel(under, cab.floor, cab.floor + 0.3, -half, half, livery.trim);
-    panel(under, cab.floor + 0.4, sill - 0.15, -half * 0.7, half * 0.7, livery.trim);
-    panel(over, cab.floor + 0.12, cab.floor + 0.3, -half, -half * 0.65, livery.head_lamp);
-    panel(over, cab.floor + 0.12, cab.floor + 0.3, half * 0.65, half, livery.head_lamp);
-    panel(over, cab.floor + 0.05, cab.floor + 0.16, -0.26, 0.26, livery.plate);
+    let bumper = cab.front + 0.01;
+    panel(shape, bumper, [cab.floor, cab.floor + 0.3], [-half, half], livery.trim);
+    panel(shape, bumper, [cab.floor + 0.4, sill - 0.15], [-half * 0.7, half * 0.7], livery.trim);
+    let on_bumper = cab.front + 0.02;
+    let lamp = [cab.floor + 0.12, cab.floor + 0.3];
+    panel(shape, on_bumper, lamp, [-half, -half * 0.65], livery.head_lamp);
+    panel(shape, on_bumper, lamp, [half * 0.65, half], livery.head_lamp);
+    panel(shape, on_bumper, [cab.floor + 0.05, cab.floor + 0.16], [-0.26, 0.26], livery.plate);
 }
 
 fn axle_wheels(
@@ -238,14 +232,11 @@ fn pillars(
 fn rear_face(shape: &mut Shape, [height, width, length]: [f32; 3], sill: f32, livery: &Livery) {
     let x = -length / 2.0 - 0.005;
     let half = width / 2.0 * 0.9;
-    let mut panel = |low: f32, high: f32, left: f32, right: f32, material: MaterialId| {
-        shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
-    };
-    panel(sill, height * 0.8, -half * 0.8, half * 0.8, livery.glass);
-    panel(0.6, 0.9, -half, -half * 0.8, livery.brake_lamp);
-    panel(0.6, 0.9, half * 0.8, half, livery.brake_lamp);
-    panel(0.5, 0.62, -0.26, 0.26, livery.plate);
-    panel(0.34, 0.48, -half, half, livery.trim);
+    panel(shape, x, [sill, height * 0.8], [-half * 0.8, half * 0.8], livery.glass);
+    panel(shape, x, [0.6, 0.9], [-half, -half * 0.8], livery.brake_lamp);
+    panel(shape, x, [0.6, 0.9], [half * 0.8, half], livery.brake_lamp);
+    panel(shape, x, [0.5, 0.62], [-0.26, 0.26], livery.plate);
+    panel(shape, x, [0.34, 0.48], [-half, half], livery.trim);
 }
 
 /// A tram: one long hull with bands of windows and joints.
@@ -308,11 +299,7 @@ pub(super) fn trailer(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let half = width / 2.0;
     for side in [-1.0f32, 1.0] {
         let [a, b] = [side * half * 0.7, side * half * 0.95];
-        shape.quad(
-            [[x, -floor - 0.05, a], [x, -floor - 0.05, b], [x, -floor - 0.18, b], [x, -floor - 0.18, a]],
-            livery.brake_lamp,
-            0,
-        );
+        panel(&mut shape, x, [floor + 0.05, floor + 0.18], [a, b], livery.brake_lamp);
     }
     axle_wheels(&mut shape, [height.max(1.5), width, length], &[0.55], &livery, workshop);
     shape.mesh
