@@ -37,7 +37,7 @@ fn found(folder: &Path, model: &str) -> Vec<[f64; 3]> {
 fn answers_are_fitted_on_labelled_frames() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    rendered(folder, "24");
+    rendered(folder, "48");
     let told = fitted(folder, &shipped(), "once.safetensors");
     let status = String::from_utf8_lossy(&told.stderr);
     let said = |text: &str| assert!(status.contains(text), "{status}");
@@ -54,8 +54,11 @@ fn answers_are_fitted_on_labelled_frames() {
     assert!(fitted(folder, "once.safetensors", "twice.safetensors").status.success());
     let twice = found(folder, "twice.safetensors");
     assert_eq!(twice.len(), once.len());
-    for (once, twice) in once.iter().flatten().zip(twice.iter().flatten()) {
-        assert!((once - twice).abs() <= 0.05 * once.abs(), "{once}, then {twice}");
+    // Boxes that moved find other objects at the edge of the overlap asked for, so the second fit is on a few others of the hundred and sixty.
+    for ([depth_m, sigma_m, score], [depth_again_m, sigma_again_m, score_again]) in once.iter().zip(&twice) {
+        assert!((depth_m - depth_again_m).abs() <= 0.02 * depth_m, "{depth_m} m, then {depth_again_m} m");
+        assert!((sigma_m - sigma_again_m).abs() <= 0.1 * sigma_m, "+-{sigma_m} m, then {sigma_again_m} m");
+        assert!((score - score_again).abs() <= 0.03, "{score}, then {score_again}");
     }
 }
 
