@@ -1,7 +1,7 @@
 //! Patches in which another place of the same image shines through, as in paint and glass.
 //!
-//! Rendered surfaces are plainer than photographed ones, and a network that has only seen plain ones takes what is mirrored in a near car for a smaller car
-//! farther away. This puts more than any mirror would on everything, so that shapes are what is left to go by.
+//! Rendered surfaces are plainer than photographed ones, and a network that has only seen plain ones sees photographed cars near by too far away, as if it
+//! took their detail for that of smaller cars. This puts more than any mirror would on everything, so that shapes are what is left to go by.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
