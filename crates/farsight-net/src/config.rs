@@ -17,7 +17,7 @@ pub use crate::build::Stem;
 pub const SIZE_STEP: usize = 32;
 
 /// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
-const LARGEST_SIDE: usize = 8192;
+pub const LARGEST_SIDE: usize = 8192;
 
 /// Channels of SMOKE's levels 0 to 5.
 const SMOKE_CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];

@@ -9,6 +9,7 @@ use std::path::Path;
 use farsight_core::{Label, ObjectClass};
 use farsight_data::kitti::read_labels;
 use farsight_synth::labels::LabelRules;
+use farsight_synth::sizes::PERCENTS;
 use farsight_synth::{WorldConfig, draw_scene, render};
 use rayon::prelude::*;
 
@@ -87,13 +88,10 @@ fn at(sorted: &[f64], share: f64) -> f64 {
 }
 
 fn spread(name: &str, mut values: Vec<f64>) {
-    let (center, reach) = (mean(&values), deviation(&values));
+    let center = mean(&values);
     values.sort_by(f64::total_cmp);
-    println!(
-        "{name}: mean {center:.3}, deviation {reach:.3}, 1 % {:.2}, 99 % {:.2}",
-        at(&values, 0.01),
-        at(&values, 0.99)
-    );
+    let row: Vec<String> = PERCENTS.iter().map(|percent| format!("{:.2}", at(&values, percent / 100.0))).collect();
+    println!("{name}: mean {center:.3}, at {PERCENTS:?} %: {}", row.join(" "));
 }
 
 fn percentiles(name: &str, mut values: Vec<f64>) {

@@ -45,7 +45,7 @@ fn label(class: ObjectClass, k: usize, z: f64, pitch: f64, seed: u64) -> Label {
     let sizes = SizeStatistics::of(&class);
     let vary = |spread: &farsight_synth::sizes::Spread, step: u64| {
         let share = ((seed * 7 + k as u64 * 5 + step) % 11) as f64 / 10.0 - 0.5;
-        (spread.mean + 2.0 * share * spread.deviation).clamp(spread.low, spread.high)
+        spread.at(2.0 * share)
     };
     let dimensions =
         Dimensions { height: vary(&sizes.height, 1), width: vary(&sizes.width, 2), length: vary(&sizes.length, 3) };

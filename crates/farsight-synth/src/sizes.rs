@@ -7,17 +7,40 @@ use farsight_core::{Dimensions, ObjectClass};
 
 use crate::dice::Dice;
 
-/// Mean, standard deviation, and the 1st and 99th percentile of one measure.
+/// The percents at which [`Spread::percentiles`] lie.
+pub const PERCENTS: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];
+
+/// Where [`PERCENTS`] of the standard normal distribution lie.
+const NORMAL_SCORES: [f64; 7] = [-2.326, -1.645, -0.674, 0.0, 0.674, 1.645, 2.326];
+
+/// How one measure is distributed. Heights of cars are skewed: half are below 1.50 m and their mean is 1.53 m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Mean, metres.
     pub mean: f64,
-    /// Standard deviation, metres.
-    pub deviation: f64,
-    /// Nothing smaller is drawn, metres.
-    pub low: f64,
-    /// Nothing larger is drawn, metres.
-    pub high: f64,
+    /// Values at [`PERCENTS`], metres; nothing beyond the first and the last is drawn.
+    pub percentiles: [f64; 7],
+}
+
+impl Spread {
+    /// The value, metres, that is as far from the median as `score`, in standard deviations, is from that of a normal distribution.
+    pub fn at(&self, score: f64) -> f64 {
+        let end = NORMAL_SCORES.iter().position(|&above| score < above);
+        match end {
+            Some(0) => self.percentiles[0],
+            None => self.percentiles[6],
+            Some(end) => {
+                let [low, high] = [end - 1, end].map(|k| NORMAL_SCORES[k]);
+                let share = (score - low) / (high - low);
+                self.percentiles[end - 1] + share * (self.percentiles[end] - self.percentiles[end - 1])
+            }
+        }
+    }
+
+    /// Smallest and largest value that is drawn, metres.
+    pub fn limits(&self) -> [f64; 2] {
+        [self.percentiles[0], self.percentiles[6]]
+    }
 }
 
 /// Sizes of one class.
@@ -33,57 +56,57 @@ pub struct SizeStatistics {
     pub shared: f64,
 }
 
-const fn spread(mean: f64, deviation: f64, low: f64, high: f64) -> Spread {
-    Spread { mean, deviation, low, high }
+const fn spread(mean: f64, percentiles: [f64; 7]) -> Spread {
+    Spread { mean, percentiles }
 }
 
 const CAR: SizeStatistics = SizeStatistics {
-    height: spread(1.526, 0.137, 1.27, 1.97),
-    width: spread(1.629, 0.102, 1.36, 1.88),
-    length: spread(3.884, 0.426, 2.94, 4.89),
+    height: spread(1.526, [1.27, 1.36, 1.43, 1.50, 1.59, 1.78, 1.97]),
+    width: spread(1.629, [1.36, 1.47, 1.57, 1.63, 1.68, 1.80, 1.88]),
+    length: spread(3.884, [2.94, 3.20, 3.59, 3.88, 4.19, 4.52, 4.89]),
     shared: 0.53,
 };
 const VAN: SizeStatistics = SizeStatistics {
-    height: spread(2.207, 0.325, 1.71, 2.87),
-    width: spread(1.902, 0.173, 1.56, 2.46),
-    length: spread(5.078, 0.831, 3.72, 6.86),
+    height: spread(2.207, [1.71, 1.78, 1.94, 2.13, 2.48, 2.75, 2.87]),
+    width: spread(1.902, [1.56, 1.64, 1.79, 1.88, 2.02, 2.20, 2.46]),
+    length: spread(5.078, [3.72, 3.92, 4.43, 4.98, 5.75, 6.64, 6.86]),
     shared: 0.84,
 };
 const TRUCK: SizeStatistics = SizeStatistics {
-    height: spread(3.252, 0.449, 2.32, 4.19),
-    width: spread(2.585, 0.216, 2.06, 2.97),
-    length: spread(10.109, 2.858, 5.42, 16.79),
+    height: spread(3.252, [2.32, 2.60, 2.85, 3.34, 3.52, 4.05, 4.19]),
+    width: spread(2.585, [2.06, 2.21, 2.47, 2.63, 2.63, 2.89, 2.97]),
+    length: spread(10.109, [5.42, 6.19, 7.87, 10.81, 12.34, 16.44, 16.79]),
     shared: 0.57,
 };
 // The shortest trams are cut off by the edge of what the annotators saw; their 3.14 m are rounded up.
 const TRAM: SizeStatistics = SizeStatistics {
-    height: spread(3.529, 0.176, 3.17, 3.84),
-    width: spread(2.544, 0.215, 2.17, 2.81),
-    length: spread(16.094, 7.852, 3.15, 35.24),
+    height: spread(3.529, [3.17, 3.19, 3.33, 3.61, 3.65, 3.71, 3.84]),
+    width: spread(2.544, [2.17, 2.17, 2.34, 2.60, 2.74, 2.80, 2.81]),
+    length: spread(16.094, [3.15, 3.22, 12.71, 14.66, 18.10, 35.24, 35.24]),
     shared: 0.0,
 };
 const PEDESTRIAN: SizeStatistics = SizeStatistics {
-    height: spread(1.761, 0.113, 1.50, 1.97),
-    width: spread(0.660, 0.143, 0.38, 0.96),
-    length: spread(0.842, 0.235, 0.30, 1.32),
+    height: spread(1.761, [1.50, 1.57, 1.69, 1.77, 1.84, 1.93, 1.97]),
+    width: spread(0.660, [0.38, 0.43, 0.55, 0.65, 0.75, 0.91, 0.96]),
+    length: spread(0.842, [0.30, 0.42, 0.68, 0.88, 1.01, 1.17, 1.32]),
     shared: 0.45,
 };
 const SITTING: SizeStatistics = SizeStatistics {
-    height: spread(1.275, 0.110, 1.06, 1.64),
-    width: spread(0.595, 0.079, 0.48, 0.75),
-    length: spread(0.802, 0.222, 0.50, 1.33),
+    height: spread(1.275, [1.06, 1.14, 1.23, 1.26, 1.32, 1.39, 1.64]),
+    width: spread(0.595, [0.48, 0.50, 0.51, 0.59, 0.65, 0.75, 0.75]),
+    length: spread(0.802, [0.50, 0.57, 0.65, 0.75, 0.84, 1.33, 1.33]),
     shared: 0.24,
 };
 const CYCLIST: SizeStatistics = SizeStatistics {
-    height: spread(1.737, 0.095, 1.44, 1.98),
-    width: spread(0.597, 0.124, 0.34, 0.88),
-    length: spread(1.764, 0.177, 1.19, 2.12),
+    height: spread(1.737, [1.44, 1.59, 1.68, 1.75, 1.81, 1.86, 1.98]),
+    width: spread(0.597, [0.34, 0.34, 0.53, 0.60, 0.66, 0.83, 0.88]),
+    length: spread(1.764, [1.19, 1.50, 1.69, 1.76, 1.89, 2.02, 2.12]),
     shared: 0.52,
 };
 const MISC: SizeStatistics = SizeStatistics {
-    height: spread(1.907, 0.814, 0.76, 3.91),
-    width: spread(1.514, 0.674, 0.40, 2.68),
-    length: spread(3.576, 2.858, 0.77, 12.60),
+    height: spread(1.907, [0.76, 0.93, 1.24, 1.65, 2.43, 3.48, 3.91]),
+    width: spread(1.514, [0.40, 0.51, 0.85, 1.51, 2.13, 2.57, 2.68]),
+    length: spread(3.576, [0.77, 1.47, 1.95, 2.52, 3.84, 11.68, 12.60]),
     shared: 0.84,
 };
 
@@ -106,10 +129,46 @@ impl SizeStatistics {
     pub(crate) fn draw(&self, dice: &mut Dice) -> Dimensions {
         let common = dice.normal(0.0, 1.0);
         let own = (1.0 - self.shared * self.shared).sqrt();
-        let mut one = |spread: &Spread| {
-            let deviation = self.shared * common + own * dice.normal(0.0, 1.0);
-            (spread.mean + spread.deviation * deviation).clamp(spread.low, spread.high)
-        };
+        let mut one = |spread: &Spread| spread.at(self.shared * common + own * dice.normal(0.0, 1.0));
         Dimensions { height: one(&self.height), width: one(&self.width), length: one(&self.length) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use farsight_core::{Dimensions, ObjectClass};
+
+    use super::{PERCENTS, SizeStatistics, Spread};
+    use crate::dice::Dice;
+
+    #[test]
+    fn draws_have_the_percentiles_that_they_come_from() {
+        let sizes = SizeStatistics::of(&ObjectClass::Car);
+        let mut dice = Dice::new(1, 2, 3);
+        let drawn: Vec<Dimensions> = (0..40_000).map(|_| sizes.draw(&mut dice)).collect();
+        let measures: [(Spread, fn(&Dimensions) -> f64); 3] =
+            [(sizes.height, |d| d.height), (sizes.width, |d| d.width), (sizes.length, |d| d.length)];
+        for (spread, measure) in measures {
+            let mut values: Vec<f64> = drawn.iter().map(measure).collect();
+            values.sort_by(f64::total_cmp);
+            let [low, high] = spread.limits();
+            assert!(values[0] >= low && *values.last().unwrap() <= high);
+            for (percent, expected) in PERCENTS.iter().zip(spread.percentiles) {
+                let found = values[(percent / 100.0 * values.len() as f64) as usize];
+                assert!((found - expected).abs() < 0.012 * (high - low), "{percent} %: {found}, expected {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_higher_score_is_never_smaller() {
+        for class in ObjectClass::KITTI {
+            let height = SizeStatistics::of(&class).height;
+            let heights: Vec<f64> = (-40..=40).map(|tenth| height.at(f64::from(tenth) / 10.0)).collect();
+            assert!(heights.is_sorted(), "{class}: {heights:?}");
+            assert!((height.at(0.0) - height.percentiles[3]).abs() < 1e-12);
+        }
     }
 }

@@ -139,7 +139,10 @@ fn sizes_stay_within_their_limits() {
         for actor in &drawn.actors {
             let sizes = SizeStatistics::of(&actor.class);
             let size = actor.box3d.dimensions;
-            let within = |value: f64, spread: &Spread| (spread.low..=spread.high).contains(&value);
+            let within = |value: f64, spread: &Spread| {
+                let [low, high] = spread.limits();
+                (low..=high).contains(&value)
+            };
             let fits = within(size.height, &sizes.height) && within(size.width, &sizes.width);
             assert!(fits && within(size.length, &sizes.length), "scene {index}: {:?} of {size:?}", actor.class);
         }

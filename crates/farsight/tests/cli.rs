@@ -170,6 +170,27 @@ fn small_model(folder: &Path) -> std::path::PathBuf {
 }
 
 #[test]
+fn only_virtual_depths_let_the_input_change_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    small_model(folder.path());
+    let smaller = |model: &str| {
+        let arguments = ["export", "--half", "--input", "64x32", "--model", model, "--out", "smaller.safetensors"];
+        farsight_in(folder.path(), &arguments)
+    };
+    let (status, _, err) = smaller("m.safetensors");
+    let expected = "\
+error: m.safetensors: --input: the depths of this model hold at the size it was trained at, 96x64; expected a model with virtual depth (model.depth.focal_px)
+";
+    assert_eq!((status, err.as_str()), (2, expected));
+
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/farsight-s.safetensors");
+    let (status, _, err) = smaller(&shipped.display().to_string());
+    assert_eq!(status, 0, "{err}");
+    let (_, out, _) = farsight_in(folder.path(), &["info", "smaller.safetensors"]);
+    assert!(out.starts_with("input           64 x 32 pixels\n"), "{out}");
+}
+
+#[test]
 fn a_model_that_is_none() {
     let expected =
         "error: model: no \"farsight.model\" in its metadata; expected a file written by `farsight export`\n";

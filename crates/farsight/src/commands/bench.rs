@@ -11,7 +11,6 @@ use farsight_data::read_image;
 use farsight_files::write_atomically;
 use farsight_infer::timing::timed;
 use farsight_infer::{Detector, StageTimes};
-use farsight_net::config::SIZE_STEP;
 use farsight_viz::{DrawOptions, Scene, picture};
 use image::RgbImage;
 use serde::Serialize;
@@ -24,9 +23,8 @@ use crate::shipped;
 /// Runs before the clock counts: engines plan and allocate in the first ones.
 const WARM_UP: usize = 3;
 
-/// More images at once or larger ones are a mistake.
+/// More images at once are a mistake.
 const LARGEST_BATCH: usize = 256;
-const LARGEST_SIDE: usize = 8192;
 
 /// Arguments of `farsight bench`.
 #[derive(Debug, Args)]
@@ -40,7 +38,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
     /// Width and height of the network's input, pixels, multiples of 32 [default: the model's]
-    #[arg(long, value_name = "WxH", value_parser = input_size)]
+    #[arg(long, value_name = "WxH", value_parser = super::input_size)]
     input: Option<[usize; 2]>,
     /// Images that the network sees together; times are of the batch
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -123,19 +121,6 @@ fn pass(path: &Path, batch: usize, detector: &mut Detector) -> Result<Pass> {
         }
     });
     Ok(Pass { times: StageTimes { load, ..times }, draw })
-}
-
-/// Width and height, as in `1280x384`.
-fn input_size(text: &str) -> Result<[usize; 2], String> {
-    let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
-    match sides {
-        Some([Ok(width), Ok(height)])
-            if [width, height].iter().all(|side| (1..=LARGEST_SIDE).contains(side) && side % SIZE_STEP == 0) =>
-        {
-            Ok([width, height])
-        }
-        _ => Err(format!("expected width and height in multiples of {SIZE_STEP}, at most {LARGEST_SIDE}: 1280x384")),
-    }
 }
 
 /// KITTI's field of view: the answers do not matter here, and the time does not depend on it.

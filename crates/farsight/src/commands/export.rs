@@ -42,6 +42,9 @@ pub(crate) struct ExportArgs {
     /// In which form deformable convolutions are written
     #[arg(long, value_enum, default_value_t = TargetName::Portable)]
     target: TargetName,
+    /// Width and height of the network's input, pixels, multiples of 32: larger sees farther and takes longer [default: the model's]
+    #[arg(long, value_name = "WxH", value_parser = super::input_size)]
+    input: Option<[usize; 2]>,
     /// Focal lengths, pixels of the network's input, into which images of other cameras are scaled: where the model proved good [default: the model's]
     #[arg(long, value_name = "LEAST,MOST", value_parser = focal_range)]
     focal_range: Option<[f64; 2]>,
@@ -79,6 +82,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
     let mut model = read(&args.model)?;
+    if let Some(size) = args.input {
+        resize_input(&mut model, size, &args.model)?;
+    }
     model.config.focal_range_px = args.focal_range.or(model.config.focal_range_px);
     if let Some(data) = &args.fit_on {
         fit::fit(&mut model, &args.model, data, printer)?;
@@ -117,6 +123,19 @@ fn read(path: &Path) -> Result<Model> {
         }
         Err(_) => Err(error.into()),
     })
+}
+
+/// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless its depths are virtual.
+fn resize_input(model: &mut Model, size: [usize; 2], path: &Path) -> Result<()> {
+    let [width, height] = model.config.input;
+    if size != model.config.input && model.config.depth.focal_px.is_none() {
+        bail!(
+            "{}: --input: the depths of this model hold at the size it was trained at, {width}x{height}; expected a model with virtual depth (model.depth.focal_px)",
+            path.display()
+        );
+    }
+    model.config.input = size;
+    Ok(())
 }
 
 /// Two focal lengths, as in `230,560`.

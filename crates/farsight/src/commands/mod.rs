@@ -16,6 +16,7 @@ mod train;
 
 use anyhow::Result;
 use clap::Subcommand;
+use farsight_net::config::{LARGEST_SIDE, SIZE_STEP};
 
 use crate::printer::Printer;
 
@@ -77,5 +78,18 @@ impl Command {
             Self::Prune(args) => prune::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),
         }
+    }
+}
+
+/// Width and height of a network's input, as in `1280x384`.
+fn input_size(text: &str) -> Result<[usize; 2], String> {
+    let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
+    match sides {
+        Some([Ok(width), Ok(height)])
+            if [width, height].iter().all(|side| (1..=LARGEST_SIDE).contains(side) && side % SIZE_STEP == 0) =>
+        {
+            Ok([width, height])
+        }
+        _ => Err(format!("expected width and height in multiples of {SIZE_STEP}, at most {LARGEST_SIDE}: 1280x384")),
     }
 }
