@@ -6,7 +6,7 @@ use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::{ColorJitter, Reflections, Transform};
+use crate::{ColorJitter, Detail, Reflections, Transform};
 
 /// How training images are varied.
 ///
@@ -37,6 +37,10 @@ pub struct AugmentationConfig {
     pub reflection_probability: f64,
     /// How strong reflections get at most, 0 to 1.
     pub reflection_strength: f64,
+    /// Share of images with more or less fine detail ([`Detail`]); for rendered images, which have less than photographs.
+    pub detail_probability: f64,
+    /// Largest factor on fine detail, at least 1; the smallest is one over it.
+    pub detail_factor: f64,
     /// Whether shifted and scaled images teach only the heat map, as in official SMOKE, whose camera does not follow its window
     /// (spec 7.3). Ours follows, so nothing has to be masked.
     pub mask_scaled_regression: bool,
@@ -56,6 +60,8 @@ impl Default for AugmentationConfig {
             hue_rad: 0.0,
             reflection_probability: 0.0,
             reflection_strength: 0.5,
+            detail_probability: 0.0,
+            detail_factor: 3.0,
             mask_scaled_regression: false,
         }
     }
@@ -70,6 +76,7 @@ impl AugmentationConfig {
             window_probability: never,
             jitter_probability: never,
             reflection_probability: never,
+            detail_probability: never,
             ..Self::default()
         }
     }
@@ -92,6 +99,12 @@ impl AugmentationConfig {
             .or_else(|| share("saturation", self.saturation))
             .or_else(|| share("reflection_probability", self.reflection_probability))
             .or_else(|| share("reflection_strength", self.reflection_strength))
+            .or_else(|| share("detail_probability", self.detail_probability))
+            .or_else(|| {
+                let factor = self.detail_factor;
+                let in_range = (1.0..=100.0).contains(&factor);
+                (!in_range).then(|| format!("detail_factor is {factor}; expected a number from 1 to 100"))
+            })
             .or_else(|| steps("shift_steps", &self.shift_steps, |v| v.abs() <= 1.0, "number from -1 to 1"))
             .or_else(|| steps("scale_steps", &self.scale_steps, |v| v.is_finite() && v > 0.0, "positive number"))
             .or_else(|| {
@@ -124,6 +137,7 @@ impl AugmentationConfig {
             window: Affine2::window(center, window_width, rules.size),
             jitter: self.draw_jitter(rng),
             reflections: self.draw_reflections(rng, rules.size),
+            detail: self.draw_detail(rng),
             scaled,
             regress: !(scaled && self.mask_scaled_regression),
         }
@@ -140,6 +154,10 @@ impl AugmentationConfig {
 
     fn draw_reflections(&self, rng: &mut impl Rng, size: [usize; 2]) -> Option<Reflections> {
         happens(rng, self.reflection_probability).then(|| Reflections::draw(rng, size, self.reflection_strength))
+    }
+
+    fn draw_detail(&self, rng: &mut impl Rng) -> Option<Detail> {
+        happens(rng, self.detail_probability).then(|| Detail::draw(rng, self.detail_factor))
     }
 }
 

@@ -5,6 +5,7 @@
 //! samples on several threads, in the same order and with the same content for any number of threads.
 
 pub mod augment;
+pub mod detail;
 pub mod frame;
 pub mod image_io;
 pub mod jitter;
@@ -15,6 +16,7 @@ pub mod transform;
 pub mod warp;
 
 pub use augment::AugmentationConfig;
+pub use detail::Detail;
 pub use frame::Frame;
 pub use image_io::{ImageError, read_image};
 pub use jitter::ColorJitter;

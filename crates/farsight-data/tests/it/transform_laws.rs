@@ -125,7 +125,7 @@ fn a_sample_is_the_frame_moved() {
 }
 
 #[test]
-fn reflections_change_pixels_and_neither_camera_nor_labels() {
+fn reflections_and_detail_change_pixels_and_neither_camera_nor_labels() {
     let image =
         RgbImage::from_fn(1242, 375, |x, y| image::Rgb([(x % 256) as u8, (y % 256) as u8, ((x * y) % 256) as u8]));
     let frame = Frame {
@@ -135,21 +135,26 @@ fn reflections_change_pixels_and_neither_camera_nor_labels() {
         labels: vec![car(), dont_care()],
         depth_m: None,
     };
-    let policy = AugmentationConfig { reflection_probability: 1.0, ..lively() };
+    let policy = AugmentationConfig { reflection_probability: 1.0, detail_probability: 1.0, ..lively() };
     for index in 0..5 {
         let drawn = policy.draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES);
         // Drawn last, so that what others draw does not depend on them.
-        let without = Transform { reflections: None, ..drawn };
+        let without = Transform { reflections: None, detail: None, ..drawn };
         assert_eq!(without, lively().draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES));
         let (with, plain) = (drawn.apply(&frame, &RULES), without.apply(&frame, &RULES));
-        assert_ne!(with.input, plain.input);
+        for one in [Transform { detail: None, ..drawn }, Transform { reflections: None, ..drawn }] {
+            assert_ne!(one.apply(&frame, &RULES).input, plain.input);
+        }
         assert_eq!((with.camera, with.labels), (plain.camera, plain.labels));
     }
     for wrong in [
         AugmentationConfig { reflection_probability: 1.5, ..lively() },
         AugmentationConfig { reflection_strength: -0.1, ..lively() },
+        AugmentationConfig { detail_probability: -0.1, ..lively() },
+        AugmentationConfig { detail_factor: 0.9, ..lively() },
     ] {
-        assert!(wrong.problem().is_some_and(|problem| problem.starts_with("reflection_")));
+        let names = ["reflection_", "detail_"];
+        assert!(wrong.problem().is_some_and(|problem| names.iter().any(|name| problem.starts_with(name))));
     }
 }
 
