@@ -140,7 +140,7 @@ mod tests {
 
     use farsight_core::{Dimensions, ObjectClass};
 
-    use super::{PERCENTS, SizeStatistics, Spread};
+    use super::{PERCENTS, SizeStatistics};
     use crate::dice::Dice;
 
     #[test]
@@ -148,10 +148,11 @@ mod tests {
         let sizes = SizeStatistics::of(&ObjectClass::Car);
         let mut dice = Dice::new(1, 2, 3);
         let drawn: Vec<Dimensions> = (0..40_000).map(|_| sizes.draw(&mut dice)).collect();
-        let measures: [(Spread, fn(&Dimensions) -> f64); 3] =
-            [(sizes.height, |d| d.height), (sizes.width, |d| d.width), (sizes.length, |d| d.length)];
-        for (spread, measure) in measures {
-            let mut values: Vec<f64> = drawn.iter().map(measure).collect();
+        let column = |measure: fn(&Dimensions) -> f64| drawn.iter().map(measure).collect::<Vec<f64>>();
+        let heights = (sizes.height, column(|d| d.height));
+        let widths = (sizes.width, column(|d| d.width));
+        let lengths = (sizes.length, column(|d| d.length));
+        for (spread, mut values) in [heights, widths, lengths] {
             values.sort_by(f64::total_cmp);
             let [low, high] = spread.limits();
             assert!(values[0] >= low && *values.last().unwrap() <= high);
