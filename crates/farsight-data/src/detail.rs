@@ -1,7 +1,7 @@
 //! More or less fine detail than an image has.
 //!
-//! Photographs have more of it than rendered images, and a network that has only seen these takes a photographed car near by for one farther away: the more
-//! the detail, the farther. This makes detail say nothing about distance.
+//! Photographs have more of it than rendered images, and a network that has only seen these sees photographed cars near by too far away, the farther the more
+//! detail they have. This is to make detail say nothing about distance.
 
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
 use image::imageops::fast_blur;
@@ -58,12 +58,10 @@ mod tests {
     /// A board of squares, two greys, 2 pixels a side, as normalised planes.
     fn board() -> Vec<f32> {
         let [width, height] = SIZE;
-        let colour = |k: usize| if (k % width / 2 + k / width % height / 2).is_multiple_of(2) { 0.4 } else { 0.6 };
-        (0..3 * width * height)
-            .map(|k| {
-                (colour(k % (width * height)) - CHANNEL_MEAN[k / (width * height)]) / CHANNEL_STD[k / (width * height)]
-            })
-            .collect()
+        let colour = |k: usize| if (k % width / 2 + k / width / 2).is_multiple_of(2) { 0.4 } else { 0.6 };
+        let plane =
+            |plane: usize| (0..width * height).map(move |k| (colour(k) - CHANNEL_MEAN[plane]) / CHANNEL_STD[plane]);
+        (0..3).flat_map(plane).collect()
     }
 
     /// Mean and standard deviation of the colours of a plane.
