@@ -19,9 +19,6 @@ pub const STRIDE: usize = 4;
 /// Regression channels: depth, offset (2), dimensions (3), direction (2).
 pub const CHANNELS: usize = 8;
 
-/// The channels of the direction. In the disentangled corner loss only the orientation's part depends on them, and on nothing else.
-pub const DIRECTION_CHANNELS: std::ops::Range<usize> = 6..8;
-
 /// Smallest norm that a direction vector is divided by (spec section 4).
 const DIRECTION_EPSILON: f64 = 1e-12;
 

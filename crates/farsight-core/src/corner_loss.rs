@@ -9,19 +9,25 @@ use crate::scalar::Dual;
 use crate::targets::ObjectTarget;
 use crate::{Camera, Codec, Dimensions};
 
-type Variable = Dual<CHANNELS>;
+/// A value and its derivatives with respect to the raw channels.
+pub type Variable = Dual<CHANNELS>;
 
-/// The three parts of one object's loss, metres summed over 24 corner coordinates, and the gradient of their sum.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// The three parts of one object's loss, metres summed over 24 corner coordinates, with their derivatives with respect to each raw channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CornerLoss {
     /// Predicted yaw, everything else true.
-    pub orientation: f64,
+    pub orientation: Variable,
     /// Predicted dimensions, everything else true.
-    pub dimensions: f64,
+    pub dimensions: Variable,
     /// Predicted location, everything else true.
-    pub location: f64,
-    /// Derivative of the sum of the three with respect to each raw channel.
-    pub gradient: [f64; CHANNELS],
+    pub location: Variable,
+}
+
+impl CornerLoss {
+    /// The loss of the object, with its derivatives.
+    pub fn sum(&self) -> Variable {
+        self.orientation + self.dimensions + self.location
+    }
 }
 
 /// Loss of the raw regression channels `raw` at the cell of `target`, under `camera` (of the feature map).
@@ -45,15 +51,10 @@ pub fn corner_loss(codec: &Codec, raw: [f64; CHANNELS], target: &ObjectTarget, c
 
     let true_corners = truth.corners();
     let distance = |predicted: [[Variable; 3]; 8]| l1(&predicted, &true_corners);
-    let orientation = distance(corners(true_dimensions, true_location, yaw));
-    let dimensions = distance(corners(dimensions, true_location, true_yaw));
-    let location = distance(corners(true_dimensions, location, true_yaw));
-
     CornerLoss {
-        orientation: orientation.value,
-        dimensions: dimensions.value,
-        location: location.value,
-        gradient: (orientation + dimensions + location).gradient,
+        orientation: distance(corners(true_dimensions, true_location, yaw)),
+        dimensions: distance(corners(dimensions, true_location, true_yaw)),
+        location: distance(corners(true_dimensions, location, true_yaw)),
     }
 }
 

@@ -132,9 +132,9 @@ fn the_corner_loss_and_its_gradient_agree() {
         let feature = camera(cameras[i]).transformed(&affine(inverse_maps[i]).inverse().unwrap());
         let loss = corner_loss(&codec(), raw[i], &target, &feature);
         for (sum, part) in sums.iter_mut().zip([loss.orientation, loss.dimensions, loss.location]) {
-            *sum += part / LOSS_DIVISOR;
+            *sum += part.value / LOSS_DIVISOR;
         }
-        for (channel, (found, expected)) in loss.gradient.iter().zip(gradients[i]).enumerate() {
+        for (channel, (found, expected)) in loss.sum().gradient.iter().zip(gradients[i]).enumerate() {
             let difference = (found / LOSS_DIVISOR - expected).abs();
             assert!(difference <= LOSS_TOLERANCE * scale, "slot {i}, channel {channel}: {found} {expected}");
         }

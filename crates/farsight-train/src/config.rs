@@ -96,6 +96,8 @@ pub struct TrainConfig {
     pub full_weight_m: f64,
     /// Factor on the orientation's part of the corner loss; 1 in SMOKE.
     pub orientation_weight: f64,
+    /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
+    pub dimensions_weight: f64,
     /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
     pub neighbour_cells: usize,
     /// Weight of a second lesson, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
@@ -131,6 +133,7 @@ impl Default for TrainConfig {
             clip_norm: 0.0,
             full_weight_m: 0.0,
             orientation_weight: 1.0,
+            dimensions_weight: 1.0,
             neighbour_cells: 0,
             surface_weight: 0.0,
             precision: Precision::F32,
@@ -232,6 +235,7 @@ impl RunConfig {
             ("train.clip_norm", train.clip_norm),
             ("train.full_weight_m", train.full_weight_m),
             ("train.orientation_weight", train.orientation_weight),
+            ("train.dimensions_weight", train.dimensions_weight),
             ("train.surface_weight", train.surface_weight),
         ];
         if train.surface_weight > 0.0 && self.data.rendered.is_none() {

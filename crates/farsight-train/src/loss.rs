@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use farsight_core::codec::{CHANNELS, DIRECTION_CHANNELS};
+use farsight_core::codec::CHANNELS;
 use farsight_core::corner_loss::{CornerLoss, corner_loss};
 use farsight_core::targets::{ObjectTarget, Targets};
 use farsight_core::{Camera, Codec};
@@ -52,21 +52,24 @@ impl LossTerms {
     }
 }
 
-/// How much each object, and its orientation, counts in the corner loss.
+/// How much each object, and each part of it, counts in the corner loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CornerWeights {
     /// Everything is divided by this.
     pub divisor: f64,
     /// Objects farther than this, metres, count in inverse proportion to their distance: their relative error is what matters.
     pub full_weight_m: Option<f64>,
-    /// Factor on the part of the orientation. A wrong depth moves the corners by far more than a wrong heading, so its gradient rules the features that both share.
+    /// Factor on the part of the orientation. A wrong depth moves the corners by far more than a wrong heading or a wrong size, so its gradient rules the
+    /// features that they share.
     pub orientation: f64,
+    /// Factor on the part of the dimensions.
+    pub dimensions: f64,
 }
 
 impl CornerWeights {
     /// SMOKE's: all objects count the same.
     pub fn alike(divisor: f64) -> Self {
-        Self { divisor, full_weight_m: None, orientation: 1.0 }
+        Self { divisor, full_weight_m: None, orientation: 1.0, dimensions: 1.0 }
     }
 
     /// The factor on the loss of an object at this depth.
@@ -74,11 +77,13 @@ impl CornerWeights {
         self.full_weight_m.map_or(1.0, |full| (full / depth_m.max(full)).min(1.0)) / self.divisor
     }
 
-    /// `part` with the factor on its orientation.
-    fn weighted(&self, mut part: CornerLoss) -> CornerLoss {
-        part.orientation *= self.orientation;
-        part.gradient[DIRECTION_CHANNELS].iter_mut().for_each(|derivative| *derivative *= self.orientation);
-        part
+    /// `loss` with the factors on its parts.
+    fn weighted(&self, loss: &CornerLoss) -> CornerLoss {
+        CornerLoss {
+            orientation: loss.orientation * self.orientation,
+            dimensions: loss.dimensions * self.dimensions,
+            location: loss.location,
+        }
     }
 }
 
@@ -193,12 +198,12 @@ pub fn loss(
     let mut gradient = Vec::with_capacity(values.len());
     let mut terms = LossTerms::ZERO;
     for (RegressionCell { image, object, share }, raw) in targets.cells.iter().zip(values.as_chunks::<CHANNELS>().0) {
-        let part = weights.weighted(corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]));
+        let part = weights.weighted(&corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]));
         let factor = share * weights.factor(object.box3d.depth_m());
-        terms.orientation += part.orientation * factor;
-        terms.dimensions += part.dimensions * factor;
-        terms.location += part.location * factor;
-        gradient.extend(part.gradient.map(|g| (g * factor) as f32));
+        terms.orientation += part.orientation.value * factor;
+        terms.dimensions += part.dimensions.value * factor;
+        terms.location += part.location.value * factor;
+        gradient.extend(part.sum().gradient.map(|g| (g * factor) as f32));
     }
     let gradient = Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_device(raw.device());
     terms.heat_map = heat_map.double_value(&[]);

@@ -297,7 +297,8 @@ impl<'a> Trainer<'a> {
         let maps = self.network.forward(&batch.input, Mode::Train, &self.outputs);
         let full_weight_m = (config.full_weight_m > 0.0).then_some(config.full_weight_m);
         let divisor = CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64;
-        let weights = CornerWeights { divisor, full_weight_m, orientation: config.orientation_weight };
+        let (orientation, dimensions) = (config.orientation_weight, config.dimensions_weight);
+        let weights = CornerWeights { divisor, full_weight_m, orientation, dimensions };
         let (mut objective, mut terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, weights);
         if let (Some(predicted), Some(surface_m)) = (maps.get(2), &batch.targets.surface_m) {
             let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * config.surface_weight;

@@ -1,6 +1,7 @@
 //! Whole runs of a very small network on a very small data set.
 
 use std::fs;
+use std::ops::Range;
 
 use crate::tiny::{Silent, data_set, run_config};
 use farsight_core::corner_loss::corner_loss;
@@ -9,7 +10,7 @@ use farsight_net::graph::Role;
 use farsight_net::model::Model;
 use farsight_train::config::RenderedConfig;
 use farsight_train::executor::{Precision, values_from_tensor};
-use farsight_train::loss::{BatchTargets, CornerWeights, LossTerms, loss, surface_loss};
+use farsight_train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
 use farsight_train::trainer::{CHECKPOINT_FILE, Job, TrainError, train};
 use tch::{Device, Kind, Tensor};
 
@@ -115,37 +116,44 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
         maps(1, 8).double_value(&[0, channel as i64, cell[1] as i64, cell[0] as i64])
     });
     let by_hand = corner_loss(&codec, raw, &image.objects[0], &image.camera);
-    assert!((one.location - by_hand.location / 37.5).abs() < 1e-5 * one.location);
+    assert!((one.location - by_hand.location.value / 37.5).abs() < 1e-5 * one.location);
 }
 
 #[test]
-fn the_factor_on_the_orientation_reaches_the_direction_and_nothing_else() {
+fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
     let config = run_config("unused".as_ref()).model;
     let image = crate::tiny::targets(&config);
     let [width, height] = image.map_size.map(|s| s as i64);
     let codec = config.codec();
     let targets = BatchTargets::new(std::slice::from_ref(&image), &[true], Device::Cpu);
-    let learn = |orientation: f64| {
+    let learn = |weights: CornerWeights| {
         let maps = |channels: i64| {
             let values = Tensor::arange(channels * height * width, (Kind::Float, Device::Cpu)) * 0.37;
             values.sin().view([1, channels, height, width])
         };
         let regression = maps(8).set_requires_grad(true);
-        let weights = CornerWeights { orientation, ..CornerWeights::alike(37.5) };
         let (objective, terms) = loss(&codec, &maps(3), &regression, &targets, weights);
         (terms, Tensor::run_backward(&[objective], &[regression], false, false).remove(0))
     };
-    let ((once, gradient), (thrice, stronger)) = (learn(1.0), learn(3.0));
-    assert!(once.orientation > 0.0);
-    assert!((thrice.orientation - 3.0 * once.orientation).abs() < 1e-9 * once.orientation);
-    let others = |terms: &LossTerms| LossTerms { orientation: 0.0, ..*terms };
-    assert_eq!(others(&once), others(&thrice));
+    let alike = CornerWeights::alike(37.5);
+    let (once, gradient) = learn(alike);
 
-    let part = |gradient: &Tensor, from: i64, to: i64| gradient.narrow(1, from, to - from);
-    assert_eq!(part(&stronger, 0, 6), part(&gradient, 0, 6));
-    let direction = part(&gradient, 6, 8);
-    assert!(direction.abs().max().double_value(&[]) > 0.0);
-    assert!(part(&stronger, 6, 8).allclose(&(direction * 3.0), 1e-6, 0.0, false));
+    // What a factor of 0 takes away, a factor of 3 adds twice, in the part's own channels and nowhere else.
+    let check = |own: Range<i64>, weights: [CornerWeights; 2]| {
+        let [(none, without), (thrice, stronger)] = weights.map(learn);
+        assert!(once.total() > none.total());
+        assert!((thrice.total() - once.total() - 2.0 * (once.total() - none.total())).abs() < 1e-9 * once.total());
+        assert_eq!((none.heat_map, none.location), (once.heat_map, once.location));
+
+        let (added, share) = (&stronger - &gradient, &gradient - &without);
+        assert!(added.allclose(&(&share * 2.0), 1e-5, 1e-7, false));
+        // Not always all of its own: where the length's error decides the signs of all differences, the width has no derivative.
+        let moves = |channel: &i64| share.select(1, *channel).abs().max().double_value(&[]) > 0.0;
+        let moved: Vec<_> = (0..8).filter(moves).collect();
+        assert!(moved.len() > 1 && moved.iter().all(|channel| own.contains(channel)), "{own:?}: {moved:?}");
+    };
+    check(6..8, [0.0, 3.0].map(|orientation| CornerWeights { orientation, ..alike }));
+    check(3..6, [0.0, 3.0].map(|dimensions| CornerWeights { dimensions, ..alike }));
 }
 
 #[test]
