@@ -9,7 +9,7 @@ use farsight_net::quantize::{Histogram, Observer, Range, layers, maps};
 use farsight_net::transform::Network;
 
 use crate::EngineError;
-use crate::engine::{Failure, unpanicked};
+use crate::library::{Failure, unpanicked};
 use crate::rten::{NAME, Network as RtenNetwork};
 
 /// Runs a network on images and counts the values of every map that could be in 8 bits.

@@ -9,6 +9,8 @@ pub mod calibration;
 pub mod damage;
 pub mod detector;
 pub mod engine;
+#[cfg(any(feature = "rten", feature = "onnxruntime", feature = "openvino"))]
+pub mod library;
 #[cfg(feature = "onnxruntime")]
 pub mod onnxruntime;
 #[cfg(feature = "openvino")]

@@ -10,7 +10,8 @@ use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::TensorRef;
 
-use crate::engine::{Failure, apart, batch_size, unpanicked};
+use crate::engine::{apart, batch_size};
+use crate::library::{Failure, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.

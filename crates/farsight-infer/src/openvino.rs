@@ -6,7 +6,8 @@ use farsight_core::HeadMaps;
 use farsight_net::onnx::{INPUT, OnnxModel};
 use openvino::{Core, DeviceType, ElementType, InferRequest, PartialShape, RwPropertyKey, Shape, Tensor};
 
-use crate::engine::{Failure, apart, batch_size, unpanicked};
+use crate::engine::{apart, batch_size};
+use crate::library::{Failure, unpanicked};
 use crate::{Engine, EngineError};
 
 /// Its name as users write it.

@@ -47,7 +47,7 @@ fn main() -> ExitCode {
 fn report_no_caught_panics() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if !farsight_infer::engine::inside_library() {
+        if !farsight_infer::library::inside_library() {
             report(panic);
         }
     }));
