@@ -225,6 +225,11 @@ impl ModelConfig {
         InputRules { size: self.input, channels: self.quirks.channels, sampling: self.quirks.sampling }
     }
 
+    /// Whether scores or error bars were fitted on labelled frames; such answers belong to the size of the input.
+    pub fn has_fitted_answers(&self) -> bool {
+        self.depth.error.is_some() || self.classes.iter().any(|class| class.score.is_some())
+    }
+
     /// Encode and decode.
     pub fn codec(&self) -> Codec {
         Codec { classes: self.classes.clone(), depth: self.depth }

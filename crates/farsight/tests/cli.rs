@@ -186,6 +186,7 @@ error: m.safetensors: --input: the depths of this model hold at the size it was 
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/farsight-s.safetensors");
     let (status, _, err) = smaller(&shipped.display().to_string());
     assert_eq!(status, 0, "{err}");
+    assert!(err.starts_with("warning: scores and error bars were fitted at "), "{err}");
     let (_, out, _) = farsight_in(folder.path(), &["info", "smaller.safetensors"]);
     assert!(out.starts_with("input           64 x 32 pixels\n"), "{out}");
 }

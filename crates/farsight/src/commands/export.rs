@@ -83,7 +83,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     };
     let mut model = read(&args.model)?;
     if let Some(size) = args.input {
-        resize_input(&mut model, size, &args.model)?;
+        resize_input(&mut model, size, args, printer)?;
     }
     model.config.focal_range_px = args.focal_range.or(model.config.focal_range_px);
     if let Some(data) = &args.fit_on {
@@ -126,13 +126,21 @@ fn read(path: &Path) -> Result<Model> {
 }
 
 /// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless its depths are virtual.
-fn resize_input(model: &mut Model, size: [usize; 2], path: &Path) -> Result<()> {
+fn resize_input(model: &mut Model, size: [usize; 2], args: &ExportArgs, printer: &mut Printer) -> Result<()> {
     let [width, height] = model.config.input;
-    if size != model.config.input && model.config.depth.focal_px.is_none() {
+    if size == [width, height] {
+        return Ok(());
+    }
+    if model.config.depth.focal_px.is_none() {
         bail!(
             "{}: --input: the depths of this model hold at the size it was trained at, {width}x{height}; expected a model with virtual depth (model.depth.focal_px)",
-            path.display()
+            args.model.display()
         );
+    }
+    if model.config.has_fitted_answers() && args.fit_on.is_none() {
+        printer.warning(&format!(
+            "scores and error bars were fitted at {width}x{height} and are rough at another size; --fit-on fits them again"
+        ));
     }
     model.config.input = size;
     Ok(())
