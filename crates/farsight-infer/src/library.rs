@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::EngineError;
 
-/// What the libraries say.
+/// What a library says when it fails.
 pub(crate) type Failure = Box<dyn Error + Send + Sync>;
 
 /// How many calls are going on.

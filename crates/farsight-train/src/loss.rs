@@ -198,12 +198,12 @@ pub fn loss(
     let mut gradient = Vec::with_capacity(values.len());
     let mut terms = LossTerms::ZERO;
     for (RegressionCell { image, object, share }, raw) in targets.cells.iter().zip(values.as_chunks::<CHANNELS>().0) {
-        let part = weights.weighted(&corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]));
+        let corners = weights.weighted(&corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]));
         let factor = share * weights.factor(object.box3d.depth_m());
-        terms.orientation += part.orientation.value * factor;
-        terms.dimensions += part.dimensions.value * factor;
-        terms.location += part.location.value * factor;
-        gradient.extend(part.sum().gradient.map(|g| (g * factor) as f32));
+        terms.orientation += corners.orientation.value * factor;
+        terms.dimensions += corners.dimensions.value * factor;
+        terms.location += corners.location.value * factor;
+        gradient.extend(corners.sum().gradient.map(|g| (g * factor) as f32));
     }
     let gradient = Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_device(raw.device());
     terms.heat_map = heat_map.double_value(&[]);

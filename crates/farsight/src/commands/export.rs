@@ -126,6 +126,7 @@ fn read(path: &Path) -> Result<Model> {
 }
 
 /// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless its depths are virtual.
+/// What was fitted at the old size is rough at the new one.
 fn resize_input(model: &mut Model, size: [usize; 2], args: &ExportArgs, printer: &mut Printer) -> Result<()> {
     let [width, height] = model.config.input;
     if size == [width, height] {
