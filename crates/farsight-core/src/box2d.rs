@@ -42,6 +42,11 @@ impl Box2d {
         self.width().max(0.0) * self.height().max(0.0)
     }
 
+    /// Whether an edge lies on the border of `[0, max_x] x [0, max_y]` or beyond: more may be there than the image shows.
+    pub fn reaches_border(&self, max_x: f64, max_y: f64) -> bool {
+        self.x1 <= 0.0 || self.y1 <= 0.0 || self.x2 >= max_x || self.y2 >= max_y
+    }
+
     /// The part inside `[0, max_x] x [0, max_y]`; edges outside move to the border.
     pub fn clamped(&self, max_x: f64, max_y: f64) -> Self {
         let clamp_x = |v: f64| v.max(0.0).min(max_x);

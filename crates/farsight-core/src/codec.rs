@@ -48,9 +48,10 @@ impl DepthReference {
         depth_m / self.scale(camera)
     }
 
-    /// Standard deviation, metres, of a depth that `camera` (of the feature map) sees with this score (0 to 1, both excluded), where that was fitted.
-    pub fn sigma_m(&self, depth_m: f64, score: f64, camera: &Camera) -> Option<f64> {
-        let sigma_m = self.error?.sigma_m(self.virtual_depth_m(depth_m, camera), score) * self.scale(camera);
+    /// Standard deviation, metres, of a depth that `camera` (of the feature map) sees with this score (0 to 1, both excluded) in a box that the image's border cuts or not,
+    /// where that was fitted.
+    pub fn sigma_m(&self, depth_m: f64, score: f64, is_cut: bool, camera: &Camera) -> Option<f64> {
+        let sigma_m = self.error?.sigma_m(self.virtual_depth_m(depth_m, camera), score, is_cut) * self.scale(camera);
         sigma_m.is_finite().then_some(sigma_m)
     }
 

@@ -28,6 +28,8 @@ pub struct DepthExample {
     pub true_m: f64,
     /// The model's score, between 0 and 1.
     pub score: f64,
+    /// Whether the image's border cuts its box.
+    pub is_cut: bool,
 }
 
 /// How far off a model's depths are: the logarithm of the standard deviation, in metres of virtual depth, is linear in these terms.
@@ -40,17 +42,28 @@ pub struct RangeError {
     pub depth: f64,
     /// Of the score's logit.
     pub score: f64,
+    /// Added where the image's border cuts the box: its size says less there.
+    #[serde(default)]
+    pub cut: f64,
 }
+
+/// Added to the sums of squares: decides only where no example does, as when none is cut.
+const RIDGE: f64 = 1e-6;
 
 impl RangeError {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
-        [self.bias, self.depth, self.score].iter().all(|number| number.is_finite() && number.abs() < 20.0)
+        self.factors().iter().all(|number| number.is_finite() && number.abs() < 20.0)
     }
 
-    /// Standard deviation, metres, of a positive virtual depth of a detection with this score (0 to 1, both excluded).
-    pub fn sigma_m(&self, depth_m: f64, score: f64) -> f64 {
-        dot(&terms(depth_m, score), &[self.bias, self.depth, self.score]).exp()
+    /// Standard deviation, metres, of a positive virtual depth of a detection with this score (0 to 1, both excluded), whose box the image's border cuts or not.
+    pub fn sigma_m(&self, depth_m: f64, score: f64, is_cut: bool) -> f64 {
+        dot(&terms(depth_m, score, is_cut), &self.factors()).exp()
+    }
+
+    /// The factors of [`terms`].
+    fn factors(&self) -> [f64; 4] {
+        [self.bias, self.depth, self.score, self.cut]
     }
 
     /// The fit to `examples`: least squares in the logarithm of the error, then moved so that as many errors lie within one standard deviation as of a normal
@@ -59,24 +72,25 @@ impl RangeError {
         if examples.len() < LEAST_EXAMPLES {
             return None;
         }
-        let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+        let (mut matrix, mut right) =
+            (std::array::from_fn(|i| std::array::from_fn(|j| if i == j { RIDGE } else { 0.0 })), [0.0; 4]);
         for example in examples {
-            let terms = terms(example.found_m, example.score);
+            let terms = terms(example.found_m, example.score, example.is_cut);
             for (i, term) in terms.iter().enumerate() {
                 matrix[i] = std::array::from_fn(|j| matrix[i][j] + term * terms[j]);
                 right[i] += term * log_error(example);
             }
         }
-        let [bias, depth, score] = solved(matrix, right)?;
-        let fit = Self { bias, depth, score };
-        let over = examples.iter().map(|e| log_error(e) - fit.sigma_m(e.found_m, e.score).ln());
+        let [bias, depth, score, cut] = solved(matrix, right)?;
+        let fit = Self { bias, depth, score, cut };
+        let over = examples.iter().map(|e| log_error(e) - fit.sigma_m(e.found_m, e.score, e.is_cut).ln());
         let moved = Self { bias: bias + quantile(&sorted(over), WITHIN_ONE_SIGMA), ..fit };
         moved.is_usable().then_some(moved)
     }
 }
 
-fn terms(depth_m: f64, score: f64) -> [f64; 3] {
-    [1.0, depth_m.ln(), (score / (1.0 - score)).ln()]
+fn terms(depth_m: f64, score: f64, is_cut: bool) -> [f64; 4] {
+    [1.0, depth_m.ln(), (score / (1.0 - score)).ln(), f64::from(is_cut)]
 }
 
 fn log_error(example: &DepthExample) -> f64 {
@@ -129,7 +143,7 @@ mod tests {
         let example = |i: usize| {
             let found_m = 4.0 + (i as f64 * 0.37) % 60.0;
             let outlier = if i.is_multiple_of(9) { 40.0 } else { 0.0 };
-            DepthExample { found_m, true_m: 0.5 + 0.95 * found_m + 0.3 * noise(i) + outlier, score: 0.5 }
+            DepthExample { found_m, true_m: 0.5 + 0.95 * found_m + 0.3 * noise(i) + outlier, score: 0.5, is_cut: false }
         };
         let examples: Vec<_> = (0..4000).map(example).collect();
         let fit = reference.refitted(&examples).expect("a line");
@@ -152,36 +166,42 @@ mod tests {
 
     #[test]
     fn too_few_or_falling_examples_are_no_line() {
-        let example = |i: usize| DepthExample { found_m: i as f64, true_m: 100.0 - i as f64, score: 0.5 };
+        let example =
+            |i: usize| DepthExample { found_m: i as f64, true_m: 100.0 - i as f64, score: 0.5, is_cut: false };
         let falling: Vec<_> = (1..80).map(example).collect();
         assert_eq!(DepthReference::KITTI.refitted(&falling), None);
         assert_eq!(DepthReference::KITTI.refitted(&falling[..10]), None);
-        let one_place = [DepthExample { found_m: 10.0, true_m: 11.0, score: 0.5 }; 60];
+        let one_place = [DepthExample { found_m: 10.0, true_m: 11.0, score: 0.5, is_cut: false }; 60];
         assert_eq!(DepthReference::KITTI.refitted(&one_place), None);
-        assert_eq!(RangeError::fit(&one_place), None);
         assert_eq!(RangeError::fit(&falling[..10]), None);
     }
 
     #[test]
     fn error_bars_grow_with_what_makes_errors_grow_and_hold_their_share() {
-        let truth = RangeError { bias: -3.0, depth: 1.2, score: -0.4 };
+        let truth = RangeError { bias: -3.0, depth: 1.2, score: -0.4, cut: 0.7 };
         let example = |i: usize| {
             let (found_m, score) = (4.0 + (i as f64 * 0.37) % 60.0, 0.05 + (i as f64 * 0.0123) % 0.9);
-            let sigma = truth.sigma_m(found_m, score);
+            let is_cut = i.is_multiple_of(7);
+            let sigma = truth.sigma_m(found_m, score, is_cut);
             // Of an even distribution this share lies within one sigma.
-            DepthExample { found_m, true_m: found_m + sigma * noise(i) / WITHIN_ONE_SIGMA, score }
+            DepthExample { found_m, true_m: found_m + sigma * noise(i) / WITHIN_ONE_SIGMA, score, is_cut }
         };
         let examples: Vec<_> = (0..5000).map(example).collect();
         let fit = RangeError::fit(&examples).expect("a fit");
         assert!((fit.depth - truth.depth).abs() < 0.1 && (fit.score - truth.score).abs() < 0.05, "{fit:?}");
-        let within = |e: &&DepthExample| (e.true_m - e.found_m).abs() <= fit.sigma_m(e.found_m, e.score);
+        assert!((fit.cut - truth.cut).abs() < 0.1, "{fit:?}");
+        let within = |e: &&DepthExample| (e.true_m - e.found_m).abs() <= fit.sigma_m(e.found_m, e.score, e.is_cut);
         let share = examples.iter().filter(within).count() as f64 / 5000.0;
         assert!((share - WITHIN_ONE_SIGMA).abs() < 0.01, "{share}");
+
+        let whole: Vec<_> = examples.into_iter().filter(|e| !e.is_cut).collect();
+        let fit = RangeError::fit(&whole).expect("a fit");
+        assert!((fit.depth - truth.depth).abs() < 0.1 && fit.cut == 0.0, "none is cut: {fit:?}");
     }
 
     #[test]
     fn numbers_that_no_fit_gives_are_told_apart() {
-        let fit = RangeError { bias: -3.0, depth: 1.2, score: -0.4 };
+        let fit = RangeError { bias: -3.0, depth: 1.2, score: -0.4, cut: 0.0 };
         assert!(fit.is_usable());
         assert!(!RangeError { depth: f64::NAN, ..fit }.is_usable() && !RangeError { bias: 1e3, ..fit }.is_usable());
     }

@@ -188,14 +188,16 @@ fn with_virtual_depth_twice_the_focal_length_means_twice_the_distance() {
 
 #[test]
 fn an_error_bar_grows_with_the_focal_length_as_the_distance_does() {
-    let error = Some(RangeError { bias: -3.0, depth: 1.2, score: -0.2 });
+    let error = Some(RangeError { bias: -3.0, depth: 1.2, score: -0.2, cut: 0.6 });
     let depth = DepthReference { focal_px: Some(700.0), error, ..DepthReference::KITTI };
     let camera = |f: f64| Camera::from_intrinsics(f, f, 160.0, 48.0).unwrap();
-    let sigma_m = |z: f64, f: f64| depth.sigma_m(z, 0.7, &camera(f)).unwrap();
+    let sigma_m = |z: f64, f: f64| depth.sigma_m(z, 0.7, false, &camera(f)).unwrap();
     assert!((sigma_m(40.0, 350.0) - 2.0 * sigma_m(20.0, 175.0)).abs() < EXACT);
     assert!(sigma_m(40.0, 175.0) > sigma_m(20.0, 175.0));
-    assert_eq!(depth.sigma_m(-1.0, 0.7, &camera(175.0)), None, "behind the camera there is none");
-    assert_eq!(DepthReference::KITTI.sigma_m(20.0, 0.7, &camera(175.0)), None, "not fitted");
+    let cut = depth.sigma_m(20.0, 0.7, true, &camera(175.0)).unwrap();
+    assert!((cut - 0.6_f64.exp() * sigma_m(20.0, 175.0)).abs() < EXACT);
+    assert_eq!(depth.sigma_m(-1.0, 0.7, false, &camera(175.0)), None, "behind the camera there is none");
+    assert_eq!(DepthReference::KITTI.sigma_m(20.0, 0.7, false, &camera(175.0)), None, "not fitted");
 }
 
 #[test]

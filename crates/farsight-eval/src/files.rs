@@ -6,6 +6,7 @@ use std::{fs, io};
 
 use farsight_data::kitti::{DevkitRow, Oddity, RowKind, rows_as_devkit};
 use rayon::prelude::*;
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::ranging::RangingOptions;
@@ -37,6 +38,18 @@ pub struct FrameFiles {
     left_out: Findings,
     /// Whether to tell what is odd about the labels.
     tell_labels: bool,
+    scores: Scores,
+}
+
+/// What the scores of detections are taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scores {
+    /// What the files say.
+    #[default]
+    AsGiven,
+    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks detections for AP in space.
+    Place,
 }
 
 /// Folders or files that cannot be evaluated.
@@ -106,6 +119,14 @@ pub enum FilesError {
         /// The first that is missing.
         expected: PathBuf,
     },
+    /// A detection whose place cannot be judged.
+    #[error(
+        "{place}: no error bar; place scores need one in every row, the standard deviation of the distance in metres as 17th field"
+    )]
+    NoErrorBar {
+        /// File and line.
+        place: String,
+    },
     /// A row that no figure should be made from.
     #[error("{place}")]
     Fatal {
@@ -149,7 +170,13 @@ impl FrameFiles {
         if ids.is_empty() {
             return Err(FilesError::NothingInCommon { labels, results });
         }
-        Self { labels, results, ids, left_out, tell_labels: true }.checked()
+        Self { labels, results, ids, left_out, tell_labels: true, scores: Scores::AsGiven }.checked()
+    }
+
+    /// The same files, the scores taken for this.
+    #[must_use]
+    pub fn with_scores(self, scores: Scores) -> Self {
+        Self { scores, ..self }
     }
 
     /// The same frames with other results, to compare the two; what is odd about the labels is not told again.
@@ -192,9 +219,19 @@ impl FrameFiles {
         let frame = Frame {
             id: id.to_owned(),
             labels: labels.into_iter().map(|read| read.row.label).collect(),
-            claims: claims.into_iter().map(Claim::from).collect(),
+            claims: claims.into_iter().map(|read| self.claim(id, read)).collect::<Result<_, _>>()?,
         };
         Ok((frame, findings))
+    }
+
+    fn claim(&self, id: &str, read: DevkitRow) -> Result<Claim, FilesError> {
+        let line = read.line;
+        let mut claim = Claim::from(read);
+        if self.scores == Scores::Place {
+            let no_error_bar = || FilesError::NoErrorBar { place: format!("{}:{line}", file(&self.results, id)) };
+            claim.detection.score = claim.detection.place_score().ok_or_else(no_error_bar)?;
+        }
+        Ok(claim)
     }
 
     /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps of a frame.

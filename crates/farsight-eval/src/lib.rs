@@ -67,6 +67,6 @@ pub mod text;
 pub use class::EvaluatedClass;
 pub use difficulty::Difficulty;
 pub use evaluation::{Evaluation, Report};
-pub use files::{FilesError, FrameFiles};
+pub use files::{FilesError, FrameFiles, Scores};
 pub use findings::{Finding, Findings};
 pub use frame::{Claim, Frame};

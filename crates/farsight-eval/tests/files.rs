@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_eval::{FilesError, Findings, FrameFiles, ranging::RangingOptions, text};
+use farsight_eval::{FilesError, Findings, FrameFiles, Scores, ranging::RangingOptions, text};
 
 const LABEL: &str = "Car 0.00 0 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 -1.62\n";
 const RESULT: &str = "Car -1 -1 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 -1.62 0.9\n";
@@ -105,4 +105,21 @@ fn a_split_chooses_frames_and_demands_their_files() {
     let told = evaluate(&labels, &results, Some(["000001"].as_slice())).unwrap_err().to_string();
     assert!(told.contains("1 of 1 frames of the split have no result file"), "{told}");
     assert!(told.contains("needs an empty file"), "{told}");
+}
+
+#[test]
+fn place_scores_need_an_error_bar_in_every_row() {
+    let row = RESULT.trim_end();
+    // 0.3 m is one scale of Laplace's distribution with this standard deviation.
+    let results = format!("{row} {}\n{row} 1000000\n{row} 0\n", 0.3 * 2.0_f64.sqrt());
+    let files = [("000000.txt", results.as_str()), ("000001.txt", &format!("{row} 1\n{row}\n"))];
+    let (_kept, labels, results) = folders(&files.map(|(name, _)| (name, LABEL)), &files);
+    let files = FrameFiles::open(&labels, &results, None).unwrap().with_scores(Scores::Place);
+    let (frame, _) = files.read("000000").unwrap();
+    let scores: Vec<_> = frame.claims.iter().map(|claim| claim.detection.score).collect();
+    for (score, want) in scores.iter().zip([0.9 * (1.0 - (-1.0_f64).exp()), 0.0, 0.9]) {
+        assert!((score - want).abs() < 1e-6, "{score}, not {want}");
+    }
+    let told = files.read("000001").unwrap_err().to_string();
+    assert!(told.contains("000001.txt:2: no error bar; place scores need one in every row"), "{told}");
 }

@@ -76,7 +76,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
     let heights_px = [20.0, 10.0];
     let score = ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px };
     let upside_down = ClassReference { score: Some(score), ..class.clone() };
-    let no_fit = RangeError { bias: f64::INFINITY, depth: 1.0, score: 0.0 };
+    let no_fit = RangeError { bias: f64::INFINITY, depth: 1.0, score: 0.0, cut: 0.0 };
     let table = [
         (ModelConfig { input: [1280, 380], ..base() }, "model.input is 1280x380; expected multiples of 32 pixels"),
         (ModelConfig { width: 0.0, ..base() }, "model.width is 0; expected a factor above 0 and at most 8"),
@@ -89,7 +89,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
         ),
         (
             ModelConfig { depth: DepthReference { error: Some(no_fit), ..base().depth }, ..base() },
-            "model.depth.error is RangeError { bias: inf, depth: 1.0, score: 0.0 }; expected the numbers of a fit",
+            "model.depth.error is RangeError { bias: inf, depth: 1.0, score: 0.0, cut: 0.0 }; expected the numbers of a fit",
         ),
         (
             ModelConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },

@@ -216,3 +216,31 @@ fn the_worst_frames_are_drawn_where_there_are_images() {
     let expected = "error: nowhere: no such folder; expected a folder of images such as 000007.png\n";
     assert_eq!((status, err.as_str()), (2, expected));
 }
+
+#[test]
+fn place_scores_rank_what_is_sure_of_its_place_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, _, err) = eval(folder.path(), &["--place-scores"]);
+    assert_eq!((status, err.contains("results/000001.txt:2: no error bar")), (2, true), "{err}");
+
+    // Ten cars that are where they are said to be, by narrow error bars, and ten that are 5 m off, by wide ones and with higher scores.
+    let car = |i: usize, z: f64, rest: &str| {
+        let [left, right] = [10 * i, 10 * i + 9];
+        format!("Car 0 0 1.50 {left} 170.00 {right} 230.00 1.50 1.60 4.00 {}.00 1.70 {z:.2} 1.60{rest}\n", 4 * i)
+    };
+    let labels: String = (0..20).map(|i| car(i, 20.0, "")).collect();
+    let results: String =
+        (0..20).map(|i| if i < 10 { car(i, 20.0, " 0.6 0.1") } else { car(i, 25.0, " 0.9 4.0") }).collect();
+    let ap = |arguments: &[&str]| {
+        let (status, _, err) = eval_files(folder.path(), &labels, &results, arguments);
+        assert_eq!(status, 0, "{err}");
+        let json: serde_json::Value =
+            serde_json::from_str(&fs::read_to_string(folder.path().join("a.json")).unwrap()).unwrap();
+        (json["scores"].clone(), json["ap"]["car"]["3d"]["r40"][1].as_f64().unwrap())
+    };
+    let (given, by_score) = ap(&["--json", "a.json"]);
+    let (place, by_place) = ap(&["--json", "a.json", "--place-scores"]);
+    assert_eq!((given, place), ("as_given".into(), "place".into()));
+    // Half of the recall points reached, at a precision of 1 instead of at most one half.
+    assert!(by_place > 1.9 * by_score && by_score > 0.0, "{by_place} and {by_score}");
+}

@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use farsight_eval::ap::Metric;
 use farsight_eval::page::Page;
 use farsight_eval::ranging::{Bootstrap, MATCH_IOU, RangingComparison, RangingOptions};
-use farsight_eval::{Evaluation, Findings, FrameFiles, Report, text};
+use farsight_eval::{Evaluation, Findings, FrameFiles, Report, Scores, text};
 use farsight_files::write_quickly;
 use serde::Serialize;
 
@@ -78,6 +78,10 @@ pub(crate) struct EvalArgs {
     /// Height of the camera above the ground, metres, for --classic
     #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M)]
     camera_height: f64,
+    /// Take scores for more than that something is there: each times the probability, by its error bar, that its distance is right to 0.3 m. AP in space is
+    /// better for it, found and false alarms by score are another matter
+    #[arg(long)]
+    place_scores: bool,
     /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
     #[arg(long, value_name = "SCORE")]
     min_score: Option<f64>,
@@ -114,6 +118,7 @@ enum MetricName {
 struct Answer<'a> {
     #[serde(flatten)]
     report: BTreeMap<String, serde_json::Value>,
+    scores: Scores,
     findings: &'a Findings,
     #[serde(skip_serializing_if = "Option::is_none")]
     against: Option<&'a RangingComparison>,
@@ -122,7 +127,7 @@ struct Answer<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let mut source = Files::new(args, printer)?;
-    let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?;
+    let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?.with_scores(args.scores());
     if let Some(id) = &args.explain {
         return explained::run(args, &files, id, printer);
     }
@@ -145,6 +150,9 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     for note in text::notes(&report) {
         printer.note(&note);
     }
+    if args.place_scores {
+        printer.note("place scores: the chance that the distance is right is part of every score here");
+    }
     let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
     if let Some(comparison) = &comparison {
         printer.line("");
@@ -157,7 +165,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
         classic::run(args, args.calib.as_deref().unwrap_or(&beside), &files, printer)?;
     }
     if let Some(path) = &args.json {
-        write_json(path, &report, &findings, comparison.as_ref())?;
+        write_json(path, args.scores(), &report, &findings, comparison.as_ref())?;
     }
     let Some(folder) = &args.report else { return Ok(Outcome::Done) };
     let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
@@ -174,7 +182,12 @@ impl EvalArgs {
     fn title(&self) -> String {
         let model =
             || self.model.as_deref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string());
-        self.results.as_ref().map_or_else(model, |results| results.display().to_string())
+        let judged = self.results.as_ref().map_or_else(model, |results| results.display().to_string());
+        if self.place_scores { format!("{judged} (place scores)") } else { judged }
+    }
+
+    fn scores(&self) -> Scores {
+        if self.place_scores { Scores::Place } else { Scores::AsGiven }
     }
 
     fn ranging_options(&self) -> RangingOptions {
@@ -234,11 +247,17 @@ fn compare(args: &EvalArgs, labels: &Path, theirs: &Evaluation, ours: &Evaluatio
         .with_context(|| format!("{}: the labels changed while they were read", labels.display()))
 }
 
-fn write_json(path: &Path, report: &Report, findings: &Findings, against: Option<&RangingComparison>) -> Result<()> {
+fn write_json(
+    path: &Path,
+    scores: Scores,
+    report: &Report,
+    findings: &Findings,
+    against: Option<&RangingComparison>,
+) -> Result<()> {
     let serde_json::Value::Object(report) = serde_json::to_value(report)? else {
         bail!("the report is no JSON object");
     };
-    let answer = Answer { report: report.into_iter().collect(), findings, against };
+    let answer = Answer { report: report.into_iter().collect(), scores, findings, against };
     let mut text = serde_json::to_string_pretty(&answer)?;
     text.push('\n');
     Ok(write_quickly(path, |file| file.write_all(text.as_bytes()))?)

@@ -27,6 +27,8 @@ struct Judged {
     /// Its virtual depth and its score.
     found_m: f64,
     score: f64,
+    /// Whether the image's border cuts its box.
+    is_cut: bool,
     /// The virtual depth of what it found; none of a false alarm.
     true_m: Option<f64>,
     /// Whether that is one of the Moderate objects, which show enough of themselves to be ranged.
@@ -35,7 +37,7 @@ struct Judged {
 
 impl Judged {
     fn depth_example(&self) -> Option<DepthExample> {
-        Some(DepthExample { found_m: self.found_m, true_m: self.true_m?, score: self.score })
+        Some(DepthExample { found_m: self.found_m, true_m: self.true_m?, score: self.score, is_cut: self.is_cut })
     }
 
     fn score_example(&self) -> ScoreExample {
@@ -140,6 +142,7 @@ fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize
         height_px: view.input_height_px(&detection.box2d),
         found_m: view.virtual_depth_m(reference, detection.box3d.depth_m()),
         score: detection.score,
+        is_cut: view.cuts(&detection.box2d),
         true_m: target.as_ref().map(|target| view.virtual_depth_m(reference, target.depth_m)),
         is_plain: target.is_some_and(|target| target.difficulty.is_some_and(|d| d <= Difficulty::Moderate)),
     };
