@@ -54,6 +54,16 @@ def evaluate(args, data, split, out):
     return json.loads((out / "eval.json").read_text())
 
 
+def rank_by_place(args, data, split, out):
+    """AP of the results that `evaluate` kept, ranked by place scores; to the screen and to place.txt."""
+    command = [args.farsight, "eval", "--labels", data / "training/label_2", "--results", out / "results", "--split", data / f"ImageSets/{split}.txt",
+               "--resamples", "0", "--scores", "place"]
+    answer = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True).stdout
+    (out / "place.txt").write_text(answer)
+    print("== the same, AP by place scores")
+    print(answer.split("\n\n")[1])
+
+
 def render(args, out, *options):
     if not (out / "training").exists():
         subprocess.run([str(word) for word in [args.farsight, "synth", "--out", out, *options]], check=True)
@@ -76,6 +86,7 @@ def main():
     if args.twins:
         print(f"== rendered twins of KITTI's frames, split {args.split}")
         tell("twins", evaluate(args, args.twins, args.split, args.out / "twins"))
+        rank_by_place(args, args.twins, args.split, args.out / "twins")
     print("== rendered scenes, other fields of view")
     width, height = CAMERA_SIZE
     for hfov in CAMERAS:

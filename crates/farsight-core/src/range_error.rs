@@ -47,9 +47,6 @@ pub struct RangeError {
     pub cut: f64,
 }
 
-/// Added to the sums of squares: decides only where no example does, as when none is cut.
-const RIDGE: f64 = 1e-6;
-
 impl RangeError {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
@@ -72,14 +69,17 @@ impl RangeError {
         if examples.len() < LEAST_EXAMPLES {
             return None;
         }
-        let (mut matrix, mut right) =
-            (std::array::from_fn(|i| std::array::from_fn(|j| if i == j { RIDGE } else { 0.0 })), [0.0; 4]);
+        let (mut matrix, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
         for example in examples {
             let terms = terms(example.found_m, example.score, example.is_cut);
             for (i, term) in terms.iter().enumerate() {
                 matrix[i] = std::array::from_fn(|j| matrix[i][j] + term * terms[j]);
                 right[i] += term * log_error(example);
             }
+        }
+        if examples.iter().all(|example| !example.is_cut) {
+            // Nothing is known of cut boxes: no term for them.
+            matrix[3][3] = 1.0;
         }
         let [bias, depth, score, cut] = solved(matrix, right)?;
         let fit = Self { bias, depth, score, cut };
@@ -173,6 +173,7 @@ mod tests {
         assert_eq!(DepthReference::KITTI.refitted(&falling[..10]), None);
         let one_place = [DepthExample { found_m: 10.0, true_m: 11.0, score: 0.5, is_cut: false }; 60];
         assert_eq!(DepthReference::KITTI.refitted(&one_place), None);
+        assert_eq!(RangeError::fit(&one_place), None);
         assert_eq!(RangeError::fit(&falling[..10]), None);
     }
 

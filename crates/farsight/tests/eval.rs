@@ -220,7 +220,7 @@ fn the_worst_frames_are_drawn_where_there_are_images() {
 #[test]
 fn place_scores_rank_what_is_sure_of_its_place_first() {
     let folder = tempfile::tempdir().unwrap();
-    let (status, _, err) = eval(folder.path(), &["--place-scores"]);
+    let (status, _, err) = eval(folder.path(), &["--scores", "place"]);
     assert_eq!((status, err.contains("results/000001.txt:2: no error bar")), (2, true), "{err}");
 
     // Ten cars that are where they are said to be, by narrow error bars, and ten that are 5 m off, by wide ones and with higher scores.
@@ -239,7 +239,7 @@ fn place_scores_rank_what_is_sure_of_its_place_first() {
         (json["scores"].clone(), json["ap"]["car"]["3d"]["r40"][1].as_f64().unwrap())
     };
     let (given, by_score) = ap(&["--json", "a.json"]);
-    let (place, by_place) = ap(&["--json", "a.json", "--place-scores"]);
+    let (place, by_place) = ap(&["--json", "a.json", "--scores", "place"]);
     assert_eq!((given, place), ("as_given".into(), "place".into()));
     // Half of the recall points reached, at a precision of 1 instead of at most one half.
     assert!(by_place > 1.9 * by_score && by_score > 0.0, "{by_place} and {by_score}");

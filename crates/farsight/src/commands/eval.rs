@@ -78,10 +78,9 @@ pub(crate) struct EvalArgs {
     /// Height of the camera above the ground, metres, for --classic
     #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M)]
     camera_height: f64,
-    /// Take scores for more than that something is there: each times the probability, by its error bar, that its distance is right to 0.3 m. AP in space is
-    /// better for it, found and false alarms by score are another matter
-    #[arg(long)]
-    place_scores: bool,
+    /// What is taken for the scores, in everything that goes by them
+    #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]
+    scores: ScoresName,
     /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
     #[arg(long, value_name = "SCORE")]
     min_score: Option<f64>,
@@ -113,6 +112,15 @@ enum MetricName {
     ThreeD,
 }
 
+/// [`Scores`] as they are written on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+enum ScoresName {
+    /// What the result files say
+    AsGiven,
+    /// That, times the probability by the error bar (17th column) that the distance is right to 0.3 m: raises AP in space
+    Place,
+}
+
 /// What goes into the JSON file: the report, and what was asked for besides.
 #[derive(Debug, Serialize)]
 struct Answer<'a> {
@@ -127,7 +135,7 @@ struct Answer<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let mut source = Files::new(args, printer)?;
-    let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?.with_scores(args.scores());
+    let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?.with_scores(args.scores.scores());
     if let Some(id) = &args.explain {
         return explained::run(args, &files, id, printer);
     }
@@ -150,7 +158,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     for note in text::notes(&report) {
         printer.note(&note);
     }
-    if args.place_scores {
+    if args.scores == ScoresName::Place {
         printer.note("place scores: the chance that the distance is right is part of every score here");
     }
     let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
@@ -165,7 +173,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
         classic::run(args, args.calib.as_deref().unwrap_or(&beside), &files, printer)?;
     }
     if let Some(path) = &args.json {
-        write_json(path, args.scores(), &report, &findings, comparison.as_ref())?;
+        write_json(path, args.scores.scores(), &report, &findings, comparison.as_ref())?;
     }
     let Some(folder) = &args.report else { return Ok(Outcome::Done) };
     let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
@@ -183,11 +191,7 @@ impl EvalArgs {
         let model =
             || self.model.as_deref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string());
         let judged = self.results.as_ref().map_or_else(model, |results| results.display().to_string());
-        if self.place_scores { format!("{judged} (place scores)") } else { judged }
-    }
-
-    fn scores(&self) -> Scores {
-        if self.place_scores { Scores::Place } else { Scores::AsGiven }
+        if self.scores == ScoresName::Place { format!("{judged} (place scores)") } else { judged }
     }
 
     fn ranging_options(&self) -> RangingOptions {
@@ -202,6 +206,15 @@ impl MetricName {
             Self::TwoD => Metric::Image,
             Self::Bev => Metric::Bev,
             Self::ThreeD => Metric::Space,
+        }
+    }
+}
+
+impl ScoresName {
+    fn scores(self) -> Scores {
+        match self {
+            Self::AsGiven => Scores::AsGiven,
+            Self::Place => Scores::Place,
         }
     }
 }
