@@ -138,6 +138,11 @@ pub enum Pattern {
         /// Which.
         seed: u32,
     },
+    /// Glass: in each pixel so many of the samples show it, the others what is behind.
+    Sheer {
+        /// Share of the samples that show the glass, 0 to 1. What the whole pane mirrors, these have to: divide the material's `gloss` and `mirror` by it.
+        share: f32,
+    },
     /// Worn paint: `color` with holes of noise that show what is below; `wear` 0 has none.
     Worn {
         /// Size of the holes.

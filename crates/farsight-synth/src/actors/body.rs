@@ -40,8 +40,8 @@ pub(super) struct Profile {
     pub(super) sill: f32,
     /// Centres of the axles.
     pub(super) axles: [f32; 2],
-    /// Radius of a wheel, share of the height.
-    pub(super) wheel: f32,
+    /// Radius of a wheel, metres: wheels differ less than cars do, and so say how large a car is.
+    pub(super) wheel_m: f32,
     /// Width over the roof and over the shoulders, shares of the width.
     pub(super) roof_width: f32,
     pub(super) shoulder_width: f32,
@@ -130,7 +130,7 @@ impl Body {
     }
 
     pub(super) fn wheel_radius(&self) -> f32 {
-        (self.profile.wheel * self.height).min(0.12 * self.length)
+        self.profile.wheel_m.min(0.25 * self.height).min(0.12 * self.length)
     }
 
     fn arch_radius(&self) -> f32 {
@@ -233,8 +233,8 @@ impl Body {
             4 if t < 0.09 => livery.head_lamp,
             4 if t > 0.955 => livery.tail_lamp,
             5 => self.side_window(t, livery),
-            8 | 7 if in_screen => livery.glass,
-            8 | 7 if in_rear && p.glazing != Glazing::None => livery.glass,
+            8 | 7 if in_screen => livery.window,
+            8 | 7 if in_rear && p.glazing != Glazing::None => livery.rear_window,
             _ => livery.body,
         }
     }
@@ -249,8 +249,22 @@ impl Body {
         } else if is_pillar {
             livery.trim
         } else {
-            livery.glass
+            if t < p.pillar { livery.window } else { livery.rear_window }
         }
+    }
+
+    /// The inside of the cabin: cloth behind metal, nothing behind windows.
+    pub(super) fn line(&self, shape: &mut Shape, livery: &Livery) {
+        let cabin = self.profile.screen[0]..=self.profile.rear[1];
+        let first = self.stations.iter().take_while(|t| !cabin.contains(t)).count();
+        let stations = self.stations.iter().filter(|t| cabin.contains(t));
+        let inset = |[x, y, z]: Vec3| [x, 0.97 * (y + 0.5 * self.height) - 0.5 * self.height, 0.95 * z];
+        let sections: Vec<Vec<Vec3>> = stations.map(|&t| self.section(t).into_iter().map(inset).collect()).collect();
+        let windows = [livery.window, livery.rear_window];
+        shape.skin(&sections, |i, j| {
+            let is_window = windows.contains(&self.material(first + i, j, livery));
+            (!is_window).then_some(livery.lining)
+        });
     }
 
     /// Closes the front (`t` 0) or the rear (1).

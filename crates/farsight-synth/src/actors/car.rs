@@ -3,7 +3,7 @@
 use super::body::{Body, Glazing, Profile};
 use super::paint::{Livery, car_livery, fleet_livery};
 use super::wheels::Wheel;
-use super::{Detail, Workshop, faces};
+use super::{Detail, Workshop, cabin, faces};
 use crate::dice::Dice;
 use crate::scene::Mesh;
 use crate::shape::Shape;
@@ -56,6 +56,7 @@ fn build(style: Style, hwl: [f32; 3], livery: Livery, workshop: &mut Workshop) -
     mirrors(&mut shape, &body, hwl[1], &livery);
     if detail > Detail::Far {
         gaps(&mut shape, &body, &livery, detail);
+        cabin::furnish(&mut shape, &body, hwl, &livery, workshop);
     }
     if detail == Detail::Near {
         extras(&mut shape, &body, hwl, &livery, workshop);
@@ -80,7 +81,7 @@ fn profile(style: Style, dice: &mut Dice) -> Profile {
         roof: [near(base.roof[0], 0.012).min(0.99), near(base.roof[1], 0.015).min(0.99)],
         sill: near(base.sill, 0.015),
         axles: [near(base.axles[0], 0.012), near(base.axles[1], 0.012)],
-        wheel: near(base.wheel, 0.012),
+        wheel_m: near(base.wheel_m, 0.022),
         roof_width: near(base.roof_width, 0.03),
         shoulder_width: near(base.shoulder_width, 0.012),
         nose_width: near(base.nose_width, 0.05),
@@ -104,7 +105,7 @@ fn base_profile(style: Style) -> Profile {
         roof: [0.955, 0.945],
         sill: 0.13,
         axles: [0.185, 0.815],
-        wheel: 0.205,
+        wheel_m: 0.305,
         roof_width: 0.74,
         shoulder_width: 0.925,
         nose_width: 0.70,
@@ -143,7 +144,7 @@ fn base_profile(style: Style) -> Profile {
             screen: [0.25, 0.40],
             rear: [0.915, 0.972],
             sill: 0.17,
-            wheel: 0.215,
+            wheel_m: 0.35,
             roof_width: 0.78,
             pillar: 0.54,
             window_end: 0.89,
@@ -156,7 +157,7 @@ fn base_profile(style: Style) -> Profile {
             screen: [0.16, 0.37],
             rear: [0.925, 0.975],
             deck: 0.60,
-            wheel: 0.185,
+            wheel_m: 0.315,
             roof_width: 0.80,
             pillar: 0.50,
             window_end: 0.90,
@@ -172,7 +173,7 @@ fn base_profile(style: Style) -> Profile {
             roof: [0.965, 0.975],
             sill: 0.11,
             axles: [0.17, 0.79],
-            wheel: 0.155,
+            wheel_m: 0.335,
             roof_width: 0.86,
             shoulder_width: 0.955,
             nose_width: 0.78,

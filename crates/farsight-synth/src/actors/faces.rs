@@ -39,7 +39,10 @@ impl Panel<'_> {
     /// A number plate 0.52 m wide around a height.
     fn plate(&mut self, height: f32, livery: &Livery) {
         let half = (0.26 / self.half_width(height).max(0.3)).min(0.9);
-        self.piece([height - 0.055, height + 0.055], [-half, half], [-half, half], 3.0, livery.plate);
+        let heights = [height - 0.055, height + 0.055];
+        self.piece(heights, [-half, half], [-half, half], 3.0, livery.plate);
+        let end = [-0.85, -1.0].map(|share| share * half * self.x.signum());
+        self.piece(heights, end, end, 4.0, livery.plate_end);
     }
 }
 
@@ -63,21 +66,22 @@ pub(super) fn front(shape: &mut Shape, body: &Body, hwl: [f32; 3], livery: &Live
     );
     // Grille between the lamps.
     let (wide, tall) = (dice.range32(0.25, 0.52), dice.range32(0.14, 0.36));
-    let grille = if dice.chance(0.75) { livery.trim } else { livery.chrome };
     let taper = dice.range32(0.8, 1.2);
-    panel.piece([top - 0.06 - tall * span, top - 0.05], [-wide * taper, wide * taper], [-wide, wide], 1.0, grille);
+    let heights = [top - 0.06 - tall * span, top - 0.05];
+    panel.piece(heights, [-wide * taper, wide * taper], [-wide, wide], 1.0, livery.grille);
+    if dice.chance(0.4) {
+        let frame = wide * 1.06;
+        let around = [heights[0] - 0.02, heights[1] + 0.02];
+        panel.piece(around, [-frame * taper, frame * taper], [-frame, frame], 0.5, livery.chrome);
+    }
     if workshop.detail == Detail::Near {
         panel.piece([top - 0.14, top - 0.06], [-0.06, 0.06], [-0.06, 0.06], 3.0, livery.chrome);
     }
     // Lamps at the corners; they go on around the side.
-    let (inner, low) = (dice.range32(0.48, 0.66), dice.range32(0.18, 0.36));
+    let (inner, low) = (dice.range32(0.4, 0.64), dice.range32(0.22, 0.42));
     let slant = dice.range32(-0.06, 0.12);
     let heights = [(top - low * span).max(bulge[1] - 0.1), top - 0.01];
     panel.pair(heights, [inner + slant, 0.99], [inner - slant, 0.98], 2.0, livery.head_lamp);
-    if workshop.detail == Detail::Near {
-        let middle = [heights[0] + 0.25 * (heights[1] - heights[0]), heights[1] - 0.02];
-        panel.pair(middle, [inner + 0.12, 0.86], [inner + 0.12, 0.86], 3.0, livery.chrome);
-    }
     if dice.chance(0.4) {
         panel.pair([bottom + 0.12 * span, bottom + 0.24 * span], [0.78, 0.93], [0.78, 0.93], 2.0, livery.chrome);
     }

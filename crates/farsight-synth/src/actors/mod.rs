@@ -3,6 +3,7 @@
 //! Object coordinates: x along the heading, y **down** with 0 at the ground, z across; metres. A mesh's extents equal its size.
 
 mod body;
+mod cabin;
 mod car;
 mod faces;
 mod heavy;

@@ -1,9 +1,9 @@
 //! Paint, glass, lamps and trim of vehicles.
 
-use super::Workshop;
+use super::{Detail, Workshop};
 use crate::dice::Dice;
-use crate::palette::{any_color, grey, times, varied};
-use crate::scene::{Color, MaterialId, Pattern};
+use crate::palette::{Palette, any_color, grey, matte, times, varied};
+use crate::scene::{Color, Material, MaterialId, Pattern};
 
 /// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen by eye, not counted.
 const CAR_COLORS: [(Color, f64); 14] = [
@@ -40,14 +40,24 @@ const FLEET_COLORS: [(Color, f64); 8] = [
 pub(super) struct Livery {
     pub(super) body: MaterialId,
     pub(super) second: MaterialId,
+    /// Glass with nothing behind it: mirrors, what is far away, lorries.
     pub(super) glass: MaterialId,
+    /// Glass that one sees through, in front and behind the front doors.
+    pub(super) window: MaterialId,
+    pub(super) rear_window: MaterialId,
+    /// Cloth on the inside of roof and doors.
+    pub(super) lining: MaterialId,
+    pub(super) seat: MaterialId,
     pub(super) trim: MaterialId,
     pub(super) gap: MaterialId,
     pub(super) under: MaterialId,
     pub(super) chrome: MaterialId,
     pub(super) tyre: MaterialId,
     pub(super) rim: MaterialId,
+    pub(super) grille: MaterialId,
     pub(super) plate: MaterialId,
+    /// The blue end of a plate.
+    pub(super) plate_end: MaterialId,
     pub(super) head_lamp: MaterialId,
     pub(super) tail_lamp: MaterialId,
     pub(super) brake_lamp: MaterialId,
@@ -84,6 +94,19 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
     let (body_gloss, body_shine, body_mirror) =
         (clean * 0.8, dice.range32(30.0, 160.0), clean * dice.range32(0.04, 0.14));
     let glass_tone = dice.range32(0.006, 0.04);
+    let glass_tint = tinted(dice, glass_tone);
+    let mirror = dice.range32(0.03, 0.12);
+    let glass = palette.glossy(glass_tint, 0.9, 250.0, mirror);
+    let is_far = workshop.detail == Detail::Far;
+    let mut window = |share: f32| {
+        let pattern = Pattern::Sheer { share };
+        let seen = Material { pattern, gloss: 0.9 / share, mirror: mirror / share, ..palette.materials[usize::from(glass)] };
+        if is_far { glass } else { palette.add(seen) }
+    };
+    let window_share = dice.weighted(&[(0.5, 2.0), (0.75, 1.0)]);
+    let rear_share = if dice.chance(0.3) { 0.75 } else { window_share };
+    let (window, rear_window) = (window(window_share), window(rear_share));
+    let (lining, seat) = (dice.log_range(0.02, 0.4) as f32, dice.log_range(0.015, 0.3) as f32);
     let (rim_tone, rim_gloss) = (dice.range32(0.12, 0.6), dice.range32(0.2, 0.9));
     let body = palette.glossy(color, body_gloss, body_shine, body_mirror);
     if dice.chance(0.35) {
@@ -95,26 +118,73 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
     Livery {
         body,
         second: palette.glossy(second, body_gloss, body_shine, body_mirror),
-        glass: palette.glossy(tinted(dice, glass_tone), 0.9, 250.0, dice.range32(0.03, 0.12)),
+        glass,
+        window,
+        rear_window,
+        lining: palette.matte(warm(dice, lining)),
+        seat: palette.matte(warm(dice, seat)),
         trim: palette.glossy(grey(dice.range32(0.012, 0.05)), 0.15, 12.0, 0.01),
         gap: palette.matte(grey(0.006)),
         under: palette.matte(grey(0.01)),
         chrome: palette.glossy(grey(0.45), 0.9, 80.0, 0.4),
         tyre: palette.matte(grey(dice.range32(0.012, 0.035))),
         rim: palette.glossy(grey(rim_tone), rim_gloss, 40.0, 0.1),
-        plate: palette.matte(plate_color(dice)),
+        grille: grille(palette, dice),
+        plate: plate(palette, dice),
+        plate_end: palette.matte([0.01, 0.04, 0.3]),
         head_lamp: head_lamp(palette, dice, conduct.lights_on),
-        tail_lamp: palette.glowing([0.28, 0.012, 0.012], lit([1.2, 0.05, 0.03], conduct.lights_on)),
-        brake_lamp: palette.glowing([0.3, 0.012, 0.012], lit([3.0, 0.12, 0.06], conduct.braking)),
+        tail_lamp: rear_lamp(palette, dice, lit([1.2, 0.05, 0.03], conduct.lights_on)),
+        brake_lamp: rear_lamp(palette, dice, lit([3.0, 0.12, 0.06], conduct.braking)),
     }
 }
 
-fn head_lamp(palette: &mut crate::palette::Palette, dice: &mut Dice, on: bool) -> MaterialId {
-    let tone = dice.range32(0.25, 0.6);
+fn head_lamp(palette: &mut Palette, dice: &mut Dice, on: bool) -> MaterialId {
+    let (housing, bowl) = (dice.range32(0.08, 0.5), dice.range32(0.5, 0.9));
     let warmth = dice.range32(0.7, 1.0);
-    let material = palette.glossy([tone, tone, tone * 1.03], 0.9, 60.0, 0.3);
-    palette.materials[usize::from(material)].emission = lit([6.0, 6.0 * warmth.sqrt(), 6.0 * warmth], on);
+    let emission = lit([6.0, 6.0 * warmth.sqrt(), 6.0 * warmth], on);
+    let bowls = Pattern::Windows {
+        other: [bowl, bowl, bowl * 1.03],
+        pitch: [dice.range32(0.12, 0.22), dice.range32(0.12, 0.22)],
+        fill: [dice.range32(0.6, 0.9), dice.range32(0.6, 0.9)],
+        lit: 0.0,
+        seed: dice.seed(),
+    };
+    palette.add(Material { pattern: bowls, gloss: 0.9, shininess: 60.0, mirror: 0.3, emission, ..matte(grey(housing)) })
+}
+
+/// Red glass, often with a clear or yellow strip.
+fn rear_lamp(palette: &mut Palette, dice: &mut Dice, emission: Color) -> MaterialId {
+    let red = [dice.range32(0.2, 0.45), 0.012, 0.012];
+    let material = palette.glowing(red, emission);
+    if dice.chance(0.6) {
+        let other = dice.pick(&[[0.55, 0.5, 0.5], [0.5, 0.2, 0.03], [0.08, 0.004, 0.004]]);
+        let (period, share) = (dice.range32(0.08, 0.3), dice.range32(0.2, 0.4));
+        palette.materials[usize::from(material)].pattern = Pattern::Stripes { other, period, share };
+    }
     material
+}
+
+/// Bars before the dark.
+fn grille(palette: &mut Palette, dice: &mut Dice) -> MaterialId {
+    let bars = dice.weighted(&[(0.02, 2.0), (0.2, 1.0), (0.5, 2.0)]);
+    let (period, share) = (dice.range32(0.03, 0.1), dice.range32(0.2, 0.5));
+    let pattern = Pattern::Stripes { other: grey(bars), period, share };
+    palette.add(Material { pattern, gloss: 0.3, shininess: 40.0, mirror: 0.03, ..matte(grey(0.012)) })
+}
+
+/// A number plate with its figures.
+fn plate(palette: &mut Palette, dice: &mut Dice) -> MaterialId {
+    let color = plate_color(dice);
+    let figure = if color[0] < 0.2 { grey(0.6) } else { grey(0.02) };
+    let fill = [dice.range32(0.4, 0.65), dice.range32(0.55, 0.7)];
+    let pattern = Pattern::Windows { other: figure, pitch: [0.065, 0.11], fill, lit: 0.0, seed: dice.seed() };
+    palette.add(Material { pattern, ..matte(color) })
+}
+
+/// Grey that may be a little brown.
+fn warm(dice: &mut Dice, tone: f32) -> Color {
+    let warmth = dice.range32(0.0, 0.35);
+    [tone, tone * (1.0 - 0.5 * warmth), tone * (1.0 - warmth)]
 }
 
 fn lit(emission: Color, on: bool) -> Color {
@@ -126,5 +196,5 @@ fn tinted(dice: &mut Dice, tone: f32) -> Color {
 }
 
 fn plate_color(dice: &mut Dice) -> Color {
-    dice.weighted(&[([0.75, 0.75, 0.73], 8.0), ([0.75, 0.6, 0.1], 1.5), ([0.05, 0.05, 0.06], 0.5)])
+    dice.weighted(&[([0.75, 0.75, 0.73], 9.0), ([0.75, 0.6, 0.1], 0.8), ([0.05, 0.05, 0.06], 0.3)])
 }

@@ -191,6 +191,24 @@ pub(super) fn sitting(_: [f32; 3], workshop: &mut Workshop) -> Mesh {
     shape.mesh
 }
 
+/// Someone in a car, above the doors, on a seat at `hips`.
+pub(super) fn riding(shape: &mut Shape, hips: Vec3, workshop: &mut Workshop) {
+    let outfit = Outfit::draw(workshop);
+    let mut figure = Figure { shape, detail: workshop.detail };
+    let at = |[x, y, z]: Vec3| [hips[0] + x, hips[1] + y, hips[2] + z];
+    let neck = at([-0.12, -0.53, 0.0]);
+    for side in [-1.0f32, 1.0] {
+        figure.arm(
+            at([-0.1, -0.47, side * 0.19]),
+            at([0.1, -0.25, side * 0.23]),
+            at([0.36, -0.36, side * 0.14]),
+            &outfit,
+        );
+    }
+    figure.trunk(hips, neck, outfit.top);
+    figure.head(neck, &outfit, None);
+}
+
 /// Someone on a bicycle, for boxes of about 1.75 x 0.6 x 1.75 m.
 pub(super) fn cyclist(_: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let outfit = Outfit::draw(workshop);

@@ -115,7 +115,7 @@ impl DepthMap {
         }
         let grid = Grid::new([self.size[0] / 4, self.size[1]], TEXELS);
         for triangle in &object.mesh.triangles {
-            let solid = holes[usize::from(triangle.material)].map_or(1.0, |holes| holes.solid);
+            let solid = holes[usize::from(triangle.material)].map_or(1.0, |holes| holes.shade());
             let [a, b, c] = triangle.vertices;
             let places = [corners[a as usize], corners[b as usize], corners[c as usize]];
             let (texels, _) = self.nearest.as_chunks_mut();

@@ -34,10 +34,19 @@ pub(crate) struct Look {
 
 /// Holes in a surface.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Holes {
+pub(crate) enum Holes {
+    /// Larger ones, torn by noise.
+    Torn(Torn),
+    /// Everywhere the same: this share of each pixel is none.
+    Sheer(f32),
+}
+
+/// Holes where noise is high.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Torn {
     noise: Noise,
     /// Share of the surface that is none.
-    pub(crate) solid: f32,
+    solid: f32,
     /// The noise is below this where there is none.
     level: f32,
 }
@@ -52,12 +61,24 @@ impl Holes {
         let (scale, solid, seed) = match *pattern {
             Pattern::Leaves { scale, density, seed, .. } => (scale, density, seed),
             Pattern::Worn { scale, wear, seed } => (scale, 1.0 - wear, seed),
+            Pattern::Sheer { share } => return Some(Self::Sheer(share)),
             _ => return None,
         };
         let noise = Noise { scale, octaves: 2, seed };
-        (solid < 1.0).then(|| Self { noise, solid, level: Noise::quantile(solid) })
+        (solid < 1.0).then(|| Self::Torn(Torn { noise, solid, level: Noise::quantile(solid) }))
     }
 
+    /// Share of the sun that the surface stops. Glass counts as solid: behind it is a cabin in the shade.
+    pub(crate) fn shade(&self) -> f32 {
+        match self {
+            Self::Torn(torn) => torn.solid,
+            Self::Sheer(_) => 1.0,
+        }
+    }
+
+}
+
+impl Torn {
     /// Share of the places that is no hole, 0 to 1, where each covers `footprint` of the pattern.
     #[inline]
     pub(crate) fn cover(&self, uv: [Lanes; 2], footprint: Lanes) -> Lanes {
@@ -78,7 +99,7 @@ impl Holes {
 pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) -> Look {
     let base = material.color;
     let color = match material.pattern {
-        Pattern::Plain | Pattern::Worn { .. } => all3(base),
+        Pattern::Plain | Pattern::Sheer { .. } | Pattern::Worn { .. } => all3(base),
         Pattern::Noise { other, scale, amount, seed } => {
             let noise = Noise { scale, octaves: 4, seed };
             let share = spread(noise.at(uv, widest(footprint)), NOISE_CONTRAST);
@@ -210,7 +231,7 @@ mod tests {
     #[test]
     fn holes_take_their_share_near_and_far() {
         let leaves = Pattern::Leaves { other: [0.0; 3], scale: 0.5, density: 0.6, seed: 3 };
-        let holes = Holes::of(&leaves).expect("holes");
+        let Some(Holes::Torn(holes)) = Holes::of(&leaves) else { panic!("leaves have holes") };
         for footprint in [0.01, 0.3, 0.7, 4.0] {
             let places = (0..10_000).map(|i| [all((i % 100) as f32 * 0.23), all((i / 100) as f32 * 0.23)]);
             let mean = places.map(|uv| holes.cover(uv, all(footprint)).to_array()[0]).sum::<f32>() / 10_000.0;

@@ -142,15 +142,17 @@ impl<'a> Resolver<'a> {
             *shown = self.add_piece(group.number, column, row, offset, group.samples as f32 / SAMPLES as f32);
             visible[usize::from(shown.instance)] += group.samples;
         }
-        let mut most = (0, 0, nothing);
+        let (mut most, mut result) = ((0, 0, f32::NEG_INFINITY), nothing);
         for (group, one) in groups.iter().zip(&shown).take(count) {
             let same = groups.iter().zip(&shown).filter(|(_, other)| other.instance == one.instance);
             let of_instance: u32 = same.map(|(group, _)| group.samples).sum();
-            if (of_instance, group.samples) > (most.0, most.1) {
-                most = (of_instance, group.samples, *one);
+            // Where a window shows as much of what is behind it as of itself, the pixel is the window's.
+            let rank = (of_instance, group.samples, -one.depth_m);
+            if rank > most {
+                (most, result) = (rank, *one);
             }
         }
-        most.2
+        result
     }
 
     /// The samples of a pixel in up to four groups, and how many.

@@ -118,6 +118,10 @@ impl Cutout {
 
     /// The samples of a pixel that are no hole, as a mask.
     pub(crate) fn kept(&self, x: usize, y: usize) -> Lanes {
+        let torn = match &self.holes {
+            Holes::Sheer(share) => return all(*share).simd_gt(Lanes::from(SHEER_ORDER)),
+            Holes::Torn(torn) => torn,
+        };
         let at = self.varying.at(float(x), float(y));
         let [u_across, u_down, v_across, v_down] = at.slopes;
         let [dx, dy] = [0, 1].map(|axis| Lanes::from(OFFSETS.map(|offset| offset[axis])));
@@ -125,10 +129,13 @@ impl Cutout {
         let v = all(at.facing[3]) + all(v_across) * dx + all(v_down) * dy;
         let extent = (u_across.abs() + u_down.abs()).max(v_across.abs() + v_down.abs());
         // A sample stands for a quarter of the pixel. Which sample asks for how much differs from pixel to pixel, so that no grain shows.
-        let share = self.holes.cover([u, v], all(0.5 * extent));
+        let share = torn.cover([u, v], all(0.5 * extent));
         share.simd_gt(thresholds((x + 3 * y) & 3))
     }
 }
+
+/// How sheer a surface must be for each sample to show it: the same in all pixels, or edges behind it would be combed, and opposite samples first.
+const SHEER_ORDER: [f32; 4] = [0.125, 0.625, 0.875, 0.375];
 
 /// How much of a sample must be solid for it to count, in four orders.
 #[inline]

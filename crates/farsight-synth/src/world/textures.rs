@@ -18,7 +18,7 @@ pub(crate) fn spread(materials: &mut [Material], dice: &mut Dice) {
     let share = dice.range(REPLACED[0], REPLACED[1]);
     for material in materials {
         let mut dice = dice.fork();
-        let is_plain = matches!(material.pattern, Pattern::Plain | Pattern::Noise { .. });
+        let is_plain = matches!(material.pattern, Pattern::Plain | Pattern::Noise { .. } | Pattern::Sheer { .. });
         let glows = material.emission.iter().any(|&light| light > 0.0);
         if !is_plain || glows || !dice.chance(share) {
             continue;

@@ -111,7 +111,7 @@ pub fn ground(far: f32, step: f32, material: MaterialId) -> Mesh {
     mesh
 }
 
-/// A street with all patterns: asphalt, markings, houses, trees, and three blocks for vehicles (instances 1 to 3).
+/// A street with all patterns: asphalt, markings, houses, trees, a pane of glass, and three blocks for vehicles (instances 1 to 3).
 pub fn street() -> Scene {
     let mut scene = empty(camera(), [1242, 375]);
     let noise = |color, other, scale| Material {
@@ -154,6 +154,7 @@ pub fn street() -> Scene {
             pattern: Pattern::Stripes { other: [0.7, 0.1, 0.1], period: 0.5, share: 0.5 },
             ..plain([0.8, 0.8, 0.8])
         },
+        Material { pattern: Pattern::Sheer { share: 0.5 }, gloss: 0.9, mirror: 0.2, ..plain([0.02, 0.03, 0.03]) },
     ];
     scene.objects.push(flat(ground(120.0, 2.0, 2)));
     scene.objects.push(flat(quad([[-5.0, y, -1.0], [5.0, y, -1.0], [5.0, y, 120.0], [-5.0, y, 120.0]], 0, 1)));
@@ -168,6 +169,8 @@ pub fn street() -> Scene {
         scene.objects.push(object(block([-13.0, y, z], [8.0, 9.0, 12.0], material), 0));
         scene.objects.push(object(tree([8.0, y, z]), 0));
     }
+    let shelter = [[-4.4, y, 14.0], [-4.4, y, 17.0], [-4.4, y - 2.3, 17.0], [-4.4, y - 2.3, 14.0]];
+    scene.objects.push(object(quad(shelter, 9, 0), 0));
     scene.objects.push(object(block([12.0, y, 50.0], [0.2, 1.0, 80.0], 8), 0));
     scene.objects.push(object(block([2.4, y, 9.0], [1.7, 1.5, 4.2], 6), 1));
     scene.objects.push(object(block([-2.6, y, 22.0], [1.8, 1.6, 4.5], 7), 2));
