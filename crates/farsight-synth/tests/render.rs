@@ -264,9 +264,7 @@ fn one_sees_through_the_holes_of_leaves() {
 
 #[test]
 fn glass_shows_itself_and_what_is_behind_it_in_their_shares() {
-    let wall = |z: f32, material| {
-        quad([[-6.0, -3.0, z], [6.0, -3.0, z], [6.0, 3.0, z], [-6.0, 3.0, z]], material, 0)
-    };
+    let wall = |z: f32, material| quad([[-6.0, -3.0, z], [6.0, -3.0, z], [6.0, 3.0, z], [-6.0, 3.0, z]], material, 0);
     let glowing = |emission| Material { emission, ..plain([0.0; 3]) };
     for share in [0.25, 0.5, 0.75] {
         let mut scene = scene_of(vec![object(wall(6.0, 1), 1), object(wall(6.5, 2), 2)]);

@@ -253,17 +253,18 @@ impl Body {
         }
     }
 
-    /// The inside of the cabin: cloth behind metal, nothing behind windows.
+    /// The inside of the cabin: cloth behind metal, nothing behind windows and on the floor.
     pub(super) fn line(&self, shape: &mut Shape, livery: &Livery) {
         let cabin = self.profile.screen[0]..=self.profile.rear[1];
         let first = self.stations.iter().take_while(|t| !cabin.contains(t)).count();
         let stations = self.stations.iter().filter(|t| cabin.contains(t));
-        let inset = |[x, y, z]: Vec3| [x, 0.97 * (y + 0.5 * self.height) - 0.5 * self.height, 0.95 * z];
+        let inset = |[x, y, z]: Vec3| [0.98 * x, 0.97 * (y + 0.5 * self.height) - 0.5 * self.height, 0.95 * z];
         let sections: Vec<Vec<Vec3>> = stations.map(|&t| self.section(t).into_iter().map(inset).collect()).collect();
-        let windows = [livery.window, livery.rear_window];
+        // The floor is its own lining: over the wheels the two would lie in one place.
+        let bare = [livery.window, livery.rear_window, livery.under];
         shape.skin(&sections, |i, j| {
-            let is_window = windows.contains(&self.material(first + i, j, livery));
-            (!is_window).then_some(livery.lining)
+            let is_bare = bare.contains(&self.material(first + i, j, livery));
+            (!is_bare).then_some(livery.lining)
         });
     }
 

@@ -18,7 +18,7 @@ pub(super) fn furnish(shape: &mut Shape, body: &Body, hwl: [f32; 3], livery: &Li
     let [height, width, _] = hwl;
     let rear_seat = p.pillar + 0.6 * (p.rear[1] - p.pillar);
     shelf(shape, body, [p.screen[0] + 0.02, p.screen[0] + 0.1], livery);
-    shelf(shape, body, [rear_seat + 0.02, p.rear[1] - 0.01], livery);
+    shelf(shape, body, [rear_seat, p.rear[1] - 0.01], livery);
     let half = 0.14 * width;
     for side in [-1.0f32, 1.0] {
         seat(shape, [body.x(p.pillar), side * SEAT * width], half, height, livery);

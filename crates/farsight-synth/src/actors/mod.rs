@@ -124,7 +124,7 @@ pub(crate) fn point_of(box3d: &Box3d, point: Vec3) -> Vec3 {
 mod tests {
     use super::*;
     use crate::palette::Palette;
-    use crate::scene::Triangle;
+    use crate::scene::{Pattern, Triangle};
     use crate::sizes::SizeStatistics;
     use crate::vector::{cross, dot, length, scale, sub};
 
@@ -154,22 +154,24 @@ mod tests {
         dot(unit, sub(middle, other[0])).abs() < APART_M && depth_inside(other, unit, middle) > 0.01
     }
 
+    /// An object of a class, of a size drawn for it, and its materials.
+    fn built(class: &ObjectClass, [seed, index]: [u64; 2], detail: Detail) -> (Mesh, Palette) {
+        let mut dice = Dice::new(seed, index, 0);
+        let size = SizeStatistics::of(class).draw(&mut dice);
+        let mut palette = Palette::default();
+        let conduct = Conduct { moving: seed.is_multiple_of(2), ..Conduct::default() };
+        let mesh = build(class, size, &mut Workshop { palette: &mut palette, dice, detail, conduct, unusual: false });
+        (mesh, palette)
+    }
+
     #[test]
     fn no_two_materials_flicker_in_one_place() {
         use ObjectClass::{Car, Cyclist, Misc, Pedestrian, Tram, Truck, Van};
         for (k, class) in [Car, Van, Truck, Tram, Misc, Cyclist, Pedestrian].into_iter().enumerate() {
-            for seed in 0..8 {
-                let mut dice = Dice::new(seed, k as u64, 0);
-                let size = SizeStatistics::of(&class).draw(&mut dice);
-                let mut palette = Palette::default();
-                let mut workshop = Workshop {
-                    palette: &mut palette,
-                    dice,
-                    detail: Detail::Near,
-                    conduct: Conduct::default(),
-                    unusual: false,
-                };
-                let mesh = build(&class, size, &mut workshop);
+            // Cars and vans have the most pieces.
+            let seeds = if k < 2 { 20 } else { 8 };
+            for seed in 0..seeds {
+                let (mesh, palette) = built(&class, [seed, k as u64], Detail::Near);
                 for a in &mesh.triangles {
                     let place = points(&mesh, a);
                     let rival = mesh
@@ -184,6 +186,45 @@ mod tests {
                         rival.map(material)
                     );
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn one_looks_into_near_cars_only() {
+        let is_sheer = |palette: &Palette, triangle: &Triangle| {
+            matches!(palette.materials[usize::from(triangle.material)].pattern, Pattern::Sheer { .. })
+        };
+        for class in [ObjectClass::Car, ObjectClass::Van] {
+            for (detail, sheer) in [(Detail::Near, true), (Detail::Middle, true), (Detail::Far, false)] {
+                for seed in 0..40 {
+                    let (mesh, palette) = built(&class, [seed, 0], detail);
+                    let found = mesh.triangles.iter().any(|triangle| is_sheer(&palette, triangle));
+                    assert_eq!(found, sheer, "{class:?}, seed {seed}, {detail:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn those_who_ride_stay_within_their_car() {
+        let extents = |class: &ObjectClass, seed: u64, moving: bool| {
+            let mut dice = Dice::new(seed, 0, 0);
+            let size = SizeStatistics::of(class).draw(&mut dice);
+            let hwl = [size.height, size.width, size.length].map(|v| v as f32);
+            let mut palette = Palette::default();
+            let conduct = Conduct { moving, ..Conduct::default() };
+            let mut workshop =
+                Workshop { palette: &mut palette, dice, detail: Detail::Middle, conduct, unusual: false };
+            // As it is before it is stretched to its size.
+            let mesh = if *class == ObjectClass::Van { car::van } else { car::car }(hwl, &mut workshop);
+            let most = |axis: usize| mesh.vertices.iter().map(|v| v.position[axis].abs()).fold(0.0, f32::max);
+            [most(0), most(1), most(2)]
+        };
+        for class in [ObjectClass::Car, ObjectClass::Van] {
+            for seed in 0..40 {
+                let [ridden, parked] = [true, false].map(|moving| extents(&class, seed, moving));
+                assert_eq!(ridden, parked, "{class:?}, seed {seed}");
             }
         }
     }

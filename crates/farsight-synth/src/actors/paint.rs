@@ -35,6 +35,9 @@ const FLEET_COLORS: [(Color, f64); 8] = [
     ([0.65, 0.22, 0.03], 0.8),
 ];
 
+/// Strength of the sun's highlight on glass.
+const GLASS_GLOSS: f32 = 0.9;
+
 /// The materials of one vehicle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Livery {
@@ -93,19 +96,7 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
     let second = if dice.chance(0.5) { varied(dice, color, 0.5) } else { any_color(dice) };
     let (body_gloss, body_shine, body_mirror) =
         (clean * 0.8, dice.range32(30.0, 160.0), clean * dice.range32(0.04, 0.14));
-    let glass_tone = dice.range32(0.006, 0.04);
-    let glass_tint = tinted(dice, glass_tone);
-    let mirror = dice.range32(0.03, 0.12);
-    let glass = palette.glossy(glass_tint, 0.9, 250.0, mirror);
-    let is_far = workshop.detail == Detail::Far;
-    let mut window = |share: f32| {
-        let pattern = Pattern::Sheer { share };
-        let seen = Material { pattern, gloss: 0.9 / share, mirror: mirror / share, ..palette.materials[usize::from(glass)] };
-        if is_far { glass } else { palette.add(seen) }
-    };
-    let window_share = dice.weighted(&[(0.5, 2.0), (0.75, 1.0)]);
-    let rear_share = if dice.chance(0.3) { 0.75 } else { window_share };
-    let (window, rear_window) = (window(window_share), window(rear_share));
+    let [glass, window, rear_window] = glazing(palette, dice, workshop.detail);
     let (lining, seat) = (dice.log_range(0.02, 0.4) as f32, dice.log_range(0.015, 0.3) as f32);
     let (rim_tone, rim_gloss) = (dice.range32(0.12, 0.6), dice.range32(0.2, 0.9));
     let body = palette.glossy(color, body_gloss, body_shine, body_mirror);
@@ -136,6 +127,23 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
         tail_lamp: rear_lamp(palette, dice, lit([1.2, 0.05, 0.03], conduct.lights_on)),
         brake_lamp: rear_lamp(palette, dice, lit([3.0, 0.12, 0.06], conduct.braking)),
     }
+}
+
+/// Glass with nothing behind it, of the windows in front and of those behind. From far away a cabin is dark glass.
+fn glazing(palette: &mut Palette, dice: &mut Dice, detail: Detail) -> [MaterialId; 3] {
+    let tone = dice.range32(0.006, 0.04);
+    let color = tinted(dice, tone);
+    let mirror = dice.range32(0.03, 0.12);
+    let glass = palette.glossy(color, GLASS_GLOSS, 250.0, mirror);
+    let share = dice.weighted(&[(0.5, 2.0), (0.75, 1.0)]);
+    let rear_share = if dice.chance(0.3) { 0.75 } else { share };
+    let [front, rear] = [share, rear_share].map(|share| {
+        let pattern = Pattern::Sheer { share };
+        let opaque = palette.materials[usize::from(glass)];
+        let sheer = Material { pattern, gloss: GLASS_GLOSS / share, mirror: mirror / share, ..opaque };
+        if detail == Detail::Far { glass } else { palette.add(sheer) }
+    });
+    [glass, front, rear]
 }
 
 fn head_lamp(palette: &mut Palette, dice: &mut Dice, on: bool) -> MaterialId {

@@ -75,7 +75,6 @@ impl Holes {
             Self::Sheer(_) => 1.0,
         }
     }
-
 }
 
 impl Torn {
