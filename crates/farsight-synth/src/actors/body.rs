@@ -248,8 +248,10 @@ impl Body {
             livery.body
         } else if is_pillar {
             livery.trim
+        } else if t < p.pillar {
+            livery.window
         } else {
-            if t < p.pillar { livery.window } else { livery.rear_window }
+            livery.rear_window
         }
     }
 

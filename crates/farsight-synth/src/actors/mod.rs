@@ -219,7 +219,7 @@ mod tests {
             // As it is before it is stretched to its size.
             let mesh = if *class == ObjectClass::Van { car::van } else { car::car }(hwl, &mut workshop);
             let most = |axis: usize| mesh.vertices.iter().map(|v| v.position[axis].abs()).fold(0.0, f32::max);
-            [most(0), most(1), most(2)]
+            [most(0), most(1), most(2)].map(f32::to_bits)
         };
         for class in [ObjectClass::Car, ObjectClass::Van] {
             for seed in 0..40 {
