@@ -66,7 +66,7 @@ pub struct Material {
     pub color: Color,
     /// How the colour varies.
     pub pattern: Pattern,
-    /// Strength of the sun's highlight, 0 to 1.
+    /// Strength of the sun's highlight, 0 to 1; of sheer glass more.
     pub gloss: f32,
     /// Sharpness of the highlight, the exponent of Blinn and Phong.
     pub shininess: f32,

@@ -13,7 +13,7 @@ const REPLACED: [f64; 2] = [0.15, 0.8];
 /// Strongest mirror that paint and glass get.
 const STRONGEST_MIRROR: f64 = 0.35;
 
-/// Gives some of the materials a pattern drawn by chance. Those that glow, and those with holes or a pattern of their own, stay.
+/// Gives some of the materials a pattern drawn by chance. Those that glow, and those with holes or a pattern of their own, stay; sheer glass does not, and can then no longer be seen through.
 pub(crate) fn spread(materials: &mut [Material], dice: &mut Dice) {
     let share = dice.range(REPLACED[0], REPLACED[1]);
     for material in materials {
