@@ -2,16 +2,18 @@
 //!
 //! Object coordinates: x along the heading, y **down** with 0 at the ground, z across; metres. A mesh's extents equal its size.
 
+mod bicycle;
 mod body;
 mod cabin;
 mod car;
 mod faces;
+mod figure;
 mod heavy;
 mod paint;
 mod person;
 mod wheels;
 
-pub(crate) use person::bicycle;
+pub(crate) use bicycle::bicycle;
 
 use farsight_core::{Box3d, Dimensions, ObjectClass};
 

@@ -1,192 +1,186 @@
-//! People: on foot, sitting, on a bicycle.
+//! People: on foot, sitting, in a car, on a bicycle.
 
-use super::{Detail, Workshop};
+use super::Workshop;
+use super::bicycle::{CRANK, bicycle};
+use super::figure::{Figure, Outfit};
 use crate::dice::Dice;
-use crate::palette::{any_color, grey, varied};
-use crate::scene::{Color, MaterialId, Mesh, Vec3};
-use crate::shape::Shape;
-use crate::vector::mix;
+use crate::palette::{any_color, grey};
+use crate::scene::{MaterialId, Mesh, Vec3};
+use crate::shape::{Shape, sin_cos};
 
-/// What someone wears.
-struct Outfit {
-    skin: MaterialId,
-    hair: MaterialId,
-    top: MaterialId,
-    trousers: MaterialId,
-    shoes: MaterialId,
-    bag: MaterialId,
-    /// Skirt or coat over the legs.
-    coat: bool,
-    bare_arms: bool,
+/// A foot flat on the ground.
+const FLAT: Vec3 = [0.17, 0.04, 0.0];
+const SIDES: [f32; 2] = [-1.0, 1.0];
+
+/// Where the ankles are, and the way from ankle to toe, as somebody walks or stands.
+struct Stance {
+    /// Left and right: x, and height above the ground.
+    ankles: [[f32; 2]; 2],
+    toes: [Vec3; 2],
+    /// Share of a full step by which each arm swings ahead.
+    swing: [f32; 2],
+    /// Height of the hips.
+    hips: f32,
 }
 
-const SKIN: [(Color, f64); 4] =
-    [([0.55, 0.34, 0.25], 5.0), ([0.42, 0.24, 0.16], 3.0), ([0.2, 0.1, 0.06], 1.5), ([0.08, 0.04, 0.03], 1.0)];
-const TOPS: [(Color, f64); 9] = [
-    ([0.02, 0.02, 0.025], 5.0),
-    ([0.7, 0.7, 0.68], 3.0),
-    ([0.15, 0.16, 0.17], 3.0),
-    ([0.03, 0.06, 0.18], 2.5),
-    ([0.4, 0.04, 0.04], 1.5),
-    ([0.3, 0.24, 0.15], 1.5),
-    ([0.06, 0.14, 0.07], 1.0),
-    ([0.25, 0.45, 0.65], 1.0),
-    ([0.7, 0.35, 0.05], 0.7),
-];
-const TROUSERS: [(Color, f64); 5] = [
-    ([0.02, 0.02, 0.025], 4.0),
-    ([0.04, 0.07, 0.16], 4.0),
-    ([0.16, 0.15, 0.14], 2.0),
-    ([0.4, 0.34, 0.25], 1.5),
-    ([0.6, 0.6, 0.58], 0.5),
-];
-
-impl Outfit {
-    fn draw(workshop: &mut Workshop) -> Self {
-        let dice = &mut workshop.dice;
-        let palette = &mut *workshop.palette;
-        let skin = dice.weighted(&SKIN);
-        let top = if dice.chance(0.2) { any_color(dice) } else { dice.weighted(&TOPS) };
-        let trousers = dice.weighted(&TROUSERS);
-        let hair = dice.weighted(&[
-            ([0.012, 0.01, 0.01], 4.0),
-            ([0.08, 0.05, 0.03], 3.0),
-            (grey(0.4), 1.0),
-            ([0.35, 0.24, 0.1], 1.0),
+impl Stance {
+    fn draw(length: f32, dice: &mut Dice) -> Self {
+        /// What the legs are doing.
+        #[derive(Clone, Copy)]
+        enum Gait {
+            /// Both feet on the ground, a step apart.
+            Step,
+            /// One foot passes the other.
+            Pass,
+            Stand,
+        }
+        let long = length > 0.7;
+        let gait = dice.weighted(&[
+            (Gait::Step, if long { 6.0 } else { 1.5 }),
+            (Gait::Pass, if long { 1.0 } else { 3.0 }),
+            (Gait::Stand, if long { 1.0 } else { 3.0 }),
         ]);
-        Self {
-            skin: palette.matte(varied(dice, skin, 0.15)),
-            hair: palette.matte(varied(dice, hair, 0.3)),
-            top: palette.matte(varied(dice, top, 0.3)),
-            trousers: palette.matte(varied(dice, trousers, 0.3)),
-            shoes: palette.matte(grey(dice.pick(&[0.015, 0.02, 0.05, 0.5]))),
-            bag: palette.matte(any_color(dice)),
-            coat: dice.chance(0.2),
-            bare_arms: dice.chance(0.3),
-        }
-    }
-}
-
-/// Draws limbs for a person of 1.75 m; the whole is stretched to its size afterwards.
-struct Figure<'a> {
-    shape: &'a mut Shape,
-    detail: Detail,
-}
-
-impl Figure<'_> {
-    fn limb(&mut self, joints: &[(Vec3, f32)], material: MaterialId) {
-        let sides = self.detail.sides(8);
-        for pair in joints.windows(2) {
-            self.shape.tube(pair[0].0, pair[1].0, [pair[0].1, pair[1].1], sides, material);
-        }
-        if self.detail == Detail::Near {
-            for (joint, radius) in joints.iter().skip(1) {
-                self.shape.ball(*joint, [*radius; 3], [3, 6], material, || 0.0);
-            }
-        }
-    }
-
-    fn trunk(&mut self, hips: Vec3, neck: Vec3, material: MaterialId) {
-        let sides = self.detail.sides(10);
-        // Half depth and half width from hips to neck.
-        let rows = [(0.0, 0.12, 0.165), (0.25, 0.12, 0.155), (0.65, 0.135, 0.19), (0.88, 0.11, 0.2), (1.0, 0.06, 0.07)];
-        let ring = |&(share, depth, width): &(f32, f32, f32)| {
-            let center = mix(hips, neck, share);
-            (0..=sides)
-                .map(|k| {
-                    let (sin, cos) = crate::shape::sin_cos(std::f32::consts::TAU * k as f32 / sides as f32);
-                    [center[0] + cos * depth, center[1], center[2] + sin * width]
-                })
-                .collect::<Vec<_>>()
+        let step = ((length - 0.3) / 1.8).clamp(0.05, 0.5);
+        let stance = match gait {
+            Gait::Step => Self {
+                ankles: [[step, 0.09], [-0.85 * step, 0.09 + 0.2 * step]],
+                toes: [[0.16, -0.02, 0.0], [0.12, 0.06 + 0.15 * step, 0.0]],
+                swing: [-1.0, 1.0],
+                // The leg ahead is straight.
+                hips: 0.09 + (0.84f32 * 0.84 - step * step).sqrt(),
+            },
+            Gait::Pass => Self {
+                ankles: [[-0.02, 0.08], [-0.3 * dice.range32(0.3, 1.2), 0.25]],
+                toes: [FLAT, [0.09, 0.12, 0.0]],
+                swing: [0.1, -0.1],
+                hips: 0.93,
+            },
+            Gait::Stand => Self {
+                ankles: [[0.0, 0.08], [dice.range32(-0.1, 0.2), 0.08]],
+                toes: [FLAT; 2],
+                swing: [0.0; 2],
+                hips: 0.925,
+            },
         };
-        let sections: Vec<Vec<Vec3>> = rows.iter().map(ring).collect();
-        self.shape.skin(&sections, |_, _| Some(material));
+        if dice.chance(0.5) { stance.mirrored() } else { stance }
     }
 
-    fn head(&mut self, neck: Vec3, outfit: &Outfit, helmet: Option<MaterialId>) {
-        let rings = [self.detail.sides(6), self.detail.sides(10)];
-        let center = [neck[0] + 0.02, neck[1] - 0.15, neck[2]];
-        self.limb(&[(neck, 0.055), ([center[0], neck[1] - 0.06, center[2]], 0.05)], outfit.skin);
-        self.shape.ball(center, [0.1, 0.125, 0.08], rings, outfit.skin, || 0.0);
-        let cap = [center[0] - 0.025, center[1] - 0.035, center[2]];
-        self.shape.ball(cap, [0.1, 0.115, 0.09], rings, helmet.unwrap_or(outfit.hair), || 0.0);
+    fn mirrored(mut self) -> Self {
+        self.ankles.reverse();
+        self.toes.reverse();
+        self.swing.reverse();
+        self
     }
+}
 
-    /// One leg from the hip to a foot whose ankle is at `ankle`; the knee bends forward by `bend`.
-    fn leg(&mut self, hip: Vec3, ankle: Vec3, bend: f32, outfit: &Outfit) {
-        let middle = mix(hip, ankle, 0.5);
-        let knee = [middle[0] + bend, middle[1], middle[2]];
-        self.limb(&[(hip, 0.095), (knee, 0.065), (ankle, 0.045)], outfit.trousers);
-        let toe = [ankle[0] + 0.17, ankle[1] + 0.05, ankle[2]];
-        self.limb(&[(ankle, 0.045), (toe, 0.035)], outfit.shoes);
-    }
-
-    fn arm(&mut self, shoulder: Vec3, elbow: Vec3, hand: Vec3, outfit: &Outfit) {
-        let lower = if outfit.bare_arms { outfit.skin } else { outfit.top };
-        self.limb(&[(shoulder, 0.06), (elbow, 0.048)], outfit.top);
-        self.limb(&[(elbow, 0.045), (hand, 0.033)], lower);
-        self.shape.ball(hand, [0.045; 3], [3, 6], outfit.skin, || 0.0);
-    }
+/// What an arm is doing.
+#[derive(Clone, Copy)]
+enum Arm {
+    /// Hangs and swings.
+    Free,
+    /// The hand is in a pocket or on the hip.
+    Pocket,
+    /// Holds something before the chest: a telephone, a strap.
+    Raised,
 }
 
 /// Someone who walks or stands.
 pub(super) fn standing([_, width, length]: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let outfit = Outfit::draw(workshop);
     let dice = &mut workshop.dice;
+    let stance = Stance::draw(length, dice);
     let mut shape = Shape::default();
-    let stride = ((length - 0.35) / 0.9).clamp(0.05, 0.9);
-    let reach = (width / 2.0 - 0.22).clamp(0.02, 0.2);
-    let phase = if dice.chance(0.5) { 1.0 } else { -1.0 };
-    let detail = workshop.detail;
-    let mut figure = Figure { shape: &mut shape, detail };
-    let (hips, neck) = ([0.0, -0.92, 0.0], [0.03 * stride, -1.48, 0.0]);
-    for side in [-1.0f32, 1.0] {
-        let ahead = phase * side * stride;
-        let lift = if ahead < 0.0 { 0.08 * stride } else { 0.0 };
-        figure.leg([0.0, -0.9, side * 0.09], [ahead * 0.45, -0.07 - lift, side * 0.1], 0.04 + 0.05 * stride, &outfit);
-        let swing = -ahead * 0.35;
-        let shoulder = [neck[0], -1.41, side * 0.2];
-        let elbow = [swing * 0.5, -1.14, side * (0.24 + 0.5 * reach)];
-        figure.arm(
-            shoulder,
-            elbow,
-            [swing + 0.08, -0.9 - 0.2 * stride * swing.max(0.0), side * (0.25 + reach)],
-            &outfit,
-        );
+    let mut figure = Figure { shape: &mut shape, detail: workshop.detail, outfit: &outfit };
+    let lean = dice.range32(-0.02, 0.07);
+    let hips = [0.0, 0.05 - stance.hips, 0.0];
+    let neck = [lean, -0.55 - stance.hips, 0.0];
+    // Wide boxes are of people who hold their arms away from them.
+    let reach = (width / 1.12 - 0.56).clamp(0.0, 0.3) / 2.0;
+    let mut hands = [[0.0; 3]; 2];
+    for (k, side) in SIDES.into_iter().enumerate() {
+        let [x, height] = stance.ankles[k];
+        figure.leg([0.0, -stance.hips, side * 0.09], [x, -height, side * 0.1], stance.toes[k]);
+        let shoulder = [neck[0], neck[1] + 0.08, side * 0.185];
+        let arm = dice.weighted(&[
+            (Arm::Free, if reach > 0.06 { 30.0 } else { 6.0 }),
+            (Arm::Pocket, 1.5),
+            (Arm::Raised, 1.5),
+        ]);
+        let (hand, elbow) = match arm {
+            Arm::Free => {
+                let x = lean + 0.06 + 0.22 * stance.swing[k] * dice.range32(0.3, 1.3);
+                ([x, shoulder[1] + 0.53 - x.abs() * 0.2, side * (0.24 + reach)], [-1.0, 0.0, side * 0.6])
+            }
+            Arm::Pocket => ([0.06, -stance.hips, side * 0.19], [-0.7, 0.0, side]),
+            Arm::Raised => {
+                let hand = [dice.range32(0.2, 0.34), shoulder[1] + dice.range32(0.05, 0.3), side * 0.1];
+                (hand, [-0.3, 1.0, side * dice.range32(0.2, 0.8)])
+            }
+        };
+        figure.arm(shoulder, hand, elbow);
+        hands[k] = hand;
     }
-    figure.trunk(hips, neck, outfit.top);
-    figure.head(neck, &outfit, None);
-    if outfit.coat {
-        figure.limb(&[([0.01, -1.05, 0.0], 0.17), ([0.0, -0.5, 0.0], 0.21)], outfit.top);
-    }
-    luggage(&mut shape, dice, &outfit);
+    figure.trunk(hips, neck);
+    figure.hem(hips);
+    figure.head(neck, None);
+    luggage(&mut figure, neck, hands, dice);
     shape.mesh
 }
 
-fn luggage(shape: &mut Shape, dice: &mut Dice, outfit: &Outfit) {
-    if dice.chance(0.25) {
-        shape.block([-0.3, -1.42, -0.15], [-0.1, -1.0, 0.15], outfit.bag);
-    } else if dice.chance(0.2) {
-        shape.block([-0.1, -0.82, 0.24], [0.2, -0.45, 0.34], outfit.bag);
+/// A rucksack, a bag at the shoulder, bags in the hands, or nothing.
+fn luggage(figure: &mut Figure, neck: Vec3, hands: [Vec3; 2], dice: &mut Dice) {
+    /// What is carried.
+    #[derive(Clone, Copy)]
+    enum Luggage {
+        Nothing,
+        Rucksack,
+        ShoulderBag,
+        InHand,
     }
+    let bag = figure.outfit.bag;
+    let side = dice.whole(0, 1);
+    let kind = dice.weighted(&[
+        (Luggage::Nothing, 5.0),
+        (Luggage::Rucksack, 1.6),
+        (Luggage::ShoulderBag, 1.4),
+        (Luggage::InHand, 1.2),
+    ]);
+    match kind {
+        Luggage::Nothing => {}
+        Luggage::Rucksack => rucksack(figure.shape, neck, dice.range32(0.8, 1.2), bag),
+        Luggage::ShoulderBag => {
+            let z = SIDES[side] * 0.26;
+            let top = neck[1] + dice.range32(0.42, 0.55);
+            figure.shape.block([-0.16, top, z - 0.055], [0.14, top + dice.range32(0.2, 0.32), z + 0.055], bag);
+            figure.shape.tube([neck[0], neck[1] + 0.05, 0.6 * z], [0.0, top, z], [0.012; 2], 4, bag);
+        }
+        Luggage::InHand => {
+            let [x, y, z] = hands[side];
+            let top = y + 0.1;
+            let low = (top + dice.range32(0.25, 0.4)).min(-0.08);
+            figure.shape.block([x - 0.15, top, z - 0.045], [x + 0.15, low, z + 0.045], bag);
+        }
+    }
+}
+
+fn rucksack(shape: &mut Shape, neck: Vec3, size: f32, bag: MaterialId) {
+    let center = [neck[0] - 0.2, neck[1] + 0.27, 0.0];
+    shape.ball(center, [0.12 * size, 0.23 * size, 0.15 * size], [6, 10], bag, || 0.0);
 }
 
 /// Someone who sits, on a chair that belongs to them.
 pub(super) fn sitting(_: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let outfit = Outfit::draw(workshop);
     let mut shape = Shape::default();
-    let mut figure = Figure { shape: &mut shape, detail: workshop.detail };
-    let (hips, neck) = ([-0.15, -0.5, 0.0], [-0.12, -1.05, 0.0]);
-    for side in [-1.0f32, 1.0] {
-        let knee = [0.28, -0.52, side * 0.11];
-        let ankle = [0.25, -0.08, side * 0.12];
-        figure.limb(&[([-0.15, -0.5, side * 0.1], 0.09), (knee, 0.07), (ankle, 0.05)], outfit.trousers);
-        figure.limb(&[(ankle, 0.045), ([0.42, -0.04, side * 0.12], 0.035)], outfit.shoes);
-        figure.arm([-0.12, -0.98, side * 0.2], [-0.05, -0.72, side * 0.26], [0.2, -0.6, side * 0.16], &outfit);
+    let mut figure = Figure { shape: &mut shape, detail: workshop.detail, outfit: &outfit };
+    let (hips, neck) = ([-0.15, -0.46, 0.0], [-0.12, -1.05, 0.0]);
+    for side in SIDES {
+        figure.leg([-0.13, -0.5, side * 0.1], [0.25, -0.08, side * 0.12], FLAT);
+        figure.arm([-0.12, -0.97, side * 0.185], [0.2, -0.6, side * 0.14], [-1.0, 0.5, side * 0.5]);
     }
-    figure.trunk(hips, neck, outfit.top);
-    figure.head(neck, &outfit, None);
-    shape.block([-0.36, -0.46, -0.22], [0.08, -0.42, 0.22], outfit.bag);
+    figure.trunk(hips, neck);
+    figure.head(neck, None);
+    shape.block([-0.36, -0.42, -0.22], [0.08, -0.38, 0.22], outfit.bag);
     shape.block([-0.38, -0.9, -0.22], [-0.34, 0.0, 0.22], outfit.bag);
     shape.mesh
 }
@@ -194,19 +188,14 @@ pub(super) fn sitting(_: [f32; 3], workshop: &mut Workshop) -> Mesh {
 /// Someone in a car, above the doors, on a seat at `hips`.
 pub(super) fn riding(shape: &mut Shape, hips: Vec3, workshop: &mut Workshop) {
     let outfit = Outfit::draw(workshop);
-    let mut figure = Figure { shape, detail: workshop.detail };
+    let mut figure = Figure { shape, detail: workshop.detail, outfit: &outfit };
     let at = |[x, y, z]: Vec3| [hips[0] + x, hips[1] + y, hips[2] + z];
     let neck = at([-0.12, -0.53, 0.0]);
-    for side in [-1.0f32, 1.0] {
-        figure.arm(
-            at([-0.1, -0.47, side * 0.19]),
-            at([0.1, -0.25, side * 0.23]),
-            at([0.36, -0.36, side * 0.14]),
-            &outfit,
-        );
+    for side in SIDES {
+        figure.arm(at([-0.1, -0.47, side * 0.18]), at([0.36, -0.36, side * 0.14]), [0.0, 1.0, side * 0.3]);
     }
-    figure.trunk(hips, neck, outfit.top);
-    figure.head(neck, &outfit, None);
+    figure.trunk(hips, neck);
+    figure.head(neck, None);
 }
 
 /// Someone on a bicycle, for boxes of about 1.75 x 0.6 x 1.75 m.
@@ -216,51 +205,28 @@ pub(super) fn cyclist(_: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let frame_color = any_color(dice);
     let frame = workshop.palette.glossy(frame_color, 0.5, 40.0, 0.05);
     let dark = workshop.palette.matte(grey(0.02));
-    let helmet = dice.chance(0.4).then(|| workshop.palette.matte(any_color(dice)));
-    let lean = dice.range32(0.05, 0.3);
-    let pedal = dice.range32(-0.17, 0.17);
+    let helmet = dice.chance(0.3).then(|| workshop.palette.matte(any_color(dice)));
+    let lean = dice.range32(0.05, 0.35);
+    let turn = dice.range32(0.0, std::f32::consts::TAU);
     let mut shape = Shape::default();
     bicycle(&mut shape, frame, dark, workshop.detail);
-    let mut figure = Figure { shape: &mut shape, detail: workshop.detail };
-    let (hips, neck) = ([-0.22, -0.98, 0.0], [-0.17 + lean, -1.47, 0.0]);
-    for side in [-1.0f32, 1.0] {
-        let ankle = [-0.02 + side * 0.1, -0.3 + side * pedal, side * 0.11];
-        figure.leg([-0.2, -0.95, side * 0.09], ankle, 0.2, &outfit);
-        let shoulder = [neck[0], -1.4, side * 0.19];
-        let hand = [0.42, -1.03, side * 0.27];
-        let mut elbow = mix(shoulder, hand, 0.5);
-        elbow[1] += 0.06;
-        elbow[2] += side * 0.04;
-        figure.arm(shoulder, elbow, hand, &outfit);
+    let mut figure = Figure { shape: &mut shape, detail: workshop.detail, outfit: &outfit };
+    let (hips, neck) = ([-0.22, -0.92, 0.0], [-0.2 + lean, -1.5 + 0.25 * lean, 0.0]);
+    for side in SIDES {
+        let (sin, cos) = sin_cos(turn);
+        let ankle = [CRANK[0] - 0.08 + side * 0.17 * cos, CRANK[1] - 0.09 + side * 0.17 * sin, side * 0.11];
+        figure.leg([-0.2, -0.93, side * 0.09], ankle, [0.17, 0.06, 0.0]);
+        let shoulder = [neck[0], neck[1] + 0.08, side * 0.185];
+        figure.arm(shoulder, [0.4, -1.06, side * 0.26], [-0.5, 1.0, side]);
     }
-    figure.trunk(hips, neck, outfit.top);
-    figure.head(neck, &outfit, helmet);
+    figure.trunk(hips, neck);
+    figure.head(neck, helmet);
+    // Nothing, a basket in front, a pannier behind, a rucksack.
+    match dice.weighted(&[(0, 6.0), (1, 1.5), (2, 1.5), (3, 1.5)]) {
+        1 => shape.block([0.44, -1.0, -0.17], [0.7, -0.75, 0.17], outfit.bag),
+        2 => shape.block([-0.7, -0.72, -0.19], [-0.38, -0.4, -0.06], outfit.bag),
+        3 => rucksack(&mut shape, neck, 1.0, outfit.bag),
+        _ => {}
+    }
     shape.mesh
-}
-
-/// A bicycle 1.75 m long.
-pub(crate) fn bicycle(shape: &mut Shape, frame: MaterialId, dark: MaterialId, detail: Detail) {
-    let sides = detail.sides(18);
-    let axis = [0.0, 0.0, 1.0];
-    let [rear, front] = [[-0.535, -0.34, 0.0], [0.535, -0.34, 0.0]];
-    for hub in [rear, front] {
-        for z in [-0.018, 0.018] {
-            shape.disc([hub[0], hub[1], z], axis, [0.30, 0.34], sides, &[dark]);
-        }
-        if detail == Detail::Near {
-            let spokes = [frame, dark];
-            for k in 0..8 {
-                let (sin, cos) = crate::shape::sin_cos(std::f32::consts::TAU * k as f32 / 8.0);
-                let rim = [hub[0] + 0.3 * cos, hub[1] + 0.3 * sin, 0.0];
-                shape.tube(hub, rim, [0.004; 2], 3, spokes[k % 2]);
-            }
-        }
-    }
-    let [crank, seat, head] = [[-0.08, -0.3, 0.0], [-0.22, -0.85, 0.0], [0.36, -0.88, 0.0]];
-    for (a, b) in [(rear, crank), (crank, seat), (crank, head), (seat, head), (rear, seat), (head, front)] {
-        shape.tube(a, b, [0.02; 2], 5, frame);
-    }
-    shape.tube([0.4, -1.03, -0.29], [0.4, -1.03, 0.29], [0.016; 2], 5, dark);
-    shape.tube(head, [0.4, -1.03, 0.0], [0.018; 2], 5, dark);
-    shape.block([-0.35, -0.95, -0.07], [-0.1, -0.89, 0.07], dark);
 }

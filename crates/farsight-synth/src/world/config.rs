@@ -14,6 +14,10 @@ pub struct WorldConfig {
     pub weather: WeatherWeights,
     /// Range of the factor on the number of vehicles and people.
     pub density: [f64; 2],
+    /// Factor on the number of people on foot and on bicycles, beside `density`.
+    pub people_factor: f64,
+    /// Factor on the share of lorries, buses and trams among the vehicles.
+    pub heavy_factor: f64,
     /// No vehicle or person is farther away, metres.
     pub farthest_m: f64,
     /// Share of scenes whose colours and light are like nothing on earth.
@@ -189,6 +193,8 @@ impl Default for WorldConfig {
             places: PlaceWeights::default(),
             weather: WeatherWeights::default(),
             density: [0.2, 1.1],
+            people_factor: 1.0,
+            heavy_factor: 1.0,
             farthest_m: 80.0,
             unusual_share: 0.08,
             distractor_share: 0.08,
@@ -223,6 +229,9 @@ impl WorldConfig {
         let share = |name: &str, value: f64| {
             (!(0.0..=1.0).contains(&value)).then(|| format!("{name} is {value}; expected a number from 0 to 1"))
         };
+        let factor = |name: &str, value: f64| {
+            (!(0.0..=20.0).contains(&value)).then(|| format!("{name} is {value}; expected a number from 0 to 20"))
+        };
         let [low, high] = self.density;
         let density = (!(0.0 <= low && low <= high && high <= 10.0))
             .then(|| format!("density is [{low}, {high}]; expected two numbers from 0 to 10 in rising order"));
@@ -237,6 +246,8 @@ impl WorldConfig {
             .or_else(|| weights("places", &places.table().map(|(_, weight)| weight)))
             .or_else(|| weights("weather", &weather.table().map(|(_, weight)| weight)))
             .or(density)
+            .or_else(|| factor("people_factor", self.people_factor))
+            .or_else(|| factor("heavy_factor", self.heavy_factor))
             .or_else(|| {
                 (!(10.0..=300.0).contains(&farthest))
                     .then(|| format!("farthest_m is {farthest}; expected metres from 10 to 300"))

@@ -50,7 +50,16 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
     let mut stage = Stage::new(view, ground, light, unusual);
     let density = dice.range(config.density[0], config.density[1]);
     let traffic_dice = dice.fork();
-    Traffic { stage: &mut stage, plan: &plan, density, farthest_m: config.farthest_m, dice: traffic_dice }.place_all();
+    let traffic = Traffic {
+        stage: &mut stage,
+        plan: &plan,
+        density,
+        people_density: density * config.people_factor,
+        heavy_factor: config.heavy_factor,
+        farthest_m: config.farthest_m,
+        dice: traffic_dice,
+    };
+    traffic.place_all();
     let distracting = dice.chance(config.distractor_share);
     furnish(&mut stage, &plan, distracting, &mut dice);
     let mut drawn = stage.into_drawn();

@@ -18,17 +18,20 @@ const ROOM_M: f64 = 0.18;
 /// A scene whose actors have this many triangles gets no more.
 const MOST_TRIANGLES: usize = 85_000;
 
-/// Places actors; `density` is a factor on their number.
+/// Places actors; the densities are factors on the number of vehicles, and of people on foot and on bicycles.
 pub(crate) struct Traffic<'a> {
     pub(crate) stage: &'a mut Stage,
     pub(crate) plan: &'a Plan,
     pub(crate) density: f64,
+    pub(crate) people_density: f64,
+    /// On the share of lorries, buses and trams.
+    pub(crate) heavy_factor: f64,
     pub(crate) farthest_m: f64,
     pub(crate) dice: Dice,
 }
 
 impl Traffic<'_> {
-    pub(crate) fn place_all(&mut self) {
+    pub(crate) fn place_all(mut self) {
         let plan = self.plan;
         for (index, street) in plan.streets().enumerate() {
             for lane in &street.lanes {
@@ -83,7 +86,8 @@ impl Traffic<'_> {
             _ => 0.05,
         };
         let tram = if self.plan.place == Place::City { 0.02 } else { 0.0 };
-        match self.dice.weighted(&[(0, 1.0), (1, 0.11), (2, heavy), (3, tram)]) {
+        let factor = self.heavy_factor;
+        match self.dice.weighted(&[(0, 1.0), (1, 0.11), (2, heavy * factor), (3, tram * factor)]) {
             0 => ObjectClass::Car,
             1 => ObjectClass::Van,
             2 => ObjectClass::Truck,
@@ -92,7 +96,7 @@ impl Traffic<'_> {
     }
 
     fn parked_class(&mut self) -> ObjectClass {
-        match self.dice.weighted(&[(0, 1.0), (1, 0.11), (2, 0.008), (3, 0.012)]) {
+        match self.dice.weighted(&[(0, 1.0), (1, 0.11), (2, 0.008 * self.heavy_factor), (3, 0.012)]) {
             0 => ObjectClass::Car,
             1 => ObjectClass::Van,
             2 => ObjectClass::Truck,
@@ -183,7 +187,7 @@ impl Traffic<'_> {
     }
 
     fn cyclists(&mut self) {
-        let count = whole_of(self.plan.cyclists * self.density, &mut self.dice);
+        let count = whole_of(self.plan.cyclists * self.people_density, &mut self.dice);
         for _ in 0..count {
             let street = &self.plan.main;
             let s = self.dice.log_range(4.0, 60.0);
@@ -200,7 +204,7 @@ impl Traffic<'_> {
     }
 
     fn people(&mut self) {
-        let count = whole_of(self.plan.people * self.density, &mut self.dice);
+        let count = whole_of(self.plan.people * self.people_density, &mut self.dice);
         let street = &self.plan.main;
         for _ in 0..count {
             let s = self.dice.log_range(4.0, 50.0);
