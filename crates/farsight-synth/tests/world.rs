@@ -108,6 +108,20 @@ fn oncoming_traffic_keeps_to_its_side() {
 }
 
 #[test]
+fn factors_make_more_of_whom_they_are_for_and_none_at_0() {
+    use ObjectClass::{Cyclist, Pedestrian, Tram, Truck};
+    let count = |[people_factor, heavy_factor]: [f64; 2], classes: &[ObjectClass]| {
+        let config = WorldConfig { people_factor, heavy_factor, ..WorldConfig::default() };
+        let drawn = (0..SCENES).map(|index| draw_scene(&config, 4, index));
+        drawn.map(|d| d.actors.iter().filter(|a| classes.contains(&a.class)).count()).sum::<usize>()
+    };
+    let (people, heavy) = ([Pedestrian, Cyclist], [Truck, Tram]);
+    assert_eq!([count([0.0, 1.0], &people), count([1.0, 0.0], &heavy)], [0, 0]);
+    assert!(count([5.0, 1.0], &people) > 3 * count([1.0, 1.0], &people));
+    assert!(count([1.0, 5.0], &heavy) > 2 * count([1.0, 1.0], &heavy));
+}
+
+#[test]
 fn everything_in_a_scene_is_finite_and_names_what_is_there() {
     for (index, drawn) in scenes() {
         let materials = drawn.scene.materials.len();
@@ -240,9 +254,11 @@ fn unusable_configurations_say_why() {
         config.problem()
     };
     assert_eq!(changed(&|_| ()), None);
-    let cases: [(Change, &str); 9] = [
+    let cases: [(Change, &str); 11] = [
         (&|c| c.unusual_share = 1.5, "unusual_share is 1.5; expected a number from 0 to 1"),
         (&|c| c.density = [2.0, 1.0], "density is [2, 1]; expected two numbers from 0 to 10 in rising order"),
+        (&|c| c.people_factor = -1.0, "people_factor is -1; expected a number from 0 to 20"),
+        (&|c| c.heavy_factor = f64::INFINITY, "heavy_factor is inf; expected a number from 0 to 20"),
         (&|c| c.farthest_m = f64::NAN, "farthest_m is NaN; expected metres from 10 to 300"),
         (&|c| c.cameras.clear(), "cameras has no weight above 0; nothing could be drawn"),
         (&|c| c.places.city = -1.0, "places has the weight -1; expected a number that is not negative"),

@@ -84,6 +84,30 @@ enum Arm {
     Raised,
 }
 
+impl Arm {
+    /// `reach` is how far the hands hang away from the body, metres.
+    fn draw(reach: f32, dice: &mut Dice) -> Self {
+        let free = if reach > 0.06 { 30.0 } else { 6.0 };
+        dice.weighted(&[(Self::Free, free), (Self::Pocket, 1.5), (Self::Raised, 1.5)])
+    }
+
+    /// Where the hand is, and whither the elbow points; the hips are at the height `hips`.
+    fn pose(self, shoulder: Vec3, hips: f32, swing: f32, reach: f32, dice: &mut Dice) -> [Vec3; 2] {
+        let side = shoulder[2].signum();
+        match self {
+            Self::Free => {
+                let x = shoulder[0] + 0.06 + 0.22 * swing * dice.range32(0.3, 1.3);
+                [[x, shoulder[1] + 0.53 - x.abs() * 0.2, side * (0.24 + reach)], [-1.0, 0.0, side * 0.6]]
+            }
+            Self::Pocket => [[0.06, -hips, side * 0.19], [-0.7, 0.0, side]],
+            Self::Raised => {
+                let hand = [dice.range32(0.2, 0.34), shoulder[1] + dice.range32(0.05, 0.3), side * 0.1];
+                [hand, [-0.3, 1.0, side * dice.range32(0.2, 0.8)]]
+            }
+        }
+    }
+}
+
 /// Someone who walks or stands.
 pub(super) fn standing([_, width, length]: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let outfit = Outfit::draw(workshop);
@@ -101,22 +125,7 @@ pub(super) fn standing([_, width, length]: [f32; 3], workshop: &mut Workshop) ->
         let [x, height] = stance.ankles[k];
         figure.leg([0.0, -stance.hips, side * 0.09], [x, -height, side * 0.1], stance.toes[k]);
         let shoulder = [neck[0], neck[1] + 0.08, side * 0.185];
-        let arm = dice.weighted(&[
-            (Arm::Free, if reach > 0.06 { 30.0 } else { 6.0 }),
-            (Arm::Pocket, 1.5),
-            (Arm::Raised, 1.5),
-        ]);
-        let (hand, elbow) = match arm {
-            Arm::Free => {
-                let x = lean + 0.06 + 0.22 * stance.swing[k] * dice.range32(0.3, 1.3);
-                ([x, shoulder[1] + 0.53 - x.abs() * 0.2, side * (0.24 + reach)], [-1.0, 0.0, side * 0.6])
-            }
-            Arm::Pocket => ([0.06, -stance.hips, side * 0.19], [-0.7, 0.0, side]),
-            Arm::Raised => {
-                let hand = [dice.range32(0.2, 0.34), shoulder[1] + dice.range32(0.05, 0.3), side * 0.1];
-                (hand, [-0.3, 1.0, side * dice.range32(0.2, 0.8)])
-            }
-        };
+        let [hand, elbow] = Arm::draw(reach, dice).pose(shoulder, stance.hips, stance.swing[k], reach, dice);
         figure.arm(shoulder, hand, elbow);
         hands[k] = hand;
     }
