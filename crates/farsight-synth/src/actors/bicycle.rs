@@ -25,9 +25,8 @@ pub(crate) fn bicycle(shape: &mut Shape, frame: MaterialId, dark: MaterialId, de
             }
         }
     }
-    let crank = CRANK;
     let [seat, head] = [[-0.22, -0.85, 0.0], [0.36, -0.88, 0.0]];
-    for (a, b) in [(rear, crank), (crank, seat), (crank, head), (seat, head), (rear, seat), (head, front)] {
+    for (a, b) in [(rear, CRANK), (CRANK, seat), (CRANK, head), (seat, head), (rear, seat), (head, front)] {
         shape.tube(a, b, [0.02; 2], 5, frame);
     }
     shape.tube([0.4, -1.03, -0.29], [0.4, -1.03, 0.29], [0.016; 2], 5, dark);

@@ -9,6 +9,7 @@ mod car;
 mod faces;
 mod figure;
 mod heavy;
+mod outfit;
 mod paint;
 mod person;
 mod wheels;

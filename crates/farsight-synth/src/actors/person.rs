@@ -2,7 +2,8 @@
 
 use super::Workshop;
 use super::bicycle::{CRANK, bicycle};
-use super::figure::{Figure, Outfit};
+use super::figure::Figure;
+use super::outfit::Outfit;
 use crate::dice::Dice;
 use crate::palette::{any_color, grey};
 use crate::scene::{MaterialId, Mesh, Vec3};
