@@ -208,6 +208,8 @@ pub struct Sky {
     pub clouds: f32,
     /// Colour of the clouds.
     pub cloud_color: Color,
+    /// Sine of the elevation up to which houses and trees hide it in what surfaces mirror, on average.
+    pub skyline: f32,
     /// Which clouds.
     pub seed: u32,
 }

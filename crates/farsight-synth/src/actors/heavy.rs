@@ -1,10 +1,10 @@
 //! Lorries, buses, trams and trailers.
 
 use super::Workshop;
+use super::load::{self, Load, upright};
 use super::paint::{Livery, fleet_livery};
 use super::wheels::Wheel;
-use crate::palette::{any_color, grey};
-use crate::scene::{Material, MaterialId, Mesh, Pattern, Vec3};
+use crate::scene::{MaterialId, Mesh, Vec3};
 use crate::shape::Shape;
 
 /// How far walls stay behind the tyres, metres: there are no arches, and a wheel's dish is 5 cm deep.
@@ -109,9 +109,19 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
     let sill = 0.4 + (cab_height - 0.4) * 0.5;
     cab.build(&mut shape, [sill, sill + (cab_height - 0.4) * 0.32], [livery.body, livery.glass, livery.under]);
     cab_face(&mut shape, &cab, sill, &livery);
-    let load = load_material(workshop, closed, &livery);
-    shape.block([rear, -load_height, -width / 2.0], [load_front, -bed, width / 2.0], load);
-    if !closed {
+    let load = Load {
+        ends: [rear + 0.02, load_front],
+        heights: [bed, load_height],
+        half: width / 2.0 - 0.02,
+        material: load::material(workshop, closed, &livery),
+    };
+    load.build(&mut shape);
+    if closed {
+        load.doors(&mut shape, &livery, &mut workshop.dice);
+        if workshop.dice.chance(0.6) {
+            load.lettering(&mut shape, workshop);
+        }
+    } else {
         // A headboard reaches to the top.
         shape.block(
             [load_front - 0.1, -height, -width / 2.0 * 0.95],
@@ -127,33 +137,18 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
             shape.quad([[a, -0.45, z], [b, -0.45, z], [b, -bed, z], [a, -bed, z]], livery.trim, 0);
         }
         let [near, far] = [side * width / 2.0 * 0.55, side * width / 2.0 * 0.95];
-        panel(&mut shape, rear - 0.01, [0.75, 0.9], [near, far], livery.brake_lamp);
+        panel(&mut shape, rear - 0.01, [0.7, 0.85], [near, far], livery.brake_lamp);
     }
+    panel(&mut shape, rear - 0.01, [0.62, 0.73], [-0.26, 0.26], livery.plate);
     shape.block([rear, -0.6, -width / 2.0 * 0.9], [rear + 0.08, -0.45, width / 2.0 * 0.9], livery.trim);
     let axles: &[f32] = if length > 9.0 { &[0.14, 0.72, 0.84] } else { &[0.17, 0.78] };
     axle_wheels(&mut shape, hwl, axles, &livery, workshop);
     shape.mesh
 }
 
-/// The cloth, metal or boards of a load, sometimes with the firm's stripes.
-fn load_material(workshop: &mut Workshop, closed: bool, livery: &Livery) -> MaterialId {
-    let dice = &mut workshop.dice;
-    let color = match dice.weighted(&[(0, 3.0), (1, 2.0), (2, 1.5)]) {
-        0 => grey(dice.range32(0.5, 0.8)),
-        1 => any_color(dice),
-        _ => workshop.palette.materials[usize::from(livery.body)].color,
-    };
-    let other = any_color(dice);
-    let stripes = Pattern::Stripes { other, period: dice.range32(1.0, 3.0), share: dice.range32(0.1, 0.4) };
-    let dirt = Pattern::Noise { other: color.map(|c| c * 0.6), scale: 1.5, amount: 0.6, seed: dice.seed() };
-    let pattern = if closed && dice.chance(0.4) { stripes } else { dirt };
-    let material = crate::palette::matte(color);
-    workshop.palette.add(Material { pattern, gloss: 0.2, shininess: 15.0, mirror: 0.02, ..material })
-}
-
 /// A flat piece across the vehicle at `x`, between two heights and from left to right.
-fn panel(shape: &mut Shape, x: f32, [low, high]: [f32; 2], [left, right]: [f32; 2], material: MaterialId) {
-    shape.quad([[x, -low, left], [x, -low, right], [x, -high, right], [x, -high, left]], material, 0);
+fn panel(shape: &mut Shape, x: f32, heights: [f32; 2], sides: [f32; 2], material: MaterialId) {
+    shape.quad(upright(x, heights, sides), material, 0);
 }
 
 /// Grille, lamps, bumper and plate in front of a cab.
@@ -277,7 +272,7 @@ pub(super) fn tram(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
 pub(super) fn trailer(hwl: [f32; 3], workshop: &mut Workshop) -> Mesh {
     let [height, width, length] = hwl;
     let livery = fleet_livery(workshop);
-    let load = load_material(workshop, true, &livery);
+    let load = load::material(workshop, true, &livery);
     let mut shape = Shape::default();
     let floor = (height * 0.3).min(0.6);
     let draw_bar = (length * 0.2).min(1.2);

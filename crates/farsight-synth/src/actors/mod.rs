@@ -9,6 +9,7 @@ mod car;
 mod faces;
 mod figure;
 mod heavy;
+mod load;
 mod outfit;
 mod paint;
 mod person;

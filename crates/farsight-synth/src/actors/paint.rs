@@ -133,7 +133,7 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
 fn glazing(palette: &mut Palette, dice: &mut Dice, detail: Detail) -> [MaterialId; 3] {
     let tone = dice.range32(0.006, 0.04);
     let color = tinted(dice, tone);
-    let mirror = dice.range32(0.03, 0.12);
+    let mirror = dice.log_range(0.015, 0.1) as f32;
     let glass = palette.glossy(color, GLASS_GLOSS, 250.0, mirror);
     let share = dice.weighted(&[(0.5, 2.0), (0.75, 1.0)]);
     let rear_share = if dice.chance(0.3) { 0.75 } else { share };

@@ -78,7 +78,7 @@ impl PhotoSettings {
         let warmth = between(-0.08, 0.08);
         let tint = between(-0.03, 0.03);
         let target_mean = between(0.3, 0.46);
-        let (contrast, saturation) = (between(0.2, 1.8), between(0.75, 1.3));
+        let (contrast, saturation) = (between(0.3, 2.2), between(0.75, 1.3));
         // Squares make small values common and large ones rare.
         let mut rarely = |most: f32| most * between(0.0, 1.0) * between(0.0, 1.0);
         let noise = rarely(1.0);

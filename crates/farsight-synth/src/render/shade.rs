@@ -123,7 +123,8 @@ fn mirroring(
     let rest = all(1.0) - clamp(facing, 0.0, 1.0);
     let square = rest * rest;
     let share = clear * (straight + (all(1.0) - straight) * square * square * rest);
-    let image = sky::mirrored(scene, add_scaled(surface.ray, surface.normal, all(2.0) * facing));
+    let back = add_scaled(surface.ray, surface.normal, all(2.0) * facing);
+    let image = sky::mirrored(scene, surface.position, back);
     // Beside and under things the surroundings are dark too.
     mix(seen, scale(image, all(0.35) + all(0.65) * skylight), share)
 }

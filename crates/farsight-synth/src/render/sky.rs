@@ -3,12 +3,13 @@
 use super::lanes::{Lanes, Vec3s, add, add_scaled, all, all3, dot, exp, mix, mix_colors, pow, scale, smooth_step};
 use super::noise::Noise;
 use crate::scene::Scene;
+use crate::vector;
 
 /// How far one looks through the fog straight up, metres.
 const FOG_THICKNESS_M: f32 = 60.0;
 
-/// Sine of the elevation up to which roofs and trees hide the sky, on average.
-const SKYLINE: f32 = 0.13;
+/// How far away the houses and trees are that surfaces mirror, metres: as far as one moves along a car, they move in its paint.
+const SURROUNDINGS_M: f32 = 6.0;
 
 /// Colour of the sky in unit directions `d`, clouds and sun included; below the horizon it is that of the horizon.
 pub(crate) fn color(scene: &Scene, d: Vec3s) -> Vec3s {
@@ -20,14 +21,22 @@ pub(crate) fn color(scene: &Scene, d: Vec3s) -> Vec3s {
     mix(all3(scene.air.fog_color), mix(clear, cloud(scene, facing), cover), fog)
 }
 
-/// What a smooth surface mirrors in unit directions `d`: the sky, a line of roofs and trees, the ground.
-pub(crate) fn mirrored(scene: &Scene, d: Vec3s) -> Vec3s {
+/// What a smooth surface at `position` mirrors in unit directions `d`: the sky, houses and trees in sun and shade, the ground.
+pub(crate) fn mirrored(scene: &Scene, position: Vec3s, d: Vec3s) -> Vec3s {
+    let sky = &scene.sky;
     let up = -d[1];
-    let sky = mix(gradient(scene, up.fast_max(Lanes::ZERO)), all3(scene.sky.cloud_color), all(0.85 * scene.sky.clouds));
-    let roofs = Noise { scale: 0.35, octaves: 3, seed: scene.sky.seed };
-    let roof = all(SKYLINE) + all(0.3) * roofs.at([d[0], d[2]], Lanes::ZERO);
-    let below = scale(all3(scene.sky.ground), all(0.6));
-    mix(below, sky, smooth_step(roof - all(0.03), roof + all(0.03), up))
+    let above = mix(gradient(scene, up.fast_max(Lanes::ZERO)), all3(sky.cloud_color), all(0.85 * sky.clouds));
+    let towards = add_scaled(d, position, all(1.0 / SURROUNDINGS_M));
+    let roofs = Noise { scale: 0.35, octaves: 4, seed: sky.seed }.at([towards[0], towards[2]], Lanes::ZERO);
+    let roof = all(sky.skyline) + all(0.9) * roofs;
+    let around = towards[0] + towards[2];
+    let fronts = Noise { scale: 0.25, octaves: 3, seed: !sky.seed }.at([around, towards[1] * all(2.0)], Lanes::ZERO);
+    let lit = add(scale(all3(sky.ground), all(0.7)), all3(vector::scale(scene.sun.color, 0.2 * scene.sun.shadow)));
+    let dark = all3(vector::scale(sky.ground, 0.2));
+    let surroundings = mix(dark, lit, smooth_step(all(-0.05), all(0.2), fronts));
+    let ground = scale(all3(sky.ground), all(0.6));
+    let below = mix(ground, surroundings, smooth_step(all(-0.05), all(0.02), up));
+    mix(below, above, smooth_step(roof - all(0.03), roof + all(0.03), up))
 }
 
 fn gradient(scene: &Scene, up: Lanes) -> Vec3s {

@@ -53,6 +53,11 @@ fn toward(elevation_rad: f64, dice: &mut Dice) -> Vec3 {
     [flat * libm::sin(around), -libm::sin(elevation_rad), flat * libm::cos(around)].map(|v| v as f32)
 }
 
+/// From an open field to a street under trees.
+fn skyline(dice: &mut Dice) -> f32 {
+    dice.range32(0.05, 0.7)
+}
+
 /// Trees above the road, which may not be in the picture.
 fn canopy(dice: &mut Dice) -> Canopy {
     Canopy { open: dice.range32(0.25, 0.85), scale_m: dice.log_range(1.0, 12.0) as f32, seed: dice.seed() }
@@ -83,6 +88,7 @@ fn clear(dice: &mut Dice, most_clouds: f32) -> Light {
             ambient,
             clouds: dice.range32(0.0, most_clouds),
             cloud_color: times([1.0, 1.0, 1.0], dice.range32(0.8, 1.5)),
+            skyline: skyline(dice),
             seed: dice.seed(),
         },
         air: Air {
@@ -114,6 +120,7 @@ fn overcast(dice: &mut Dice) -> Light {
             ambient: dice.range32(0.7, 1.1),
             clouds: dice.range32(0.6, 1.0),
             cloud_color: times([1.0, 1.0, 1.02], grey * dice.range32(0.7, 1.2)),
+            skyline: skyline(dice),
             seed: dice.seed(),
         },
         air: Air {
@@ -157,6 +164,7 @@ fn night(dice: &mut Dice) -> Light {
             ambient: dice.range32(1.0, 3.0),
             clouds: dice.range32(0.0, 1.0),
             cloud_color: times(horizon, 0.7),
+            skyline: skyline(dice),
             seed: dice.seed(),
         },
         air: Air {

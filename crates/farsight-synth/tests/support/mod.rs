@@ -84,6 +84,7 @@ pub fn empty(camera: Camera, image_size: [usize; 2]) -> Scene {
             ambient: 0.6,
             clouds: 0.4,
             cloud_color: [0.8, 0.8, 0.82],
+            skyline: 0.13,
             seed: 5,
         },
         air: Air { fog_color: [0.6, 0.66, 0.75], fog_density: 0.002, wetness: 0.0, rain: 0.0 },
