@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""How photographs and their rendered twins differ as images: medians over the frames that both folders have.
+"""How photographs and their rendered twins differ as images, and the cars in them: medians over the frames that both folders have.
 
-    python3 scripts/compare_images.py --photographs KITTI/training/image_2 --rendered TWINS/training/image_2
+    python3 scripts/compare_images.py --photographs KITTI/training/image_2 --rendered TWINS/training/image_2 --labels KITTI/training/label_2
 
 Needs numpy and Pillow.
 """
@@ -15,6 +15,11 @@ from PIL import Image
 WHITE = 250
 DARK = 40
 
+# Cars in plain view are compared from this height of the 2D box on, pixels; where in the box the windows are and where the body is, from the top.
+LEAST_CAR = 40
+WINDOWS = 0.13, 0.33
+BODY = 0.45, 0.65
+
 
 def statistics(file):
     """Standard deviation of the grey values, percent of white and of dark pixels, mean difference between neighbours in a row."""
@@ -23,10 +28,27 @@ def statistics(file):
     return grey.std(), 100 * (grey >= WHITE).mean(), 100 * (grey < DARK).mean(), numpy.abs(numpy.diff(grey, axis=1)).mean()
 
 
+def cars(image_file, label_file):
+    """Of each car in plain view: mean and deviation of its windows, the same of its body, percent of dark pixels from windows to body."""
+    with Image.open(image_file) as image:
+        grey = numpy.asarray(image.convert("L"), dtype=float)
+    for row in (line.split() for line in label_file.read_text().splitlines()):
+        left, top, right, bottom = map(float, row[4:8])
+        in_view = row[0] == "Car" and row[2] == "0" and float(row[1]) < 0.05
+        if not in_view or bottom - top < LEAST_CAR:
+            continue
+        def part(rows, margin):
+            across = slice(int(left + margin * (right - left)), int(right - margin * (right - left)) + 1)
+            return grey[slice(*(int(top + share * (bottom - top)) + end for end, share in enumerate(rows))), across]
+        windows, body, both = part(WINDOWS, 0.3), part(BODY, 0.3), part((WINDOWS[0], BODY[1]), 0.15)
+        yield windows.mean(), windows.std(), body.mean(), body.std(), 100 * (both < DARK).mean()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--photographs", type=pathlib.Path, required=True)
     parser.add_argument("--rendered", type=pathlib.Path, required=True)
+    parser.add_argument("--labels", type=pathlib.Path, required=True)
     args = parser.parse_args()
     shared = sorted({file.name for file in args.photographs.glob("*.png")} & {file.name for file in args.rendered.glob("*.png")})
     if not shared:
@@ -34,6 +56,12 @@ def main():
     for name, folder in ("photographs", args.photographs), ("rendered", args.rendered):
         spread, white, dark, neighbours = numpy.median([statistics(folder / file) for file in shared], axis=0)
         print(f"{name:12} {len(shared)} frames: deviation {spread:.0f}, white {white:.1f}%, dark {dark:.0f}%, neighbours {neighbours:.1f}")
+        found = [car for file in shared for car in cars(folder / file, (args.labels / file).with_suffix(".txt"))]
+        windows, glass_spread, body, body_spread, dark = numpy.median(found, axis=0) if found else [numpy.nan] * 5
+        print(
+            f"{'':12} {len(found)} cars: windows {windows:.0f}, deviation within them {glass_spread:.0f}; "
+            f"body {body:.0f}, within it {body_spread:.0f}; dark {dark:.0f}%"
+        )
 
 
 if __name__ == "__main__":

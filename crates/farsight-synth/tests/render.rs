@@ -69,8 +69,8 @@ fn the_bytes_are_those_of_other_machines() {
     assert_eq!([light, photo], [LIGHT_HASH, PHOTO_HASH], "{light:#x}, {photo:#x}");
 }
 
-const LIGHT_HASH: u64 = 0x1e3d_b680_e689_13f1;
-const PHOTO_HASH: u64 = 0x74c0_fb5c_3e33_f4f8;
+const LIGHT_HASH: u64 = 0x9d5c_a5c1_a5e1_d095;
+const PHOTO_HASH: u64 = 0x2e20_1e79_2ed2_bfd9;
 
 #[test]
 fn a_canopy_lets_its_share_of_the_sun_through() {
@@ -281,6 +281,22 @@ fn glass_shows_itself_and_what_is_behind_it_in_their_shares() {
         assert_eq!(rendered.visible[2] + rendered.visible[1], 320 * 160 * 4);
         assert_eq!(rendered.visible[1], rendered.alone[1]);
     }
+}
+
+#[test]
+fn a_mirror_shows_the_sky_above_the_skyline_and_what_stands_below_it() {
+    // It leans back by 45 degrees and shows what is overhead.
+    let shares_of_sky = [-1.0, 0.9, 2.0].map(|skyline| {
+        let leaning = [[-40.0, 9.0, 6.0], [40.0, 9.0, 6.0], [40.0, -29.0, 44.0], [-40.0, -29.0, 44.0]];
+        let mut scene = scene_of(vec![object(quad(leaning, 0, 0), 0)]);
+        scene.materials = vec![Material { mirror: 1.0, ..plain([0.0; 3]) }];
+        scene.sky.skyline = skyline;
+        let rendered = render(&scene);
+        let is_sky = |[red, _, blue]: &[f32; 3]| *blue > 1.1 * red;
+        rendered.color.iter().filter(|color| is_sky(color)).count() as f32 / rendered.color.len() as f32
+    });
+    let [open, street, forest] = shares_of_sky;
+    assert!(open > 0.99 && (0.1..0.9).contains(&street) && forest < 0.01, "{shares_of_sky:?} of the mirror is sky");
 }
 
 #[test]
