@@ -28,19 +28,25 @@ def statistics(file):
     return grey.std(), 100 * (grey >= WHITE).mean(), 100 * (grey < DARK).mean(), numpy.abs(numpy.diff(grey, axis=1)).mean()
 
 
+def part(grey, box, rows, margin):
+    """Pixels of a box between two shares of its height from the top, without a share of its width at both sides."""
+    left, top, right, bottom = box
+    inset = margin * (right - left)
+    first, last = (int(top + share * (bottom - top)) for share in rows)
+    return grey[first : last + 1, int(left + inset) : int(right - inset) + 1]
+
+
 def cars(image_file, label_file):
     """Of each car in plain view: mean and deviation of its windows, the same of its body, percent of dark pixels from windows to body."""
     with Image.open(image_file) as image:
         grey = numpy.asarray(image.convert("L"), dtype=float)
     for row in (line.split() for line in label_file.read_text().splitlines()):
-        left, top, right, bottom = map(float, row[4:8])
+        box = [float(value) for value in row[4:8]]
         in_view = row[0] == "Car" and row[2] == "0" and float(row[1]) < 0.05
-        if not in_view or bottom - top < LEAST_CAR:
+        if not in_view or box[3] - box[1] < LEAST_CAR:
             continue
-        def part(rows, margin):
-            across = slice(int(left + margin * (right - left)), int(right - margin * (right - left)) + 1)
-            return grey[slice(*(int(top + share * (bottom - top)) + end for end, share in enumerate(rows))), across]
-        windows, body, both = part(WINDOWS, 0.3), part(BODY, 0.3), part((WINDOWS[0], BODY[1]), 0.15)
+        windows, body = part(grey, box, WINDOWS, 0.3), part(grey, box, BODY, 0.3)
+        both = part(grey, box, (WINDOWS[0], BODY[1]), 0.15)
         yield windows.mean(), windows.std(), body.mean(), body.std(), 100 * (both < DARK).mean()
 
 

@@ -2,7 +2,7 @@
 """SMOKE, + CLFF, + DGH and both, trained alike on rendered twins of KITTI's train split, measured on those of the validation split.
 
     cargo xtask run synth --out TWINS --layout KITTI/training/label_2 --calib-dir KITTI/training/calib --seed 5
-    mkdir TWINS/ImageSets; cp KITTI/ImageSets/{train,val}.txt TWINS/ImageSets
+    cp KITTI/ImageSets/{train,val}.txt TWINS/ImageSets
     cargo xtask exec python3 scripts/compare_variants.py --farsight target/debug/farsight --data TWINS --out runs/variants
 
 Every variant is a compact network (a quarter of the width, batch norm, plain convolutions, a stem that steps down at once) with the same seed, steps and frames; --seeds repeats all of it.
