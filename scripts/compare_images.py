@@ -21,10 +21,13 @@ WINDOWS = 0.13, 0.33
 BODY = 0.45, 0.65
 
 
-def statistics(file):
-    """Standard deviation of the grey values, percent of white and of dark pixels, mean difference between neighbours in a row."""
+def grey_values(file):
     with Image.open(file) as image:
-        grey = numpy.asarray(image.convert("L"), dtype=float)
+        return numpy.asarray(image.convert("L"), dtype=float)
+
+
+def statistics(grey):
+    """Standard deviation of the grey values, percent of white and of dark pixels, mean difference between neighbours in a row."""
     return grey.std(), 100 * (grey >= WHITE).mean(), 100 * (grey < DARK).mean(), numpy.abs(numpy.diff(grey, axis=1)).mean()
 
 
@@ -36,10 +39,8 @@ def part(grey, box, rows, margin):
     return grey[first : last + 1, int(left + inset) : int(right - inset) + 1]
 
 
-def cars(image_file, label_file):
+def cars(grey, label_file):
     """Of each car in plain view: mean and deviation of its windows, the same of its body, percent of dark pixels from windows to body."""
-    with Image.open(image_file) as image:
-        grey = numpy.asarray(image.convert("L"), dtype=float)
     for row in (line.split() for line in label_file.read_text().splitlines()):
         box = [float(value) for value in row[4:8]]
         in_view = row[0] == "Car" and row[2] == "0" and float(row[1]) < 0.05
@@ -60,9 +61,13 @@ def main():
     if not shared:
         parser.error(f"no PNG file is in both {args.photographs} and {args.rendered}")
     for name, folder in ("photographs", args.photographs), ("rendered", args.rendered):
-        spread, white, dark, neighbours = numpy.median([statistics(folder / file) for file in shared], axis=0)
+        images, found = [], []
+        for file in shared:
+            grey = grey_values(folder / file)
+            images.append(statistics(grey))
+            found.extend(cars(grey, (args.labels / file).with_suffix(".txt")))
+        spread, white, dark, neighbours = numpy.median(images, axis=0)
         print(f"{name:12} {len(shared)} frames: deviation {spread:.0f}, white {white:.1f}%, dark {dark:.0f}%, neighbours {neighbours:.1f}")
-        found = [car for file in shared for car in cars(folder / file, (args.labels / file).with_suffix(".txt"))]
         windows, glass_spread, body, body_spread, dark = numpy.median(found, axis=0) if found else [numpy.nan] * 5
         print(
             f"{'':12} {len(found)} cars: windows {windows:.0f}, deviation within them {glass_spread:.0f}; "

@@ -72,18 +72,25 @@ def main():
     parser.add_argument("--know", choices=["nothing", "shape", "ground"], required=True)
     parser.add_argument("--out", type=pathlib.Path, required=True)
     args = parser.parse_args()
-    frames = {name: cars_of(args.labels / f"{name}.txt") for name in args.split.read_text().split()}
+    names = args.split.read_text().split()
+    missing = [name for name in names if not (args.labels / f"{name}.txt").is_file()]
+    if missing:
+        parser.error(f"{args.labels} has no {missing[0]}.txt, which {args.split} names")
+    frames = {name: cars_of(args.labels / f"{name}.txt") for name in names}
     everything = numpy.concatenate([cars for _, cars in frames.values()])
     guess = guess_of_heights(everything, args.know)
-    size_spread = spread(guess(everything) - numpy.log(everything[:, 0]))
-    planes = {name: from_ground(cars) for name, (_, cars) in frames.items()}
-    ground_spread = spread(numpy.concatenate(list(planes.values())))
-    trust = size_spread**2 / (size_spread**2 + ground_spread**2) if args.know == "ground" else 0.0
+    planes, trust = {}, 0.0
+    if args.know == "ground":
+        planes = {name: from_ground(cars) for name, (_, cars) in frames.items()}
+        size_spread = spread(guess(everything) - numpy.log(everything[:, 0]))
+        ground_spread = spread(numpy.concatenate(list(planes.values())))
+        trust = size_spread**2 / (size_spread**2 + ground_spread**2)
     args.out.mkdir(parents=True, exist_ok=True)
     errors = []
     for name, (rows, cars) in frames.items():
         by_size = guess(cars) - numpy.log(cars[:, 0])
-        logs = numpy.where(numpy.isnan(planes[name]), by_size, (1 - trust) * by_size + trust * numpy.nan_to_num(planes[name]))
+        by_ground = planes.get(name, by_size)
+        logs = numpy.where(numpy.isnan(by_ground), by_size, (1 - trust) * by_size + trust * by_ground)
         factors = numpy.exp(logs)
         errors.extend(numpy.abs(factors - 1))
         lines = []

@@ -129,21 +129,27 @@ fn lorry(hwl: [f32; 3], closed: bool, workshop: &mut Workshop) -> Mesh {
             livery.second,
         );
     }
+    chassis(&mut shape, hwl, [cab.rear, bed], &livery);
+    let axles: &[f32] = if length > 9.0 { &[0.14, 0.72, 0.84] } else { &[0.17, 0.78] };
+    axle_wheels(&mut shape, hwl, axles, &livery, workshop);
+    shape.mesh
+}
+
+/// What is below the load: frame, guards at the sides, lamps, plate and bumper in the rear.
+fn chassis(shape: &mut Shape, [_, width, length]: [f32; 3], [cab_rear, bed]: [f32; 2], livery: &Livery) {
+    let (front, rear) = (length / 2.0, -length / 2.0);
     shape.block([rear + 0.1, -bed - 0.02, -0.45], [front - 0.3, -0.5, 0.45], livery.under);
     for side in [-1.0f32, 1.0] {
         let z = side * width / 2.0 * 0.98;
-        let [a, b] = [rear + length * 0.35, front - cab_length - 0.6];
+        let [a, b] = [rear + length * 0.35, cab_rear - 0.6];
         if b > a + 0.5 {
             shape.quad([[a, -0.45, z], [b, -0.45, z], [b, -bed, z], [a, -bed, z]], livery.trim, 0);
         }
         let [near, far] = [side * width / 2.0 * 0.55, side * width / 2.0 * 0.95];
-        panel(&mut shape, rear - 0.01, [0.7, 0.85], [near, far], livery.brake_lamp);
+        panel(shape, rear - 0.01, [0.7, 0.85], [near, far], livery.brake_lamp);
     }
-    panel(&mut shape, rear - 0.01, [0.62, 0.73], [-0.26, 0.26], livery.plate);
+    panel(shape, rear - 0.01, [0.62, 0.73], [-0.26, 0.26], livery.plate);
     shape.block([rear, -0.6, -width / 2.0 * 0.9], [rear + 0.08, -0.45, width / 2.0 * 0.9], livery.trim);
-    let axles: &[f32] = if length > 9.0 { &[0.14, 0.72, 0.84] } else { &[0.17, 0.78] };
-    axle_wheels(&mut shape, hwl, axles, &livery, workshop);
-    shape.mesh
 }
 
 /// A flat piece across the vehicle at `x`, between two heights and from left to right.

@@ -8,7 +8,7 @@ use crate::vector;
 /// How far one looks through the fog straight up, metres.
 const FOG_THICKNESS_M: f32 = 60.0;
 
-/// How far away the houses and trees are that surfaces mirror, metres: as far as one moves along a car, they move in its paint.
+/// How far away the houses and trees are that surfaces mirror, metres. The nearer they are, the more their image changes from one end of a car to the other.
 const SURROUNDINGS_M: f32 = 6.0;
 
 /// Colour of the sky in unit directions `d`, clouds and sun included; below the horizon it is that of the horizon.
@@ -21,7 +21,7 @@ pub(crate) fn color(scene: &Scene, d: Vec3s) -> Vec3s {
     mix(all3(scene.air.fog_color), mix(clear, cloud(scene, facing), cover), fog)
 }
 
-/// What a smooth surface at `position` mirrors in unit directions `d`: the sky, houses and trees in sun and shade, the ground.
+/// What a smooth surface at `position` mirrors in unit directions `d`: the sky, houses and trees, the ground.
 pub(crate) fn mirrored(scene: &Scene, position: Vec3s, d: Vec3s) -> Vec3s {
     let sky = &scene.sky;
     let up = -d[1];
@@ -29,14 +29,19 @@ pub(crate) fn mirrored(scene: &Scene, position: Vec3s, d: Vec3s) -> Vec3s {
     let towards = add_scaled(d, position, all(1.0 / SURROUNDINGS_M));
     let roofs = Noise { scale: 0.35, octaves: 4, seed: sky.seed }.at([towards[0], towards[2]], Lanes::ZERO);
     let roof = all(sky.skyline) + all(0.9) * roofs;
-    let around = towards[0] + towards[2];
-    let fronts = Noise { scale: 0.25, octaves: 3, seed: !sky.seed }.at([around, towards[1] * all(2.0)], Lanes::ZERO);
-    let lit = add(scale(all3(sky.ground), all(0.7)), all3(vector::scale(scene.sun.color, 0.2 * scene.sun.shadow)));
-    let dark = all3(vector::scale(sky.ground, 0.2));
-    let surroundings = mix(dark, lit, smooth_step(all(-0.05), all(0.2), fronts));
     let ground = scale(all3(sky.ground), all(0.6));
-    let below = mix(ground, surroundings, smooth_step(all(-0.05), all(0.02), up));
+    let below = mix(ground, fronts(scene, towards), smooth_step(all(-0.05), all(0.02), up));
     mix(below, above, smooth_step(roof - all(0.03), roof + all(0.03), up))
+}
+
+/// Houses and trees beside the road, some of them in the sun and others in the shade.
+fn fronts(scene: &Scene, towards: Vec3s) -> Vec3s {
+    let [ground, sun] = [scene.sky.ground, scene.sun.color];
+    let around = [towards[0] + towards[2], towards[1] * all(2.0)];
+    let noise = Noise { scale: 0.25, octaves: 3, seed: !scene.sky.seed }.at(around, Lanes::ZERO);
+    let lit = add(scale(all3(ground), all(0.7)), all3(vector::scale(sun, 0.2 * scene.sun.shadow)));
+    let dark = all3(vector::scale(ground, 0.2));
+    mix(dark, lit, smooth_step(all(-0.05), all(0.2), noise))
 }
 
 fn gradient(scene: &Scene, up: Lanes) -> Vec3s {
