@@ -134,7 +134,8 @@ fn the_corner_loss_and_its_gradient_agree() {
         for (sum, part) in sums.iter_mut().zip([loss.orientation, loss.dimensions, loss.location]) {
             *sum += part.value / LOSS_DIVISOR;
         }
-        for (channel, (found, expected)) in loss.sum().gradient.iter().zip(gradients[i]).enumerate() {
+        let smoke = loss.orientation + loss.dimensions + loss.location;
+        for (channel, (found, expected)) in smoke.gradient.iter().zip(gradients[i]).enumerate() {
             let difference = (found / LOSS_DIVISOR - expected).abs();
             assert!(difference <= LOSS_TOLERANCE * scale, "slot {i}, channel {channel}: {found} {expected}");
         }

@@ -5,10 +5,11 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use farsight_core::codec::{CHANNELS, DepthReference};
+use farsight_core::corner_loss::corner_loss;
 use farsight_core::detection::{DecodeOptions, View, apart, detections};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::peaks::peaks;
-use farsight_core::targets::{HeatMapBox, TargetRules};
+use farsight_core::targets::{HeatMapBox, ObjectTarget, TargetRules};
 use farsight_core::{
     Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Detection, Dimensions, HeadMaps, Label, ObjectClass,
     RangeError, ScoreCalibration, wrapped_angle,
@@ -184,6 +185,60 @@ fn with_virtual_depth_twice_the_focal_length_means_twice_the_distance() {
     assert!((encoded(40.0, &long).regression.depth - near).abs() < EXACT);
     let back = codec.decode(&encoded(40.0, &long), 0, &long);
     assert!((back.location[2] - 40.0).abs() < EXACT, "{back:?}");
+}
+
+/// The raw channels that decode to `object`, and what is to be learnt where it lies.
+fn raw_and_target(codec: &Codec, object: Box3d, camera: &Camera) -> ([f64; CHANNELS], ObjectTarget) {
+    let encoded = codec.encode(&object, 0, camera).unwrap();
+    let regression = encoded.regression;
+    let [length, height, width] = regression.log_dimensions_lhw.map(|log| ((0.5 + log) / (0.5 - log)).ln());
+    let ([dx, dy], [cos, sin]) = (regression.offset, regression.direction);
+    let raw = [regression.depth, dx, dy, length, height, width, cos, sin];
+    (raw, ObjectTarget { class: 0, cell: encoded.cell, box3d: object })
+}
+
+#[test]
+fn in_the_image_a_larger_car_farther_away_is_no_error_and_a_larger_one_is() {
+    let codec = Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI };
+    let camera = Camera::from_hfov(80.0, 320, 96).unwrap();
+    let object = box3d([-4.0, 1.6, 18.0], 0.7);
+    let (_, target) = raw_and_target(&codec, object, &camera);
+    let Dimensions { height, width, length } = object.dimensions;
+    let larger = Dimensions { height: 1.1 * height, width: 1.1 * width, length: 1.1 * length };
+    let loss = |object: Box3d| corner_loss(&codec, raw_and_target(&codec, object, &camera).0, &target, &camera);
+
+    assert!(loss(object).sum().value < EXACT);
+    let farther = loss(Box3d { dimensions: larger, location: object.location.map(|v| 1.1 * v), yaw: object.yaw });
+    assert!(farther.image.value < EXACT);
+    assert!(farther.location.value > 8.0 * 1.8 - EXACT && farther.dimensions.value > 1.0);
+    // In the same place: its centre stays where it was, so its feet sink.
+    let [x, y, z] = object.location;
+    let grown = loss(Box3d { dimensions: larger, location: [x, y + 0.05 * height, z], yaw: object.yaw });
+    assert!(grown.image.value > 0.5 && grown.location.value < 8.0 * 0.05 * height + EXACT);
+}
+
+proptest! {
+    #[test]
+    fn the_gradient_of_the_loss_in_the_image_is_its_slope(ray in -1.5..1.5, z in 3.0..50.0, yaw in -PI..PI, change in prop::array::uniform8(-0.3..0.3)) {
+        const STEP: f64 = 1e-6;
+        let codec = Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI };
+        let camera = Camera::from_hfov(120.0, 320, 96).unwrap();
+        let (raw, target) = raw_and_target(&codec, box3d([ray * z, 1.6, z], yaw), &camera);
+        let raw: [f64; CHANNELS] = std::array::from_fn(|channel| raw[channel] + change[channel]);
+        let found = corner_loss(&codec, raw, &target, &camera).image;
+        for channel in 0..CHANNELS {
+            let at = |step: f64| {
+                let mut moved = raw;
+                moved[channel] += step;
+                corner_loss(&codec, moved, &target, &camera).image.value
+            };
+            let slopes = [(at(STEP) - found.value) / STEP, (found.value - at(-STEP)) / STEP];
+            // Not where a difference changes its sign or a corner passes the limit in between.
+            prop_assume!((slopes[0] - slopes[1]).abs() < 1e-3 * (1.0 + slopes[0].abs()));
+            let difference = (found.gradient[channel] - slopes[0]).abs();
+            prop_assert!(difference < 2e-3 * (1.0 + slopes[0].abs()), "channel {channel}: {} and {slopes:?}", found.gradient[channel]);
+        }
+    }
 }
 
 #[test]

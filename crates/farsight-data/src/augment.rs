@@ -6,7 +6,7 @@ use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::{ColorJitter, Detail, Reflections, Transform};
+use crate::{ColorJitter, Detail, Reflections, Shade, Transform};
 
 /// How training images are varied.
 ///
@@ -37,6 +37,8 @@ pub struct AugmentationConfig {
     pub reflection_probability: f64,
     /// How strong reflections get at most, 0 to 1.
     pub reflection_strength: f64,
+    /// Share of images with shade on anything ([`Shade`]); for rendered images.
+    pub shade_probability: f64,
     /// Share of images with more or less fine detail ([`Detail`]); for rendered images, which have less than photographs.
     pub detail_probability: f64,
     /// Largest factor on fine detail, at least 1; the smallest is one over it.
@@ -60,6 +62,7 @@ impl Default for AugmentationConfig {
             hue_rad: 0.0,
             reflection_probability: 0.0,
             reflection_strength: 0.5,
+            shade_probability: 0.0,
             detail_probability: 0.0,
             detail_factor: 3.0,
             mask_scaled_regression: false,
@@ -76,6 +79,7 @@ impl AugmentationConfig {
             window_probability: never,
             jitter_probability: never,
             reflection_probability: never,
+            shade_probability: never,
             detail_probability: never,
             ..Self::default()
         }
@@ -99,6 +103,7 @@ impl AugmentationConfig {
             .or_else(|| share("saturation", self.saturation))
             .or_else(|| share("reflection_probability", self.reflection_probability))
             .or_else(|| share("reflection_strength", self.reflection_strength))
+            .or_else(|| share("shade_probability", self.shade_probability))
             .or_else(|| share("detail_probability", self.detail_probability))
             .or_else(|| {
                 let factor = self.detail_factor;
@@ -137,6 +142,7 @@ impl AugmentationConfig {
             window: Affine2::window(center, window_width, rules.size),
             jitter: self.draw_jitter(rng),
             reflections: self.draw_reflections(rng, rules.size),
+            shade: self.draw_shade(rng),
             detail: self.draw_detail(rng),
             scaled,
             regress: !(scaled && self.mask_scaled_regression),
@@ -154,6 +160,10 @@ impl AugmentationConfig {
 
     fn draw_reflections(&self, rng: &mut impl Rng, size: [usize; 2]) -> Option<Reflections> {
         happens(rng, self.reflection_probability).then(|| Reflections::draw(rng, size, self.reflection_strength))
+    }
+
+    fn draw_shade(&self, rng: &mut impl Rng) -> Option<Shade> {
+        happens(rng, self.shade_probability).then(|| Shade::draw(rng))
     }
 
     fn draw_detail(&self, rng: &mut impl Rng) -> Option<Detail> {

@@ -11,7 +11,9 @@ pub mod image_io;
 pub mod jitter;
 pub mod kitti;
 pub mod loader;
+pub mod patches;
 pub mod reflections;
+pub mod shade;
 pub mod transform;
 pub mod warp;
 
@@ -22,6 +24,8 @@ pub use image_io::{ImageError, read_image};
 pub use jitter::ColorJitter;
 pub use kitti::KittiDataset;
 pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};
+pub use patches::Patches;
 pub use reflections::Reflections;
+pub use shade::Shade;
 pub use transform::{Sample, Transform};
 pub use warp::{network_input, network_input_into, warp};

@@ -7,7 +7,7 @@ use farsight_core::input::InputRules;
 use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
 
-use crate::{ColorJitter, Detail, Frame, Reflections, network_input};
+use crate::{ColorJitter, Detail, Frame, Reflections, Shade, network_input};
 
 /// What is done to one frame to make a network's input of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +20,8 @@ pub struct Transform {
     pub jitter: Option<ColorJitter>,
     /// What shines through what.
     pub reflections: Option<Reflections>,
+    /// What lies in the shade.
+    pub shade: Option<Shade>,
     /// More or less fine detail.
     pub detail: Option<Detail>,
     /// Whether the window is shifted or scaled, not the whole image.
@@ -55,6 +57,7 @@ impl Transform {
             window: rules.whole_image(image_size),
             jitter: None,
             reflections: None,
+            shade: None,
             detail: None,
             scaled: false,
             regress: true,
@@ -93,6 +96,9 @@ impl Transform {
         let mut input = network_input(image, &affine, rules, self.jitter.as_ref());
         if let Some(reflections) = &self.reflections {
             reflections.apply(&mut input, rules.size);
+        }
+        if let Some(shade) = &self.shade {
+            shade.apply(&mut input, rules.size);
         }
         if let Some(detail) = &self.detail {
             detail.apply(&mut input, rules.size);

@@ -98,6 +98,8 @@ pub struct TrainConfig {
     pub orientation_weight: f64,
     /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
     pub dimensions_weight: f64,
+    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which teaches apparent sizes; 0 for none, as in SMOKE.
+    pub image_weight: f64,
     /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
     pub neighbour_cells: usize,
     /// Weight of a second lesson, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
@@ -134,6 +136,7 @@ impl Default for TrainConfig {
             full_weight_m: 0.0,
             orientation_weight: 1.0,
             dimensions_weight: 1.0,
+            image_weight: 0.0,
             neighbour_cells: 0,
             surface_weight: 0.0,
             precision: Precision::F32,
@@ -236,6 +239,7 @@ impl RunConfig {
             ("train.full_weight_m", train.full_weight_m),
             ("train.orientation_weight", train.orientation_weight),
             ("train.dimensions_weight", train.dimensions_weight),
+            ("train.image_weight", train.image_weight),
             ("train.surface_weight", train.surface_weight),
         ];
         if train.surface_weight > 0.0 && self.data.rendered.is_none() {

@@ -27,26 +27,43 @@ pub struct LossTerms {
     pub dimensions: f64,
     /// Corner loss with the predicted location.
     pub location: f64,
+    /// Corner loss of the predicted box as the image shows it.
+    pub image: f64,
     /// Error of the surface's depth; zero where it is not taught.
     pub surface: f64,
 }
 
 impl LossTerms {
     /// No loss at all.
-    pub const ZERO: Self = Self { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0, surface: 0.0 };
+    pub const ZERO: Self =
+        Self { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0, image: 0.0, surface: 0.0 };
 
     /// What is minimised.
     pub fn total(&self) -> f64 {
-        self.heat_map + self.orientation + self.dimensions + self.location + self.surface
+        self.named().iter().map(|(_, value)| value).sum()
+    }
+
+    /// What `joined` makes of each term of `self` and that of `other`.
+    #[must_use]
+    pub fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self {
+        Self {
+            heat_map: joined(self.heat_map, other.heat_map),
+            orientation: joined(self.orientation, other.orientation),
+            dimensions: joined(self.dimensions, other.dimensions),
+            location: joined(self.location, other.location),
+            image: joined(self.image, other.image),
+            surface: joined(self.surface, other.surface),
+        }
     }
 
     /// The terms by name.
-    pub fn named(&self) -> [(&'static str, f64); 5] {
+    pub fn named(&self) -> [(&'static str, f64); 6] {
         [
             ("heat_map", self.heat_map),
             ("orientation", self.orientation),
             ("dimensions", self.dimensions),
             ("location", self.location),
+            ("image", self.image),
             ("surface", self.surface),
         ]
     }
@@ -64,12 +81,14 @@ pub struct CornerWeights {
     pub orientation: f64,
     /// Factor on the part of the dimensions.
     pub dimensions: f64,
+    /// Factor on the part of the box as the image shows it; 0 in SMOKE.
+    pub image: f64,
 }
 
 impl CornerWeights {
     /// SMOKE's: all objects count the same.
     pub fn alike(divisor: f64) -> Self {
-        Self { divisor, full_weight_m: None, orientation: 1.0, dimensions: 1.0 }
+        Self { divisor, full_weight_m: None, orientation: 1.0, dimensions: 1.0, image: 0.0 }
     }
 
     /// The factor on the loss of an object at this depth.
@@ -83,6 +102,7 @@ impl CornerWeights {
             orientation: loss.orientation * self.orientation,
             dimensions: loss.dimensions * self.dimensions,
             location: loss.location,
+            image: loss.image * self.image,
         }
     }
 }
@@ -203,6 +223,7 @@ pub fn loss(
         terms.orientation += corners.orientation.value * factor;
         terms.dimensions += corners.dimensions.value * factor;
         terms.location += corners.location.value * factor;
+        terms.image += corners.image.value * factor;
         gradient.extend(corners.sum().gradient.map(|g| (g * factor) as f32));
     }
     let gradient = Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_device(raw.device());

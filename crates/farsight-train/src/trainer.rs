@@ -297,8 +297,13 @@ impl<'a> Trainer<'a> {
         let maps = self.network.forward(&batch.input, Mode::Train, &self.outputs);
         let full_weight_m = (config.full_weight_m > 0.0).then_some(config.full_weight_m);
         let divisor = CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64;
-        let (orientation, dimensions) = (config.orientation_weight, config.dimensions_weight);
-        let weights = CornerWeights { divisor, full_weight_m, orientation, dimensions };
+        let weights = CornerWeights {
+            divisor,
+            full_weight_m,
+            orientation: config.orientation_weight,
+            dimensions: config.dimensions_weight,
+            image: config.image_weight,
+        };
         let (mut objective, mut terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, weights);
         if let (Some(predicted), Some(surface_m)) = (maps.get(2), &batch.targets.surface_m) {
             let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * config.surface_weight;
@@ -417,24 +422,14 @@ impl Window {
     fn add(&mut self, record: Record, samples: usize) -> Record {
         self.samples += samples;
         self.steps += 1;
-        self.sums.heat_map += record.terms.heat_map;
-        self.sums.orientation += record.terms.orientation;
-        self.sums.dimensions += record.terms.dimensions;
-        self.sums.location += record.terms.location;
-        self.sums.surface += record.terms.surface;
+        self.sums = self.sums.zip_with(&record.terms, |sum, term| sum + term);
         Record { samples_per_second: self.samples as f64 / self.started.elapsed().as_secs_f64(), ..record }
     }
 
     /// `last` with the means of the window, and a new window.
     fn finish(&mut self, last: Record) -> Record {
         let count = self.steps.max(1) as f64;
-        let terms = LossTerms {
-            heat_map: self.sums.heat_map / count,
-            orientation: self.sums.orientation / count,
-            dimensions: self.sums.dimensions / count,
-            location: self.sums.location / count,
-            surface: self.sums.surface / count,
-        };
+        let terms = self.sums.zip_with(&LossTerms::ZERO, |sum, _| sum / count);
         *self = Self::new();
         Record { loss: terms.total(), terms, ..last }
     }

@@ -65,6 +65,7 @@ fn transforms_projections_and_both_directions_of_the_code_agree() {
             window: Affine2::window([center_x, center_y], window_width, INPUT_SIZE),
             jitter: None,
             reflections: None,
+            shade: None,
             detail: None,
             scaled: false,
             regress: true,

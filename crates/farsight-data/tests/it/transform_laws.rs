@@ -125,7 +125,7 @@ fn a_sample_is_the_frame_moved() {
 }
 
 #[test]
-fn reflections_and_detail_change_pixels_and_neither_camera_nor_labels() {
+fn reflections_shade_and_detail_change_pixels_and_neither_camera_nor_labels() {
     let image =
         RgbImage::from_fn(1242, 375, |x, y| image::Rgb([(x % 256) as u8, (y % 256) as u8, ((x * y) % 256) as u8]));
     let frame = Frame {
@@ -135,14 +135,19 @@ fn reflections_and_detail_change_pixels_and_neither_camera_nor_labels() {
         labels: vec![car(), dont_care()],
         depth_m: None,
     };
-    let policy = AugmentationConfig { reflection_probability: 1.0, detail_probability: 1.0, ..lively() };
+    let always =
+        AugmentationConfig { reflection_probability: 1.0, shade_probability: 1.0, detail_probability: 1.0, ..lively() };
     for index in 0..5 {
-        let drawn = policy.draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES);
+        let drawn = always.draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES);
         // Drawn last, so that what others draw does not depend on them.
-        let without = Transform { reflections: None, detail: None, ..drawn };
+        let without = Transform { reflections: None, shade: None, detail: None, ..drawn };
         assert_eq!(without, lively().draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES));
         let (with, plain) = (drawn.apply(&frame, &RULES), without.apply(&frame, &RULES));
-        for one in [Transform { detail: None, ..drawn }, Transform { reflections: None, ..drawn }] {
+        for one in [
+            Transform { reflections: drawn.reflections, ..without },
+            Transform { shade: drawn.shade, ..without },
+            Transform { detail: drawn.detail, ..without },
+        ] {
             assert_ne!(one.apply(&frame, &RULES).input, plain.input);
         }
         assert_eq!((with.camera, with.labels), (plain.camera, plain.labels));
@@ -150,10 +155,11 @@ fn reflections_and_detail_change_pixels_and_neither_camera_nor_labels() {
     for wrong in [
         AugmentationConfig { reflection_probability: 1.5, ..lively() },
         AugmentationConfig { reflection_strength: -0.1, ..lively() },
+        AugmentationConfig { shade_probability: 2.0, ..lively() },
         AugmentationConfig { detail_probability: -0.1, ..lively() },
         AugmentationConfig { detail_factor: 0.9, ..lively() },
     ] {
-        let names = ["reflection_", "detail_"];
+        let names = ["reflection_", "shade_", "detail_"];
         assert!(wrong.problem().is_some_and(|problem| names.iter().any(|name| problem.starts_with(name))));
     }
 }

@@ -135,7 +135,7 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
         let (objective, terms) = loss(&codec, &maps(3), &regression, &targets, weights);
         (terms, Tensor::run_backward(&[objective], &[regression], false, false).remove(0))
     };
-    let alike = CornerWeights::alike(37.5);
+    let alike = CornerWeights { image: 1.0, ..CornerWeights::alike(37.5) };
     let (once, gradient) = learn(alike);
 
     // What a factor of 0 takes away, a factor of 3 adds twice, in the part's own channels and nowhere else.
@@ -154,6 +154,7 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
     };
     check(6..8, [0.0, 3.0].map(|orientation| CornerWeights { orientation, ..alike }));
     check(3..6, [0.0, 3.0].map(|dimensions| CornerWeights { dimensions, ..alike }));
+    check(0..8, [0.0, 3.0].map(|image| CornerWeights { image, ..alike }));
 }
 
 #[test]
