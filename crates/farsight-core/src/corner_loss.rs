@@ -26,7 +26,7 @@ pub struct CornerLoss {
     /// Predicted location, everything else true.
     pub location: Variable,
     /// Everything predicted, as the image shows it: how far each corner lies across the line of sight, at the object's true depth. A larger car farther
-    /// away is no error here, so this teaches apparent size, which an image tells more exactly than size or distance.
+    /// away is no error here, so this judges apparent size, which an image tells more exactly than size or distance.
     pub image: Variable,
 }
 
@@ -39,7 +39,7 @@ impl CornerLoss {
 
 /// Loss of the raw regression channels `raw` at the cell of `target`, under `camera` (of the feature map).
 ///
-/// The yaw is made with the angle of the **true** ray, as in official SMOKE, so that the three parts stay apart.
+/// The yaw is made with the angle of the **true** ray, as in official SMOKE, so that its three parts stay apart.
 ///
 /// # Panics
 /// When the target's class is not a class of `codec`.

@@ -98,7 +98,7 @@ pub struct TrainConfig {
     pub orientation_weight: f64,
     /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
     pub dimensions_weight: f64,
-    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which teaches apparent sizes; 0 for none, as in SMOKE.
+    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which judges apparent sizes; 0 for none, as in SMOKE.
     pub image_weight: f64,
     /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
     pub neighbour_cells: usize,
