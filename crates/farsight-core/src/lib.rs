@@ -22,6 +22,7 @@ mod linear;
 pub mod overlap;
 pub mod peaks;
 pub mod range_error;
+pub mod refine;
 pub mod scalar;
 pub mod score;
 pub mod statistics;

@@ -17,7 +17,7 @@ const LEAST_APART_M: f64 = 1.0;
 const LEAST_ERROR_M: f64 = 0.02;
 
 /// Share of the errors that lie within one standard deviation of a normal distribution.
-const WITHIN_ONE_SIGMA: f64 = 0.6827;
+pub(crate) const WITHIN_ONE_SIGMA: f64 = 0.6827;
 
 /// A found object of which the distance is known. Depths are virtual ones ([`DepthReference::virtual_depth_m`]).
 #[derive(Debug, Clone, Copy, PartialEq)]

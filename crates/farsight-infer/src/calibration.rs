@@ -9,6 +9,7 @@ use farsight_net::quantize::{Histogram, Observer, Range, layers, maps};
 use farsight_net::transform::Network;
 
 use crate::EngineError;
+use crate::engine::batch_size;
 use crate::library::{Failure, unpanicked};
 use crate::rten::{NAME, Network as RtenNetwork};
 
@@ -54,7 +55,8 @@ impl Calibration {
     /// When rten fails.
     pub fn observe(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<(), EngineError> {
         let values = unpanicked(NAME, || {
-            let maps = self.network.run(input, input_size)?;
+            let [width, height] = input_size;
+            let maps = self.network.run(input, [batch_size(input, input_size), 3, height, width])?;
             maps.into_iter().map(|map| Ok(map.into_shape_vec::<f32, 4>()?.1)).collect::<Result<Vec<_>, Failure>>()
         })?;
         for ((_, histogram), values) in self.histograms.iter_mut().zip(&values) {

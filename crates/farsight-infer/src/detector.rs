@@ -15,6 +15,9 @@ pub struct Detector {
     spec: DetectorSpec,
     /// What the engine's network leaves to be done at the peaks.
     head: Option<PeaksHead>,
+    /// What looks again at what was found.
+    #[cfg(feature = "rten")]
+    refiner: Option<crate::Refiner>,
     /// The network's inputs, kept from batch to batch.
     inputs: Vec<Vec<f32>>,
 }
@@ -64,12 +67,26 @@ pub enum DetectError {
 impl Detector {
     /// A detector that runs the model of `spec` on `engine`.
     pub fn new(engine: Box<dyn Engine>, spec: DetectorSpec) -> Self {
-        Self { engine, spec, head: None, inputs: Vec::new() }
+        Self {
+            engine,
+            spec,
+            head: None,
+            #[cfg(feature = "rten")]
+            refiner: None,
+            inputs: Vec::new(),
+        }
     }
 
     /// As [`Detector::new`], for a network that ends before its regression `head`.
     pub fn with_peaks_head(engine: Box<dyn Engine>, spec: DetectorSpec, head: PeaksHead) -> Self {
-        Self { engine, spec, head: Some(head), inputs: Vec::new() }
+        Self { head: Some(head), ..Self::new(engine, spec) }
+    }
+
+    /// This detector with a second look at what it finds.
+    #[cfg(feature = "rten")]
+    #[must_use]
+    pub fn with_refiner(self, refiner: crate::Refiner) -> Self {
+        Self { refiner: Some(refiner), ..self }
     }
 
     /// Name of the engine.
@@ -123,7 +140,29 @@ impl Detector {
         let maps = self.checked(maps?, images.len(), size)?;
         let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view)).collect();
         let (answers, decode) = timed(decoded);
-        Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
+        let (answers, refine) = timed(|| self.refined(images, answers));
+        Ok((answers?, StageTimes { warp, network, decode, refine, ..StageTimes::default() }))
+    }
+
+    /// The answers after a second look, where there is one.
+    #[cfg(feature = "rten")]
+    fn refined(
+        &mut self,
+        images: &[(&RgbImage, &Camera)],
+        answers: Vec<Vec<Detection>>,
+    ) -> Result<Vec<Vec<Detection>>, EngineError> {
+        let Some(refiner) = &mut self.refiner else { return Ok(answers) };
+        let each = images.iter().zip(answers);
+        each.map(|((image, camera), found)| refiner.refined(image, camera, &found)).collect()
+    }
+
+    #[cfg(not(feature = "rten"))]
+    fn refined(
+        &mut self,
+        _: &[(&RgbImage, &Camera)],
+        answers: Vec<Vec<Detection>>,
+    ) -> Result<Vec<Vec<Detection>>, EngineError> {
+        Ok(answers)
     }
 
     /// Width and height of the input that all images need; none without images.

@@ -18,6 +18,8 @@ pub mod openvino;
 pub mod peaks_head;
 pub mod probe;
 #[cfg(feature = "rten")]
+pub mod refiner;
+#[cfg(feature = "rten")]
 pub mod rten;
 pub mod spec;
 pub mod timing;
@@ -33,6 +35,8 @@ pub use onnxruntime::OrtEngine;
 #[cfg(feature = "openvino")]
 pub use openvino::{OpenvinoEngine, OpenvinoPrecision};
 pub use peaks_head::PeaksHead;
+#[cfg(feature = "rten")]
+pub use refiner::Refiner;
 #[cfg(feature = "rten")]
 pub use rten::RtenEngine;
 pub use spec::{DetectorSpec, UnfamiliarCamera};

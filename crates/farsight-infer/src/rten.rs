@@ -65,9 +65,9 @@ impl Network {
         Ok(Self { input: model.node_id(input)?, outputs, options, model })
     }
 
-    /// The values for a batch, `[batch, 3, height, width]`.
-    pub(crate) fn run(&self, images: &[f32], size @ [width, height]: [usize; 2]) -> Result<Vec<Value>, Failure> {
-        let view = ValueView::from_shape([batch_size(images, size), 3, height, width], images)?;
+    /// The values for an input of this shape, `[batch, channels, height, width]`.
+    pub(crate) fn run(&self, input: &[f32], shape: [usize; 4]) -> Result<Vec<Value>, Failure> {
+        let view = ValueView::from_shape(shape, input)?;
         Ok(self.model.run(vec![(self.input, view.into())], &self.outputs, Some(self.options.clone()))?)
     }
 }
@@ -88,7 +88,8 @@ impl RtenEngine {
     }
 
     fn run(&self, inputs: &[f32], size: [usize; 2]) -> Result<Vec<HeadMaps>, Failure> {
-        let values = self.network.run(inputs, size)?;
+        let [width, height] = size;
+        let values = self.network.run(inputs, [batch_size(inputs, size), 3, height, width])?;
         let [logits, regression]: [Value; 2] = values.try_into().map_err(|_| "not two outputs")?;
         let (map_size, logits) = map(logits)?;
         let (_, regression) = map(regression)?;

@@ -13,12 +13,14 @@ pub struct StageTimes {
     pub network: Duration,
     /// From head maps to detections.
     pub decode: Duration,
+    /// The second look, where there is one.
+    pub refine: Duration,
 }
 
 impl StageTimes {
     /// All stages.
     pub fn total(&self) -> Duration {
-        self.load + self.warp + self.network + self.decode
+        self.load + self.warp + self.network + self.decode + self.refine
     }
 }
 

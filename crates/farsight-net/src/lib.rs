@@ -14,5 +14,6 @@ pub mod model;
 pub mod onnx;
 pub mod prune;
 pub mod quantize;
+pub mod refiner;
 pub mod transform;
 pub mod weights;

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::adam::Adam;
-use crate::config::RunConfig;
 use crate::executor::Network;
 
 /// Key of the header under which the progress stands as JSON.
@@ -58,7 +57,7 @@ pub enum CheckpointError {
     },
 }
 
-/// Writes a checkpoint, whole or not at all: weights, optimiser, progress, config.
+/// Writes a checkpoint, whole or not at all: weights, optimiser, progress, and the `identity` of the run: what of its config changes its steps.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -67,24 +66,22 @@ pub fn write(
     network: &Network,
     adam: &Adam,
     progress: Progress,
-    run: &RunConfig,
+    identity: &impl Serialize,
 ) -> Result<(), CheckpointError> {
     let mut weights = network.weights();
     adam.store(&mut weights);
-    for (key, json) in
-        [(PROGRESS_KEY, serde_json::to_string(&progress)), (RUN_KEY, serde_json::to_string(&run.identity()))]
-    {
+    for (key, json) in [(PROGRESS_KEY, serde_json::to_string(&progress)), (RUN_KEY, serde_json::to_string(identity))] {
         let json = json.map_err(|e| CheckpointError::Header { path: path.into(), key, problem: e.to_string() })?;
         weights.metadata.insert(key.to_owned(), json);
     }
     Ok(weights.write(path)?)
 }
 
-/// Reads a checkpoint of the run `run`: its tensors, parameters and optimiser together, and its progress.
+/// Reads a checkpoint of the run with this `identity`: its tensors, parameters and optimiser together, and its progress.
 ///
 /// # Errors
 /// When the file cannot be read or belongs to a run with another config.
-pub fn read(path: &Path, run: &RunConfig) -> Result<(Weights, Progress), CheckpointError> {
+pub fn read(path: &Path, identity: &impl Serialize) -> Result<(Weights, Progress), CheckpointError> {
     let weights = Weights::read(path)?;
     let entry = |key: &'static str| {
         let problem = |problem: String| CheckpointError::Header { path: path.into(), key, problem };
@@ -94,8 +91,7 @@ pub fn read(path: &Path, run: &RunConfig) -> Result<(Weights, Progress), Checkpo
             .ok_or_else(|| problem("missing; expected a checkpoint of `farsight train`".into()))?;
         serde_json::from_str::<serde_json::Value>(text).map_err(|e| problem(e.to_string()))
     };
-    let same_run =
-        serde_json::to_value(run.identity()).is_ok_and(|value| entry(RUN_KEY).is_ok_and(|stored| stored == value));
+    let same_run = serde_json::to_value(identity).is_ok_and(|value| entry(RUN_KEY).is_ok_and(|stored| stored == value));
     let progress = serde_json::from_value(entry(PROGRESS_KEY)?).map_err(|e| CheckpointError::Header {
         path: path.into(),
         key: PROGRESS_KEY,

@@ -55,6 +55,29 @@ impl Default for DataConfig {
     }
 }
 
+impl DataConfig {
+    /// What of it changes the steps of a run.
+    pub(crate) fn identity(&self) -> Self {
+        let Self { rendered, split, limit, .. } = self.clone();
+        Self { rendered, split, limit, ..Self::default() }
+    }
+
+    /// Why frames cannot be had from it, if they cannot.
+    pub(crate) fn problem(&self) -> Option<String> {
+        if let Some(rendered) = &self.rendered {
+            if self.root.is_some() {
+                return Some("data has both root and rendered; expected one of them".to_owned());
+            }
+            if let Some(problem) = rendered.world.problem() {
+                return Some(format!("data.rendered.world.{problem}"));
+            }
+        }
+        let counts = [("workers", self.workers), ("prefetch", self.prefetch)];
+        let zero = counts.into_iter().find(|(_, count)| *count == 0);
+        zero.map(|(name, _)| format!("data.{name} is 0; expected a positive number"))
+    }
+}
+
 /// An endless stream of rendered scenes; their seed is the run's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -196,10 +219,9 @@ impl RunConfig {
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.
     pub fn identity(&self) -> Self {
-        let (data, train) = (DataConfig::default(), TrainConfig::default());
+        let train = TrainConfig::default();
         let mut identity = self.clone();
-        let DataConfig { rendered, split, limit, .. } = self.data.clone();
-        identity.data = DataConfig { rendered, split, limit, ..data };
+        identity.data = self.data.identity();
         identity.train.checkpoint_steps = train.checkpoint_steps;
         identity.train.log_steps = train.log_steps;
         identity.train.statistics_batches = train.statistics_batches;
@@ -214,13 +236,8 @@ impl RunConfig {
         if let Some(problem) = self.augmentation.problem() {
             return Some(format!("augmentation.{problem}"));
         }
-        if let Some(rendered) = &self.data.rendered {
-            if self.data.root.is_some() {
-                return Some("data has both root and rendered; expected one of them".to_owned());
-            }
-            if let Some(problem) = rendered.world.problem() {
-                return Some(format!("data.rendered.world.{problem}"));
-            }
+        if let Some(problem) = self.data.problem() {
+            return Some(problem);
         }
         let train = &self.train;
         let positive = [
@@ -230,8 +247,6 @@ impl RunConfig {
             ("train.bias_rate_factor", train.bias_rate_factor),
             ("train.checkpoint_steps", train.checkpoint_steps as f64),
             ("train.log_steps", train.log_steps as f64),
-            ("data.workers", self.data.workers as f64),
-            ("data.prefetch", self.data.prefetch as f64),
         ];
         let not_negative = [
             ("train.weight_decay", train.weight_decay),

@@ -11,6 +11,7 @@ pub mod engine;
 pub mod executor;
 pub mod loss;
 pub mod metrics;
+pub mod refiner;
 pub mod samples;
 pub mod schedule;
 pub mod sources;

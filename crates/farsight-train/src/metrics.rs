@@ -31,6 +31,20 @@ pub struct Record {
     pub samples_per_second: f64,
 }
 
+impl Record {
+    /// The numbers by the names that TensorBoard shows.
+    pub fn scalars(&self) -> impl Iterator<Item = (String, f64)> {
+        let terms = self.terms.named().map(|(name, value)| (format!("loss/{name}"), value));
+        let others = [
+            ("loss/total", self.loss),
+            ("train/learning_rate", self.learning_rate),
+            ("train/gradient_norm", self.gradient_norm),
+            ("train/samples_per_second", self.samples_per_second),
+        ];
+        terms.into_iter().chain(others.map(|(name, value)| (name.to_owned(), value)))
+    }
+}
+
 /// The files that records go to.
 #[derive(Debug)]
 pub struct MetricsWriter {
@@ -58,22 +72,19 @@ impl MetricsWriter {
         Ok(Self { lines, events: EventWriter::create(folder, steps)? })
     }
 
-    /// Writes one record to both files.
+    /// Writes a record of this step to both files: as a line, and as numbers with names.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn write(&mut self, record: &Record) -> io::Result<()> {
+    pub fn write(
+        &mut self,
+        step: u64,
+        record: &impl Serialize,
+        scalars: impl IntoIterator<Item = (String, f64)>,
+    ) -> io::Result<()> {
         let line = serde_json::to_string(record)? + "\n";
         self.lines.write_all(line.as_bytes())?;
-        let terms = record.terms.named().map(|(name, value)| (format!("loss/{name}"), value));
-        let others = [
-            ("loss/total", record.loss),
-            ("train/learning_rate", record.learning_rate),
-            ("train/gradient_norm", record.gradient_norm),
-            ("train/samples_per_second", record.samples_per_second),
-        ];
-        let scalars = terms.into_iter().chain(others.map(|(name, value)| (name.to_owned(), value)));
-        self.events.scalars(record.step, scalars)
+        self.events.scalars(step, scalars)
     }
 }
 
@@ -128,8 +139,9 @@ impl EventWriter {
         Ok(writer)
     }
 
-    fn scalars(&mut self, step: u64, scalars: impl Iterator<Item = (String, f64)>) -> io::Result<()> {
-        let value = scalars.map(|(tag, value)| SummaryValue { tag, simple_value: Some(value as f32) }).collect();
+    fn scalars(&mut self, step: u64, scalars: impl IntoIterator<Item = (String, f64)>) -> io::Result<()> {
+        let value =
+            scalars.into_iter().map(|(tag, value)| SummaryValue { tag, simple_value: Some(value as f32) }).collect();
         let summary = Some(Summary { value });
         self.record(&Event { wall_time: wall_time(), step: step as i64, file_version: None, summary })
     }

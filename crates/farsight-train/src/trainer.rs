@@ -15,6 +15,7 @@ use farsight_net::build::{network, with_surface_head};
 use farsight_net::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
 use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};
+use farsight_net::refiner::RefinerError;
 use farsight_net::weights::{Weights, WeightsError};
 use farsight_synth::SceneStream;
 use tch::{Device, Tensor, no_grad};
@@ -22,7 +23,7 @@ use thiserror::Error;
 
 use crate::adam::Adam;
 use crate::checkpoint::{self, CheckpointError, Progress};
-use crate::config::RunConfig;
+use crate::config::{DataConfig, RunConfig};
 use crate::executor::{ExecutorError, Mode, Network};
 use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss, surface_loss};
 use crate::metrics::{MetricsWriter, Record};
@@ -73,6 +74,9 @@ pub enum TrainError {
     /// The model could not be written.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The refiner could not be written.
+    #[error(transparent)]
+    Refiner(#[from] RefinerError),
     /// The checkpoint could not be read or written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -141,7 +145,7 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
         limit => limit.min(sampler.len()),
     };
     let checkpoint_path = job.out.join(CHECKPOINT_FILE);
-    prepare_folder(job, &checkpoint_path)?;
+    prepare_folder(&job.out, job.resume)?;
     let (mut trainer, progress) = Trainer::start(job, &checkpoint_path, device)?;
     let resolved = toml::to_string(&job.run)?;
     write_atomically(&job.out.join(CONFIG_FILE), |file| file.write_all(resolved.as_bytes()))?;
@@ -164,10 +168,11 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
         observer.step(&record);
         if progress.steps % job.run.train.log_steps == 0 || progress.steps == total {
             let write_error = |source| TrainError::Write { path: job.out.clone(), source };
-            metrics.write(&window.finish(record)).map_err(write_error)?;
+            let record = window.finish(record);
+            metrics.write(record.step, &record, record.scalars()).map_err(write_error)?;
         }
         if progress.steps % job.run.train.checkpoint_steps == 0 || progress.steps == total {
-            checkpoint::write(&checkpoint_path, &trainer.network, &trainer.adam, progress, &job.run)?;
+            checkpoint::write(&checkpoint_path, &trainer.network, &trainer.adam, progress, &job.run.identity())?;
         }
     }
     if let Some(batches) = job.run.train.statistics_batches {
@@ -180,32 +185,32 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
 }
 
 fn sampler(run: &RunConfig) -> Result<Sampler, TrainError> {
-    let source: Box<dyn FrameSource> = match (&run.data.rendered, &run.data.root) {
-        (Some(rendered), _) => Box::new(RenderedSource::new(
-            SceneStream { world: rendered.world.clone(), seed: run.train.seed },
-            rendered.frames_per_epoch,
-        )),
-        (None, Some(root)) => {
-            Box::new(KittiSource::new(KittiDataset::open(root, Some(&run.data.split))?, run.data.cache))
-        }
-        (None, None) => return Err(TrainError::NoData),
-    };
-    if source.is_empty() {
-        return Err(TrainError::NoFrames(run.data.split.clone()));
-    }
-    Ok(Sampler::new(source, &run.model, run.augmentation.clone()))
+    Ok(Sampler::new(source(&run.data, run.train.seed)?, &run.model, run.augmentation.clone()))
 }
 
-fn prepare_folder(job: &Job, checkpoint_path: &Path) -> Result<(), TrainError> {
-    let write_error = |source| TrainError::Write { path: job.out.clone(), source };
-    fs::create_dir_all(&job.out).map_err(write_error)?;
-    if !job.resume && checkpoint_path.exists() {
-        return Err(TrainError::Occupied(job.out.clone()));
+/// The frames that `data` names; rendered ones from this seed.
+pub(crate) fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
+    let source: Box<dyn FrameSource> = match (&data.rendered, &data.root) {
+        (Some(rendered), _) => {
+            let stream = SceneStream { world: rendered.world.clone(), seed };
+            Box::new(RenderedSource::new(stream, rendered.frames_per_epoch))
+        }
+        (None, Some(root)) => Box::new(KittiSource::new(KittiDataset::open(root, Some(&data.split))?, data.cache)),
+        (None, None) => return Err(TrainError::NoData),
+    };
+    if source.is_empty() { Err(TrainError::NoFrames(data.split.clone())) } else { Ok(source) }
+}
+
+/// Makes the folder of a run, which must not hold another one.
+pub(crate) fn prepare_folder(out: &Path, resume: bool) -> Result<(), TrainError> {
+    fs::create_dir_all(out).map_err(|source| TrainError::Write { path: out.into(), source })?;
+    if !resume && out.join(CHECKPOINT_FILE).exists() {
+        return Err(TrainError::Occupied(out.into()));
     }
     Ok(())
 }
 
-fn metrics(out: &Path, steps: u64) -> Result<MetricsWriter, TrainError> {
+pub(crate) fn metrics(out: &Path, steps: u64) -> Result<MetricsWriter, TrainError> {
     MetricsWriter::open(out, steps).map_err(|source| TrainError::Write { path: out.into(), source })
 }
 
@@ -237,7 +242,7 @@ fn loader(
 }
 
 /// The batch after the one at `position`.
-fn following(position: Position, batches_per_epoch: u64) -> Position {
+pub(crate) fn following(position: Position, batches_per_epoch: u64) -> Position {
     if position.batch + 1 < batches_per_epoch {
         Position { batch: position.batch + 1, ..position }
     } else {
@@ -260,8 +265,11 @@ impl<'a> Trainer<'a> {
     /// Fresh, or from the checkpoint when the job resumes and there is one.
     fn start(job: &'a Job, checkpoint_path: &Path, device: Device) -> Result<(Self, Progress), TrainError> {
         let run = &job.run;
-        let stored =
-            if job.resume && checkpoint_path.exists() { Some(checkpoint::read(checkpoint_path, run)?) } else { None };
+        let stored = if job.resume && checkpoint_path.exists() {
+            Some(checkpoint::read(checkpoint_path, &run.identity())?)
+        } else {
+            None
+        };
         let graph = start_graph(run)?;
         let is_narrowed = graph != network(&run.model);
         let missing = |name: &str| ExecutorError::Missing(name.to_owned());

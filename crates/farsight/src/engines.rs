@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::detection::DecodeOptions;
-use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, RtenEngine};
+use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, Refiner, RtenEngine};
 use farsight_net::config::ModelConfig;
 use farsight_net::onnx::{OnnxModel, PeaksOnly, Target};
+use farsight_net::refiner::RefinerModel;
 
 use crate::libraries::{Found, Library};
 use crate::{shipped, untrained};
@@ -43,6 +44,41 @@ pub(crate) struct EngineArgs {
     pub(crate) precision: Precision,
 }
 
+/// What looks again at what was found.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
+pub(crate) struct RefinerArgs {
+    /// Refiner that `farsight train` wrote, for a second look at each object, or none [default: the one that comes with the program, if the model does too]
+    #[arg(long, value_name = "FILE|none")]
+    refiner: Option<PathBuf>,
+}
+
+impl RefinerArgs {
+    /// The refiner to use beside the model at `model`, or the shipped one.
+    fn read(&self, model: Option<&Path>) -> Result<Option<RefinerModel>> {
+        match (self.refiner.as_deref(), model) {
+            (Some(word), _) if word == Path::new("none") => Ok(None),
+            (Some(path), _) => {
+                ensure!(
+                    path.is_file(),
+                    "{}: no such file; expected a refiner that `farsight train` wrote, or none",
+                    path.display()
+                );
+                Ok(Some(RefinerModel::read(path)?))
+            }
+            (None, None) => shipped::refiner().map(Some),
+            (None, Some(_)) => Ok(None),
+        }
+    }
+
+    /// `detector`, of the model at `model`, or the shipped one, with the second look that there is to be.
+    fn beside(&self, detector: Detector, args: &EngineArgs, model: Option<&Path>) -> Result<Detector> {
+        Ok(match self.read(model)? {
+            Some(refiner) => detector.with_refiner(Refiner::new(&refiner, args.threads)?),
+            None => detector,
+        })
+    }
+}
+
 /// In which numbers OpenVINO computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum Precision {
@@ -59,6 +95,16 @@ const MOST_THREADS: usize = 1024;
 fn threads(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| (1..=MOST_THREADS).contains(count));
     count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
+}
+
+/// The model at `path`, or the shipped one, ready to look at images, with a second look if there is to be one.
+pub(crate) fn open_with_refiner(
+    args: &EngineArgs,
+    refiner: &RefinerArgs,
+    path: Option<&Path>,
+    options: DecodeOptions,
+) -> Result<Detector> {
+    refiner.beside(open_detector(args, path, options)?, args, path)
 }
 
 /// The model at `path`, or the shipped one, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.
@@ -91,8 +137,17 @@ pub(crate) struct Timing {
     pub(crate) dense_head: bool,
 }
 
-/// As [`open_detector`], to be timed: `path` may also be a config, whose network gets random weights.
-pub(crate) fn open_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Detector> {
+/// As [`open_with_refiner`], to be timed: `path` may also be a config, whose network gets random weights.
+pub(crate) fn open_to_time(
+    args: &EngineArgs,
+    refiner: &RefinerArgs,
+    path: Option<&Path>,
+    timing: Timing,
+) -> Result<Detector> {
+    refiner.beside(first_look_to_time(args, path, timing)?, args, path)
+}
+
+fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Detector> {
     let is_config = path.is_some_and(untrained::is_config);
     if args.engine == EngineName::Libtorch {
         ensure!(

@@ -6,11 +6,17 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use farsight_files::write_quickly;
 use farsight_net::model::Model;
+use farsight_net::refiner::RefinerModel;
 
 /// Name of the model; its card is `models/farsight-s.md`.
 pub(crate) const NAME: &str = "farsight-s";
 
 const MODEL: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
+
+/// Name of the refiner; its page is `docs/refiner.md`.
+pub(crate) const REFINER_NAME: &str = "farsight-refiner";
+
+const REFINER: &[u8] = include_bytes!("../../../models/farsight-refiner.safetensors");
 
 /// One scene's name, image and calibration.
 macro_rules! scene {
@@ -28,6 +34,11 @@ const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), sc
 /// The model that comes with the program.
 pub(crate) fn model() -> Result<Model> {
     Ok(Model::from_safetensors(MODEL, Path::new(NAME))?)
+}
+
+/// The refiner that comes with the program.
+pub(crate) fn refiner() -> Result<RefinerModel> {
+    Ok(RefinerModel::from_safetensors(REFINER, Path::new(REFINER_NAME))?)
 }
 
 /// Writes the scenes to `folder` in KITTI's layout and returns the folder of the images.

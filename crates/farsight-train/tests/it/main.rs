@@ -11,6 +11,7 @@ mod golden_network;
 mod golden_support;
 mod imported_checkpoints;
 mod pruning;
+mod refiner;
 mod resume;
 mod tiny;
 mod training;

@@ -33,7 +33,7 @@ fn camera() -> Camera {
     Camera::from_intrinsics(110.0, 110.0, 100.0, 28.0).unwrap()
 }
 
-fn car(frame: usize) -> Label {
+pub(crate) fn car(frame: usize) -> Label {
     let box3d = Box3d {
         dimensions: Dimensions { height: 1.5, width: 1.6, length: 3.9 },
         location: [frame as f64 - 2.0, 1.6, 8.0 + 3.0 * frame as f64],

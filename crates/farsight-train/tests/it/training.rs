@@ -51,7 +51,7 @@ fn a_loss_that_is_not_finite_stops_the_run_and_leaves_the_last_checkpoint() {
     assert!(what.contains("loss term") || what.contains("gradient"), "{what}");
     assert_eq!(frames.len(), 2);
     assert!(*step >= 1);
-    let (weights, progress) = farsight_train::checkpoint::read(&out.join(CHECKPOINT_FILE), &run).unwrap();
+    let (weights, progress) = farsight_train::checkpoint::read(&out.join(CHECKPOINT_FILE), &run.identity()).unwrap();
     assert!(progress.steps <= *step);
     assert!(!weights.tensors.is_empty());
 }

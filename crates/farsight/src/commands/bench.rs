@@ -16,7 +16,7 @@ use image::RgbImage;
 use serde::Serialize;
 
 use super::Outcome;
-use crate::engines::{EngineArgs, Timing, open_to_time};
+use crate::engines::{EngineArgs, RefinerArgs, Timing, open_to_time};
 use crate::printer::Printer;
 use crate::shipped;
 
@@ -34,6 +34,8 @@ pub(crate) struct BenchArgs {
     model: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineArgs,
+    #[command(flatten)]
+    refiner: RefinerArgs,
     /// Image to look at [default: a scene that comes with the program, 1242x375 JPEG]
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
@@ -95,7 +97,7 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
     };
     let timing = Timing { input: args.input, dense_head: args.dense_head };
-    let mut detector = open_to_time(&args.engine, args.model.as_deref(), timing)?;
+    let mut detector = open_to_time(&args.engine, &args.refiner, args.model.as_deref(), timing)?;
     for _ in 0..WARM_UP {
         pass(&image, args.batch, &mut detector)?;
     }
@@ -147,6 +149,7 @@ fn figures(args: &BenchArgs, path: &std::path::Path, detector: &Detector, passes
             ("warp", stage(|pass| pass.times.warp)),
             ("network", stage(|pass| pass.times.network)),
             ("decode", stage(|pass| pass.times.decode)),
+            ("refine", stage(|pass| pass.times.refine)),
             ("draw", stage(|pass| pass.draw)),
         ],
         peak_memory_mb: peak_memory_mb(),

@@ -2,6 +2,7 @@
 
 mod fit;
 mod int8;
+mod refiner;
 
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,7 @@ use farsight_infer::probe::{self, Difference};
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::model::Model;
 use farsight_net::onnx::{Facts, OnnxModel, Target, key, write};
+use farsight_net::refiner::RefinerModel;
 use farsight_net::transform::Network;
 
 use super::Outcome;
@@ -30,7 +32,7 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote
+    /// Model that `farsight train` or `farsight import` wrote; or a refiner, of which --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write
@@ -81,6 +83,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
+    if RefinerModel::is_one(&args.model) {
+        return refiner::run(args, printer);
+    }
     let mut model = read(&args.model)?;
     if let Some(size) = args.input {
         resize_input(&mut model, size, args, printer)?;

@@ -11,6 +11,7 @@ use farsight_net::count::{StageCount, count, total};
 use farsight_net::graph::Graph;
 use farsight_net::model::Model;
 use farsight_net::onnx::{Facts, OnnxModel, Target, is_safetensors, key};
+use farsight_net::refiner::{RefinerConfig, RefinerModel};
 
 use super::Outcome;
 use crate::printer::Printer;
@@ -19,19 +20,18 @@ use crate::untrained;
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model (.safetensors, .onnx), or the config of a training (.toml)
+    /// A model or a refiner (.safetensors, .onnx), or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
-    let Described { config, graph, told } = read(&args.model)?;
-    let [width, height] = config.input;
+    let Described { input: [width, height], graph, facts } = read(&args.model)?;
     let stages = count(&graph, width, height).with_context(|| {
         format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
     })?;
-    for (name, fact) in facts(&config).into_iter().chain(told) {
+    for (name, fact) in facts {
         printer.line(&format!("{name:15} {fact}"));
     }
     printer.line("");
@@ -44,25 +44,46 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
 
 /// A file as it describes itself.
 struct Described {
-    config: ModelConfig,
+    /// Width and height, pixels.
+    input: [usize; 2],
     graph: Graph,
-    told: Vec<(&'static str, String)>,
+    facts: Vec<(&'static str, String)>,
+}
+
+impl Described {
+    /// A detector, and what else its file tells.
+    fn new(config: &ModelConfig, graph: Graph, told: Vec<(&'static str, String)>) -> Self {
+        Self { input: config.input, graph, facts: facts(config).into_iter().chain(told).collect() }
+    }
 }
 
 fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
         let config = untrained::read_config(path)?;
-        return Ok(Described { graph: network(&config), config, told: Vec::new() });
+        return Ok(Described::new(&config, network(&config), Vec::new()));
     }
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
+        if RefinerModel::is_one(path) {
+            return Ok(refiner(&RefinerModel::read(path)?));
+        }
         // A pruned model is narrower than its config says.
         let model = Model::read(path)?;
         let told = told(&Facts::new(&model, Target::default()));
-        return Ok(Described { config: model.config, graph: model.graph, told });
+        return Ok(Described::new(&model.config, model.graph, told));
     }
     let file = OnnxModel::read(path)?;
-    let config = file.config().clone();
-    Ok(Described { graph: network(&config), config, told: told(file.facts()) })
+    Ok(Described::new(file.config(), network(file.config()), told(file.facts())))
+}
+
+fn refiner(model: &RefinerModel) -> Described {
+    let RefinerConfig { side, channels, looks, .. } = &model.config;
+    let mut facts = vec![
+        ("refiner", format!("a second look at each object, cut out at {side} x {side} pixels")),
+        ("channels", format!("{channels:?}")),
+        ("two looks", format!("errors correlated by {:.2}", looks.correlation)),
+    ];
+    facts.extend(model.weights.metadata.get(key::TRAINING).map(|training| ("training", training.clone())));
+    Described { input: [*side; 2], graph: model.config.graph(), facts }
 }
 
 /// Facts that only the one who trained the model knows, and the hash that tells two models apart.

@@ -13,7 +13,7 @@ use farsight_core::detection::DecodeOptions;
 
 use super::Outcome;
 use crate::camera_source::CameraArgs;
-use crate::engines::{self, EngineArgs};
+use crate::engines::{self, EngineArgs, RefinerArgs};
 use crate::inputs;
 use crate::printer::Printer;
 use job::Job;
@@ -29,6 +29,8 @@ pub(crate) struct RangeArgs {
     model: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineArgs,
+    #[command(flatten)]
+    refiner: RefinerArgs,
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -65,6 +67,7 @@ impl RangeArgs {
             inputs: vec![images],
             model: None,
             engine: EngineArgs::default(),
+            refiner: RefinerArgs::default(),
             out: Some(out),
             json: Some(json),
             kitti: None,
@@ -114,7 +117,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let job = Job::new(args, found.images, printer)?;
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut detector = engines::open_detector(&args.engine, args.model.as_deref(), options)?;
+    let mut detector = engines::open_with_refiner(&args.engine, &args.refiner, args.model.as_deref(), options)?;
     let failed = found.problems.len() + job.run(&mut detector, printer)?;
     Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
 }

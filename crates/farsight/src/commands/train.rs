@@ -37,8 +37,12 @@ pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
 #[cfg(feature = "train")]
 pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
     use farsight_train::config::RunConfig;
+    use farsight_train::refiner::RefinerRun;
     use farsight_train::trainer::{Job, train};
 
+    if std::fs::read_to_string(&args.config).is_ok_and(|text| RefinerRun::is_meant(&text)) {
+        return run_refiner(args, printer);
+    }
     let mut run = RunConfig::read(&args.config)?;
     if let Some(data) = &args.data {
         run.data.root = Some(data.clone());
@@ -51,12 +55,29 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// Trains a refiner.
+#[cfg(feature = "train")]
+fn run_refiner(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
+    use farsight_train::refiner::{RefinerJob, RefinerRun, train};
+
+    let mut run = RefinerRun::read(&args.config)?;
+    if let Some(data) = &args.data {
+        run.data.root = Some(data.clone());
+        run.data.rendered = None;
+    }
+    let job = RefinerJob { run, out: args.out.clone(), resume: args.resume };
+    let refiner = train(&job, &mut progress::Progress::new(printer))?;
+    printer.line(&refiner.display().to_string());
+    Ok(Outcome::Done)
+}
+
 #[cfg(feature = "train")]
 mod progress {
     use std::io::{IsTerminal, stderr};
     use std::time::{Duration, Instant};
 
     use farsight_train::metrics::Record;
+    use farsight_train::refiner::{RefinerObserver, RefinerRecord};
     use farsight_train::trainer::Observer;
     use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
@@ -84,22 +105,47 @@ mod progress {
         }
     }
 
-    impl Observer for Progress<'_> {
+    impl Progress<'_> {
         fn begin(&mut self, done: u64, total: u64) {
             self.bar.set_length(total);
             self.bar.set_position(done);
             self.bar.reset_eta();
         }
 
-        fn step(&mut self, record: &Record) {
-            self.bar.set_position(record.step);
-            self.bar.set_message(summary(record));
-            let total = self.bar.length().unwrap_or(record.step);
-            if self.line_is_due() || record.step == total {
+        fn advance(&mut self, step: u64, summary: &str) {
+            self.bar.set_position(step);
+            self.bar.set_message(summary.to_owned());
+            let total = self.bar.length().unwrap_or(step);
+            if self.line_is_due() || step == total {
                 let left = HumanDuration(self.bar.eta());
-                self.printer.status(&format!("step {}/{total}  {left} left  {}", record.step, summary(record)));
+                self.printer.status(&format!("step {step}/{total}  {left} left  {summary}"));
                 self.last_line = Some(Instant::now());
             }
+        }
+    }
+
+    impl Observer for Progress<'_> {
+        fn begin(&mut self, done: u64, total: u64) {
+            Self::begin(self, done, total);
+        }
+
+        fn step(&mut self, record: &Record) {
+            self.advance(record.step, &summary(record));
+        }
+    }
+
+    impl RefinerObserver for Progress<'_> {
+        fn begin(&mut self, done: u64, total: u64) {
+            Self::begin(self, done, total);
+        }
+
+        fn record(&mut self, record: &RefinerRecord) {
+            let RefinerRecord { step, loss, depth_error, learning_rate, samples_per_second } = record;
+            let summary = format!(
+                "loss {loss:.3}  depth off by {:.1}%  rate {learning_rate:.1e}  {samples_per_second:.0} objects/s",
+                100.0 * depth_error
+            );
+            self.advance(*step, &summary);
         }
     }
 

@@ -150,7 +150,7 @@ fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize
 }
 
 /// The detections of which the labels say whether they are right, with what they found: too low ones and those that are excused are left out.
-fn told(frame: &Frame) -> impl Iterator<Item = (&Detection, Option<Target>)> {
+pub(super) fn told(frame: &Frame) -> impl Iterator<Item = (&Detection, Option<Target>)> {
     let (targets, false_alarms) = matched(frame, 0, &RangingOptions::default());
     let right = targets.into_iter().filter_map(|target| Some((target.found?.claim, Some(target))));
     let wrong = false_alarms.into_iter().map(|alarm| (alarm.claim, None));

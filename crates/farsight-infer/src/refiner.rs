@@ -1,0 +1,95 @@
+//! The second look at what was found ([`farsight_core::refine`]), on the built-in engine.
+
+use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement};
+use farsight_core::{Camera, Detection};
+use farsight_data::network_input_into;
+use farsight_net::onnx::INPUT;
+use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
+use image::RgbImage;
+
+use crate::EngineError;
+use crate::library::unpanicked;
+use crate::rten::{NAME, Network};
+
+/// So many objects are looked at together.
+const BATCH: usize = 16;
+
+/// Looks again at what a detector found.
+pub struct Refiner {
+    network: Network,
+    config: RefinerConfig,
+    /// The input, kept from call to call.
+    input: Vec<f32>,
+}
+
+impl Refiner {
+    /// Loads `model`, to be run by so many threads; `None` takes one for each core.
+    ///
+    /// # Errors
+    /// When the weights do not fit the network.
+    pub fn new(model: &RefinerModel, threads: Option<usize>) -> Result<Self, EngineError> {
+        let network = unpanicked(NAME, || Network::new(model.onnx()?, INPUT, &[ANSWER.to_owned()], threads))?;
+        Ok(Self { network, config: model.config.clone(), input: Vec::new() })
+    }
+
+    /// `detections` in `image`, taken by `camera`, after a second look at each of them; in the same order, with the same scores and classes.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn refined(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        detections: &[Detection],
+    ) -> Result<Vec<Detection>, EngineError> {
+        let image_size = [image.width(), image.height()].map(|side| side as usize);
+        let looks = self.second_looks(image, camera, detections)?;
+        let joined = |(first, second): (&Detection, Option<Refinement>)| match second {
+            Some(second) => self.config.looks.joined(first, &second, camera, image_size),
+            None => first.clone(),
+        };
+        Ok(detections.iter().zip(looks).map(joined).collect())
+    }
+
+    /// What the second look alone says of each detection; `None` where it has no answer.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn second_looks(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        detections: &[Detection],
+    ) -> Result<Vec<Option<Refinement>>, EngineError> {
+        let crops: Vec<Option<Crop>> =
+            detections.iter().map(|found| Crop::around(&found.box2d, camera, self.config.side)).collect();
+        let there: Vec<Crop> = crops.iter().copied().flatten().collect();
+        let mut answers = Vec::with_capacity(there.len());
+        for batch in there.chunks(BATCH) {
+            answers.extend(self.answers(image, batch)?);
+        }
+        let mut refinements = there.iter().zip(answers).map(|(crop, answer)| crop.decode(&answer));
+        Ok(crops.iter().map(|crop| crop.and_then(|_| refinements.next().flatten())).collect())
+    }
+
+    /// The network's answers for some cut-outs.
+    fn answers(&mut self, image: &RgbImage, crops: &[Crop]) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
+        let side = self.config.side;
+        let rules = InputRules { size: [side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+        self.input.clear();
+        let mut pixels = Vec::new();
+        for crop in crops {
+            network_input_into(&mut pixels, image, &crop.window, &rules, None);
+            self.input.extend_from_slice(&pixels);
+            self.input.extend(crop.rays());
+        }
+        let values = unpanicked(NAME, || {
+            let mut values = self.network.run(&self.input, [crops.len(), INPUT_CHANNELS, side, side])?;
+            let answer = values.pop().ok_or("no output")?;
+            Ok(answer.into_shape_vec::<f32, 4>()?.1)
+        })?;
+        let (answers, _) = values.as_chunks::<OUTPUT_CHANNELS>();
+        Ok(answers.iter().map(|answer| answer.map(f64::from)).collect())
+    }
+}

@@ -1,0 +1,88 @@
+//! The refining network and its file.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use std::fs;
+use std::path::Path;
+
+use farsight_core::refine::{INPUT_CHANNELS, OUTPUT_CHANNELS, TwoLooks};
+use farsight_net::init::initial_weights;
+use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerError, RefinerModel};
+
+fn small() -> RefinerConfig {
+    RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
+}
+
+fn model(config: RefinerConfig) -> RefinerModel {
+    RefinerModel { weights: initial_weights(&config.graph(), 1), config }
+}
+
+#[test]
+fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
+    for (side, hidden) in [(16, 4), (96, 192), (160, 32)] {
+        let config = RefinerConfig { side, hidden, ..RefinerConfig::default() };
+        assert_eq!(config.problem(), None);
+        let graph = config.graph();
+        assert_eq!(graph.nodes[0].channels, INPUT_CHANNELS);
+        let shapes = graph.shapes(side, side).unwrap();
+        assert_eq!(shapes[graph.tap(ANSWER).unwrap()], [OUTPUT_CHANNELS, 1, 1], "{side} pixels");
+    }
+}
+
+#[test]
+fn a_config_of_no_network_is_told() {
+    let looks = TwoLooks { correlation: 1.5, ..TwoLooks::default() };
+    for (config, expected) in [
+        (RefinerConfig { side: 90, ..small() }, "refiner.side is 90"),
+        (RefinerConfig { side: 0, ..small() }, "refiner.side is 0"),
+        (RefinerConfig { channels: [8, 0, 8, 8], ..small() }, "has 0; expected 1 to 4096"),
+        (RefinerConfig { hidden: 0, ..small() }, "has 0; expected 1 to 4096"),
+        (RefinerConfig { looks, ..small() }, "refiner.looks is"),
+    ] {
+        let problem = config.problem().unwrap();
+        assert!(problem.contains(expected), "{problem}");
+    }
+}
+
+#[test]
+fn a_file_gives_back_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("refiner.safetensors");
+    let looks = TwoLooks { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9 };
+    let written = model(RefinerConfig { looks, ..small() });
+    written.write(&path).unwrap();
+    assert!(RefinerModel::is_one(&path));
+    let read = RefinerModel::read(&path).unwrap();
+    assert_eq!(read.config, written.config);
+    for (name, tensor) in &written.weights.tensors {
+        let found = &read.weights.tensors[name];
+        let near = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6;
+        assert!(tensor.shape == found.shape && tensor.values.iter().zip(&found.values).all(near), "{name}");
+    }
+    assert!(!read.onnx().unwrap().is_empty());
+}
+
+#[test]
+fn a_file_that_is_no_refiner_is_told_with_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.safetensors");
+    let error = |path: &Path| RefinerModel::read(path).unwrap_err();
+    model(small()).weights.write(&path).unwrap();
+    assert!(!RefinerModel::is_one(&path));
+    let told = error(&path);
+    assert!(matches!(told, RefinerError::Config { .. }), "{told:?}");
+    assert!(told.to_string().contains("other.safetensors") && told.to_string().contains("farsight.refiner"), "{told}");
+
+    let mut missing = model(small());
+    missing.weights.tensors.remove("stem.conv.weight");
+    missing.write(&path).unwrap();
+    assert!(error(&path).to_string().contains("stem.conv.weight"));
+
+    let mut wrong = model(small());
+    wrong.config.hidden = 32;
+    wrong.write(&path).unwrap();
+    assert!(error(&path).to_string().contains("whole.conv.weight"));
+
+    fs::write(&path, b"no tensors").unwrap();
+    assert!(error(&path).to_string().contains("other.safetensors"));
+}

@@ -1,0 +1,143 @@
+//! A training of a refiner in one TOML file.
+
+use std::fs;
+use std::path::Path;
+
+use farsight_data::AugmentationConfig;
+use farsight_net::refiner::RefinerConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::adam::AdamSettings;
+use crate::config::{DataConfig, RunConfigError};
+use crate::schedule::Schedule;
+
+/// What to train, on what, how. The table `[refiner]` must be there, if only by name: it tells this from the training of a detector.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RefinerRun {
+    /// The network.
+    pub refiner: RefinerConfig,
+    /// Where the frames come from.
+    #[serde(default)]
+    pub data: DataConfig,
+    /// How the cut-outs vary; windows and their steps play no part.
+    #[serde(default)]
+    pub augmentation: AugmentationConfig,
+    /// How the network learns.
+    #[serde(default)]
+    pub train: RefinerTrainConfig,
+}
+
+/// How a refiner learns.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefinerTrainConfig {
+    /// Passes over the frames.
+    pub epochs: u64,
+    /// Frames a step; all their objects are a batch.
+    pub frames_per_step: usize,
+    /// At most so many objects of one frame, drawn at random.
+    pub objects_per_frame: usize,
+    /// Objects whose box is lower than this are not learnt from, pixels.
+    pub least_height_px: f64,
+    /// Initial learning rate.
+    pub learning_rate: f64,
+    /// Weight decay.
+    pub weight_decay: f64,
+    /// Steps of linear rise before it.
+    pub warm_up_steps: u64,
+    /// Largest norm of the gradient; 0 for no limit.
+    pub clip_norm: f64,
+    /// Seed of the weights, the order, the errors of the first look and the augmentation.
+    pub seed: u64,
+    /// Steps between checkpoints; one is also written at the end.
+    pub checkpoint_steps: u64,
+    /// Steps between lines of the metrics.
+    pub log_steps: u64,
+    /// Threads of libtorch; 0 for its own choice.
+    pub threads: usize,
+}
+
+impl Default for RefinerTrainConfig {
+    fn default() -> Self {
+        Self {
+            epochs: 10,
+            frames_per_step: 14,
+            objects_per_frame: 8,
+            least_height_px: 20.0,
+            learning_rate: 2e-3,
+            weight_decay: 1e-5,
+            warm_up_steps: 200,
+            clip_norm: 10.0,
+            seed: 0,
+            checkpoint_steps: 500,
+            log_steps: 50,
+            threads: 0,
+        }
+    }
+}
+
+impl RefinerTrainConfig {
+    pub(crate) fn adam(&self) -> AdamSettings {
+        AdamSettings { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: self.weight_decay, bias_rate_factor: 1.0 }
+    }
+
+    /// The learning rate of a step.
+    pub(crate) fn rate(&self, step: u64, steps: u64) -> f64 {
+        self.learning_rate * Schedule::Cosine.factor(step, steps, self.warm_up_steps)
+    }
+
+    fn problem(&self) -> Option<String> {
+        let counts = [
+            ("epochs", self.epochs),
+            ("frames_per_step", self.frames_per_step as u64),
+            ("objects_per_frame", self.objects_per_frame as u64),
+            ("checkpoint_steps", self.checkpoint_steps),
+            ("log_steps", self.log_steps),
+        ];
+        let numbers = [
+            ("learning_rate", self.learning_rate),
+            ("weight_decay", self.weight_decay),
+            ("clip_norm", self.clip_norm),
+            ("least_height_px", self.least_height_px),
+        ];
+        let zero = counts.into_iter().find(|(_, count)| *count == 0);
+        let wrong = numbers.into_iter().find(|(_, number)| !(number.is_finite() && *number >= 0.0));
+        zero.map(|(name, _)| format!("train.{name} is 0; expected at least 1")).or_else(|| {
+            wrong.map(|(name, number)| format!("train.{name} is {number}; expected a number that is not negative"))
+        })
+    }
+}
+
+impl RefinerRun {
+    /// Whether a config file is one of a refiner: it has a table `[refiner]`.
+    pub fn is_meant(text: &str) -> bool {
+        text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("refiner"))
+    }
+
+    /// Reads and checks a config file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
+    pub fn read(path: &Path) -> Result<Self, RunConfigError> {
+        let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
+        let run: Self = toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
+        let augmentation = || run.augmentation.problem().map(|problem| format!("augmentation.{problem}"));
+        let problem = run.refiner.problem().or_else(|| run.data.problem()).or_else(augmentation);
+        let problem = problem.or_else(|| run.train.problem());
+        match problem {
+            Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
+            None => Ok(run),
+        }
+    }
+
+    /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.
+    pub fn identity(&self) -> Self {
+        let defaults = RefinerTrainConfig::default();
+        let mut identity = self.clone();
+        identity.data = self.data.identity();
+        identity.train.checkpoint_steps = defaults.checkpoint_steps;
+        identity.train.log_steps = defaults.log_steps;
+        identity
+    }
+}

@@ -1,0 +1,8 @@
+//! Training of the refining network ([`farsight_core::refine`]).
+
+pub mod config;
+mod samples;
+mod trainer;
+
+pub use config::RefinerRun;
+pub use trainer::{REFINER_FILE, RefinerJob, RefinerObserver, RefinerRecord, train};

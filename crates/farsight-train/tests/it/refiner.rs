@@ -1,0 +1,165 @@
+//! Whole runs of a small refiner, and the built-in engine's answers against libtorch's.
+
+use std::path::Path;
+
+use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS};
+use farsight_core::{Box2d, Camera, Detection, ObjectClass};
+use farsight_data::{AugmentationConfig, network_input};
+use farsight_infer::Refiner;
+use farsight_net::init::initial_weights;
+use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
+use farsight_train::config::DataConfig;
+use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
+use farsight_train::refiner::{RefinerJob, RefinerObserver, RefinerRecord, RefinerRun, train};
+use farsight_train::trainer::TrainError;
+use image::{Rgb, RgbImage};
+use tch::{Device, Tensor, no_grad};
+
+use crate::tiny::data_set;
+
+#[derive(Debug, Default)]
+struct Kept {
+    records: Vec<RefinerRecord>,
+}
+
+impl RefinerObserver for Kept {
+    fn begin(&mut self, _: u64, _: u64) {}
+
+    fn record(&mut self, record: &RefinerRecord) {
+        self.records.push(*record);
+    }
+}
+
+fn small() -> RefinerConfig {
+    RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
+}
+
+fn run(data: &Path) -> RefinerRun {
+    let mut run = RefinerRun {
+        refiner: small(),
+        data: DataConfig { root: Some(data.to_owned()), ..DataConfig::default() },
+        augmentation: AugmentationConfig::none(),
+        train: toml::from_str("frames_per_step = 4\nlog_steps = 1\nthreads = 1\nleast_height_px = 5").unwrap(),
+    };
+    run.train.warm_up_steps = 5;
+    run
+}
+
+fn trained(run: &RefinerRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
+    let mut kept = Kept::default();
+    let job = RefinerJob { run: run.clone(), out: out.to_owned(), resume };
+    train(&job, &mut kept).map(|path| (std::fs::read(path).unwrap(), kept))
+}
+
+#[test]
+fn a_small_refiner_learns_a_small_set() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 400;
+    let (_, kept) = trained(&run, &folder.path().join("run"), false).unwrap();
+    let mean = |records: &[RefinerRecord]| records.iter().map(|r| r.depth_error).sum::<f64>() / records.len() as f64;
+    let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
+    assert!(last < 0.3 * first, "depths off by {first} to {last}");
+}
+
+#[test]
+fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
+    let folder = data_set(6);
+    let mut run = run(folder.path());
+    run.augmentation = AugmentationConfig::default();
+    (run.train.epochs, run.train.frames_per_step, run.train.checkpoint_steps) = (3, 2, 4);
+    let (whole, _) = trained(&run, &folder.path().join("whole"), false).unwrap();
+    // As if it had been killed after the checkpoint at step 4 of 9: the refiner is not there, the checkpoint is.
+    let out = folder.path().join("parts");
+    let mut stopper = Stopper { after: 5, seen: 0 };
+    run.data.workers = 3;
+    let job = RefinerJob { run: run.clone(), out: out.clone(), resume: false };
+    let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| train(&job, &mut stopper)));
+    assert!(stopped.is_err() && !out.join("refiner.safetensors").exists());
+    let (parts, kept) = trained(&run, &out, true).unwrap();
+    assert!(whole == parts, "the refiners differ");
+    assert_eq!(kept.records[0].step, 5);
+    let again = trained(&run, &out, false).unwrap_err().to_string();
+    assert!(again.contains("there is a run here already"), "{again}");
+    run.train.seed += 1;
+    let other = trained(&run, &out, true).unwrap_err().to_string();
+    assert!(other.contains("another config"), "{other}");
+}
+
+/// Stands for a process that is killed.
+struct Stopper {
+    after: usize,
+    seen: usize,
+}
+
+impl RefinerObserver for Stopper {
+    fn begin(&mut self, _: u64, _: u64) {}
+
+    fn record(&mut self, _: &RefinerRecord) {
+        self.seen += 1;
+        assert!(self.seen < self.after, "stopped");
+    }
+}
+
+#[test]
+fn mistakes_in_a_config_are_told_with_file_and_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("refiner.toml");
+    let error = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        RefinerRun::read(&path).unwrap_err().to_string()
+    };
+    for (text, expected) in [
+        ("[refiner]\nside = 90", "refiner.side is 90; expected a multiple of 16"),
+        ("[refiner]\n[train]\nepochs = 0", "train.epochs is 0; expected at least 1"),
+        ("[refiner]\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
+        ("[refiner]\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
+        ("[refiner]\nsides = 96", "unknown field `sides`"),
+    ] {
+        let error = error(text);
+        assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");
+    }
+    assert!(RefinerRun::is_meant("[refiner]\n") && !RefinerRun::is_meant("[model]\n"));
+}
+
+#[test]
+fn the_built_in_engine_answers_as_libtorch_does() {
+    let config = small();
+    let model = RefinerModel { weights: initial_weights(&config.graph(), 3), config: config.clone() };
+    let camera = Camera::from_intrinsics(210.0, 210.0, 100.0, 60.0).unwrap();
+    let image =
+        RgbImage::from_fn(200, 120, |x, y| Rgb([(x * 7 % 251) as u8, (y * 13 % 241) as u8, (x * y % 239) as u8]));
+    let boxes =
+        [Box2d::new(20.0, 30.0, 90.0, 80.0), Box2d::new(150.0, 10.0, 199.0, 119.0), Box2d::new(5.0, 5.0, 6.0, 6.0)];
+    let detections = boxes.map(|box2d| Detection {
+        class: ObjectClass::Car,
+        score: 0.5,
+        box2d,
+        box3d: crate::tiny::car(1).box3d,
+        range_sigma_m: None,
+    });
+    let found = Refiner::new(&model, Some(1)).unwrap().second_looks(&image, &camera, &detections).unwrap();
+    assert!(found[2].is_none(), "a box of one pixel shows nothing");
+
+    let graph = config.graph();
+    let tap = graph.tap(ANSWER).unwrap();
+    let network = Network::new(graph, &model.weights, Device::Cpu, Precision::F32).unwrap();
+    let rules = InputRules { size: [config.side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+    for (box2d, found) in boxes.iter().zip(&found).take(2) {
+        let crop = Crop::around(box2d, &camera, config.side).unwrap();
+        let mut input = network_input(&image, &crop.window, &rules, None);
+        input.extend(crop.rays());
+        let shape = [1, INPUT_CHANNELS, config.side, config.side].map(|side| side as i64);
+        let input = Tensor::from_slice(&input).view(shape);
+        let answer = no_grad(|| network.forward(&input, Mode::Evaluate, &[tap]));
+        let values = values_from_tensor(&answer[0]);
+        assert_eq!(values.len(), OUTPUT_CHANNELS);
+        let expected = crop.decode(&std::array::from_fn(|channel| f64::from(values[channel]))).unwrap();
+        let found = found.as_ref().unwrap();
+        let off = (found.box3d.depth_m() / expected.box3d.depth_m() - 1.0).abs();
+        assert!(off < 1e-4, "{found:?}, expected {expected:?}");
+        assert!((found.depth_sigma / expected.depth_sigma - 1.0).abs() < 1e-4);
+        assert!((found.box3d.yaw - expected.box3d.yaw).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,83 @@
+//! The second look as users meet it: `--refiner`, and `farsight export` of a refiner.
+
+#![allow(clippy::unwrap_used)]
+
+mod program;
+
+use std::fs;
+use std::path::Path;
+
+use program::{done, farsight, root};
+use serde_json::Value;
+
+const SCENE: &str = "assets/scenes/image_2/000000.jpg";
+
+/// What `range` says of a scene of the demo: depth, error bar and score of each object.
+fn found(folder: &Path, more: &[&str]) -> Vec<[f64; 3]> {
+    let scene = root().join(SCENE).display().to_string();
+    let calibration = root().join("assets/scenes/calib/000000.txt").display().to_string();
+    done(folder, &[&["range", &scene, "--calib", &calibration, "--json", "out.json"], more].concat());
+    let json: Value = serde_json::from_slice(&fs::read(folder.join("out.json")).unwrap()).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let objects = json[0]["detections"].as_array().unwrap().iter();
+    objects.map(|d| [number(&d["location"][2]), number(&d["range_sigma_m"]), number(&d["score"])]).collect()
+}
+
+fn told(folder: &Path, arguments: &[&str]) -> String {
+    let output = farsight(folder, arguments);
+    assert!(!output.status.success(), "{arguments:?} must fail");
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn the_second_look_moves_boxes_and_leaves_scores() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let all = ["--max-overlap", "1"];
+    let first = found(folder, &[&all[..], &["--refiner", "none"]].concat());
+    let both = found(folder, &all);
+    assert!(first.len() > 2 && first.len() == both.len(), "{first:?}\n{both:?}");
+    let mut moved = 0;
+    for ([first_m, _, first_score], [both_m, sigma_m, score]) in first.iter().zip(&both) {
+        assert!((first_score - score).abs() < 1e-12);
+        assert!((both_m / first_m - 1.0).abs() < 0.5, "{first_m} m became {both_m} m");
+        assert!((0.005..0.5).contains(&(sigma_m / both_m)), "{both_m} m, give or take {sigma_m}");
+        moved += usize::from((both_m - first_m).abs() > 1e-6);
+    }
+    assert!(moved > 0, "nothing moved");
+    // A model of the user's own is looked at as it is, unless a refiner is named.
+    let model = root().join("models/farsight-s.safetensors").display().to_string();
+    let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
+    assert_eq!(found(folder, &[&all[..], &["--model", &model]].concat()), first);
+    assert_eq!(found(folder, &[&all[..], &["--model", &model, "--refiner", &refiner]].concat()), both);
+}
+
+#[test]
+fn a_refiner_is_fitted_to_the_shipped_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
+    done(folder, &["synth", "--out", "scenes", "--frames", "24", "--seed", "5"]);
+    let export = ["export", "--half", "--model", &refiner, "--fit-on", "scenes", "--out", "fitted.safetensors"];
+    let output = farsight(folder, &export);
+    let status = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && status.contains("errors correlated by"), "{status}");
+    assert!(!found(folder, &["--refiner", "fitted.safetensors"]).is_empty());
+}
+
+#[test]
+fn mistakes_are_told_with_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = root().join(SCENE).display().to_string();
+    let range = |refiner: &str| told(folder, &["range", &scene, "--hfov", "81", "--refiner", refiner]);
+    let missing = range("nothing.safetensors");
+    assert!(missing.contains("nothing.safetensors: no such file") && missing.contains("or none"), "{missing}");
+    let model = root().join("models/farsight-s.safetensors").display().to_string();
+    let detector = range(&model);
+    assert!(detector.contains("farsight-s.safetensors") && detector.contains("farsight.refiner"), "{detector}");
+    let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
+    let export = told(folder, &["export", "--model", &refiner, "--out", "x.onnx"]);
+    assert!(export.contains("a refiner; expected --half and --fit-on"), "{export}");
+    assert!(!folder.join("x.onnx").exists());
+}
