@@ -3,18 +3,27 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail, ensure};
 use farsight_net::build::network;
 use farsight_net::config::ModelConfig;
 use farsight_net::init::initial_weights;
 use farsight_net::model::Model;
+use farsight_net::refiner::RefinerConfig;
 use serde::Deserialize;
 
-/// The part of a training's config that describes the model.
+/// The parts of a training's config that describe what is trained.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct RunFile {
     model: ModelConfig,
+    refiner: Option<RefinerConfig>,
+}
+
+impl RunFile {
+    fn read(path: &Path) -> Result<Self> {
+        let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        toml::from_str(&text).with_context(|| path.display().to_string())
+    }
 }
 
 /// Whether a file is the config of a training rather than a model.
@@ -24,10 +33,19 @@ pub(crate) fn is_config(path: &Path) -> bool {
 
 /// What the config of a training says about its model.
 pub(crate) fn read_config(path: &Path) -> Result<ModelConfig> {
-    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let run: RunFile = toml::from_str(&text).with_context(|| path.display().to_string())?;
+    let run = RunFile::read(path)?;
+    ensure!(run.refiner.is_none(), "{}: the config of a refiner; expected that of a detector", path.display());
     run.model.validate().with_context(|| path.display().to_string())?;
     Ok(run.model)
+}
+
+/// What the config of a training says about its refiner, if it is the training of one.
+pub(crate) fn read_refiner_config(path: &Path) -> Result<Option<RefinerConfig>> {
+    let refiner = RunFile::read(path)?.refiner;
+    if let Some(problem) = refiner.as_ref().and_then(RefinerConfig::problem) {
+        bail!("{}: {problem}", path.display());
+    }
+    Ok(refiner)
 }
 
 /// The network of a config with random weights.

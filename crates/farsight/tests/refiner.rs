@@ -80,4 +80,7 @@ fn mistakes_are_told_with_the_file() {
     let export = told(folder, &["export", "--model", &refiner, "--out", "x.onnx"]);
     assert!(export.contains("a refiner; expected --half and --fit-on"), "{export}");
     assert!(!folder.join("x.onnx").exists());
+    let config = root().join("configs/refiner.toml").display().to_string();
+    let bench = told(folder, &["bench", "--model", &config]);
+    assert!(bench.contains("refiner.toml: the config of a refiner"), "{bench}");
 }

@@ -59,12 +59,16 @@ impl Described {
 
 fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
+        if let Some(config) = untrained::read_refiner_config(path)? {
+            return Ok(refiner(&config, None));
+        }
         let config = untrained::read_config(path)?;
         return Ok(Described::new(&config, network(&config), Vec::new()));
     }
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
         if RefinerModel::is_one(path) {
-            return Ok(refiner(&RefinerModel::read(path)?));
+            let RefinerModel { config, weights } = RefinerModel::read(path)?;
+            return Ok(refiner(&config, weights.metadata.get(key::TRAINING)));
         }
         // A pruned model is narrower than its config says.
         let model = Model::read(path)?;
@@ -75,15 +79,15 @@ fn read(path: &Path) -> Result<Described> {
     Ok(Described::new(file.config(), network(file.config()), told(file.facts())))
 }
 
-fn refiner(model: &RefinerModel) -> Described {
-    let RefinerConfig { side, channels, looks, .. } = &model.config;
+fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
+    let RefinerConfig { side, channels, looks, .. } = config;
     let mut facts = vec![
         ("refiner", format!("a second look at each object, cut out at {side} x {side} pixels")),
         ("channels", format!("{channels:?}")),
         ("two looks", format!("errors correlated by {:.2}", looks.correlation)),
     ];
-    facts.extend(model.weights.metadata.get(key::TRAINING).map(|training| ("training", training.clone())));
-    Described { input: [*side; 2], graph: model.config.graph(), facts }
+    facts.extend(training.map(|training| ("training", training.clone())));
+    Described { input: [*side; 2], graph: config.graph(), facts }
 }
 
 /// Facts that only the one who trained the model knows, and the hash that tells two models apart.
