@@ -3,7 +3,7 @@
 use farsight_net::weights::{WeightTensor, Weights};
 use tch::{Tensor, no_grad};
 
-use crate::executor::weight_from_tensor;
+use crate::executor::{Network, weight_from_tensor};
 
 /// Settings of the optimiser that do not change during a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +18,22 @@ pub struct AdamSettings {
     pub weight_decay: f64,
     /// Factor on the learning rate of biases (official SMOKE: 2).
     pub bias_rate_factor: f64,
+}
+
+/// A gradient that is not finite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BadGradient {
+    /// The first parameter that has one.
+    pub parameter: String,
+    /// The norm of its gradient.
+    pub norm: f64,
+}
+
+impl BadGradient {
+    /// What it is that is not finite.
+    pub(crate) fn what(&self) -> String {
+        format!("the norm of the gradient of {}", self.parameter)
+    }
 }
 
 /// Running means of one parameter.
@@ -70,6 +86,36 @@ impl Adam {
                 let _ = parameter.shallow_clone().g_sub_(&update);
             }
         });
+    }
+
+    /// Moves the parameters of `network` against the gradient of `objective`, cut to the norm `clip_norm` (0: as it is). Returns the norm before that.
+    ///
+    /// # Errors
+    /// When the norm is not finite; nothing is moved then.
+    pub fn descend(
+        &mut self,
+        network: &Network,
+        objective: &Tensor,
+        clip_norm: f64,
+        rate: f64,
+    ) -> Result<f64, BadGradient> {
+        let parameters: Vec<Tensor> = network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
+        let mut gradients = Tensor::run_backward(&[objective], &parameters, false, false);
+        let norms: Vec<Tensor> = gradients.iter().map(Tensor::norm).collect();
+        let norm = Tensor::stack(&norms, 0).norm().double_value(&[]);
+        if !norm.is_finite() {
+            let named = network.learnt().zip(&norms).map(|((name, _), norm)| (name, norm.double_value(&[])));
+            let first = named.into_iter().find(|(_, norm)| !norm.is_finite());
+            let (parameter, norm) = first.unwrap_or(("all parameters", norm));
+            return Err(BadGradient { parameter: parameter.to_owned(), norm });
+        }
+        if clip_norm > 0.0 && norm > clip_norm {
+            for gradient in &mut gradients {
+                let _ = gradient.g_mul_scalar_(clip_norm / norm);
+            }
+        }
+        self.step(&parameters, &gradients, rate);
+        Ok(norm)
     }
 
     /// Adds the state to `weights`, beside the parameters.

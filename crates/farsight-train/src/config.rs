@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use farsight_data::AugmentationConfig;
 use farsight_net::config::ModelConfig;
 use farsight_synth::WorldConfig;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -202,19 +203,26 @@ pub enum RunConfigError {
     },
 }
 
+/// Reads a TOML file of which `problem` says what is wrong with its values.
+pub(crate) fn read_checked<T: DeserializeOwned>(
+    path: &Path,
+    problem: impl Fn(&T) -> Option<String>,
+) -> Result<T, RunConfigError> {
+    let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
+    let config: T = toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
+    match problem(&config) {
+        Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
+        None => Ok(config),
+    }
+}
+
 impl RunConfig {
     /// Reads and checks a config file.
     ///
     /// # Errors
     /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
     pub fn read(path: &Path) -> Result<Self, RunConfigError> {
-        let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
-        let config: Self =
-            toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
-        match config.problem() {
-            Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
-            None => Ok(config),
-        }
+        read_checked(path, Self::problem)
     }
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.

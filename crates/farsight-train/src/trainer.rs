@@ -18,7 +18,7 @@ use farsight_net::model::{Model, ModelError};
 use farsight_net::refiner::RefinerError;
 use farsight_net::weights::{Weights, WeightsError};
 use farsight_synth::SceneStream;
-use tch::{Device, Tensor, no_grad};
+use tch::{Device, no_grad};
 use thiserror::Error;
 
 use crate::adam::Adam;
@@ -320,16 +320,9 @@ impl<'a> Trainer<'a> {
         }
         check_terms(&terms, step, batch)?;
 
-        let parameters: Vec<Tensor> = self.network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
-        let mut gradients = Tensor::run_backward(&[objective], &parameters, false, false);
-        let gradient_norm = self.gradient_norm(&gradients, step, batch)?;
-        if config.clip_norm > 0.0 && gradient_norm > config.clip_norm {
-            for gradient in &mut gradients {
-                let _ = gradient.g_mul_scalar_(config.clip_norm / gradient_norm);
-            }
-        }
         let learning_rate = config.learning_rate * config.schedule.factor(step, total, config.warm_up_steps);
-        self.adam.step(&parameters, &gradients, learning_rate);
+        let descended = self.adam.descend(&self.network, &objective, config.clip_norm, learning_rate);
+        let gradient_norm = descended.map_err(|bad| not_finite(step, bad.what(), bad.norm, batch))?;
         let (loss, samples_per_second) = (terms.total(), 0.0);
         Ok(Record { step: step + 1, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second })
     }
@@ -345,18 +338,6 @@ impl<'a> Trainer<'a> {
             no_grad(|| self.network.forward(&batch.input, mode, &self.outputs));
         }
         Ok(())
-    }
-
-    /// The norm over all gradients; an error that names the first parameter whose gradient is not finite.
-    fn gradient_norm(&self, gradients: &[Tensor], step: u64, batch: &TrainBatch) -> Result<f64, TrainError> {
-        let norms: Vec<Tensor> = gradients.iter().map(Tensor::norm).collect();
-        let norm = Tensor::stack(&norms, 0).norm().double_value(&[]);
-        if norm.is_finite() {
-            return Ok(norm);
-        }
-        let named = self.network.learnt().zip(&norms).map(|((name, _), norm)| (name, norm.double_value(&[])));
-        let (name, value) = named.into_iter().find(|(_, norm)| !norm.is_finite()).unwrap_or(("all parameters", norm));
-        Err(not_finite(step, format!("the norm of the gradient of {name}"), value, batch))
     }
 
     fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {

@@ -1,6 +1,5 @@
 //! A training of a refiner in one TOML file.
 
-use std::fs;
 use std::path::Path;
 
 use farsight_data::AugmentationConfig;
@@ -8,7 +7,7 @@ use farsight_net::refiner::RefinerConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::adam::AdamSettings;
-use crate::config::{DataConfig, RunConfigError};
+use crate::config::{DataConfig, RunConfigError, read_checked};
 use crate::schedule::Schedule;
 
 /// What to train, on what, how. The table `[refiner]` must be there, if only by name: it tells this from the training of a detector.
@@ -120,15 +119,14 @@ impl RefinerRun {
     /// # Errors
     /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
     pub fn read(path: &Path) -> Result<Self, RunConfigError> {
-        let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
-        let run: Self = toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
-        let augmentation = || run.augmentation.problem().map(|problem| format!("augmentation.{problem}"));
-        let problem = run.refiner.problem().or_else(|| run.data.problem()).or_else(augmentation);
-        let problem = problem.or_else(|| run.train.problem());
-        match problem {
-            Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
-            None => Ok(run),
-        }
+        read_checked(path, Self::problem)
+    }
+
+    /// Why this run cannot be started, if it cannot.
+    pub fn problem(&self) -> Option<String> {
+        let augmentation = || self.augmentation.problem().map(|problem| format!("augmentation.{problem}"));
+        let problem = self.refiner.problem().or_else(|| self.data.problem()).or_else(augmentation);
+        problem.or_else(|| self.train.problem())
     }
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.

@@ -192,19 +192,7 @@ impl Trainer {
         if !value.is_finite() {
             return Err(("the loss".to_owned(), value));
         }
-        let parameters: Vec<Tensor> = self.network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
-        let mut gradients = Tensor::run_backward(&[loss], &parameters, false, false);
-        let norms: Vec<Tensor> = gradients.iter().map(Tensor::norm).collect();
-        let norm = Tensor::stack(&norms, 0).norm().double_value(&[]);
-        if !norm.is_finite() {
-            return Err(("the norm of the gradient".to_owned(), norm));
-        }
-        if self.clip_norm > 0.0 && norm > self.clip_norm {
-            for gradient in &mut gradients {
-                let _ = gradient.g_mul_scalar_(self.clip_norm / norm);
-            }
-        }
-        self.adam.step(&parameters, &gradients, rate);
+        self.adam.descend(&self.network, &loss, self.clip_norm, rate).map_err(|bad| (bad.what(), bad.norm))?;
         let depth_error = (answer.select(1, 0) - targets.select(1, 0)).abs().mean(Kind::Float) * LOG_UNIT;
         Ok(Step { loss: value, depth_error: depth_error.double_value(&[]), objects: input.size()[0] as usize })
     }

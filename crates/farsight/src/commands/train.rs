@@ -25,6 +25,17 @@ pub(crate) struct TrainArgs {
     resume: bool,
 }
 
+#[cfg(feature = "train")]
+impl TrainArgs {
+    /// What the command line names is what the user means now.
+    fn override_data(&self, data: &mut farsight_train::config::DataConfig) {
+        if let Some(root) = &self.data {
+            data.root = Some(root.clone());
+            data.rendered = None;
+        }
+    }
+}
+
 /// Says how to get a build that can train.
 #[cfg(not(feature = "train"))]
 pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
@@ -44,11 +55,7 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
         return run_refiner(args, printer);
     }
     let mut run = RunConfig::read(&args.config)?;
-    if let Some(data) = &args.data {
-        run.data.root = Some(data.clone());
-        // What the command line names is what the user means now.
-        run.data.rendered = None;
-    }
+    args.override_data(&mut run.data);
     let job = Job { run, out: args.out.clone(), resume: args.resume };
     let model = train(&job, &mut progress::Progress::new(printer))?;
     printer.line(&model.display().to_string());
@@ -61,10 +68,7 @@ fn run_refiner(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
     use farsight_train::refiner::{RefinerJob, RefinerRun, train};
 
     let mut run = RefinerRun::read(&args.config)?;
-    if let Some(data) = &args.data {
-        run.data.root = Some(data.clone());
-        run.data.rendered = None;
-    }
+    args.override_data(&mut run.data);
     let job = RefinerJob { run, out: args.out.clone(), resume: args.resume };
     let refiner = train(&job, &mut progress::Progress::new(printer))?;
     printer.line(&refiner.display().to_string());
