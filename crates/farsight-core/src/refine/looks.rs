@@ -144,19 +144,9 @@ mod tests {
 
     use proptest::prelude::*;
 
+    use super::super::tests::{camera, car};
     use super::*;
     use crate::ObjectClass;
-
-    /// With a fourth column, as KITTI's.
-    fn camera() -> Camera {
-        let projection =
-            [[721.5377, 0.0, 609.5593, 44.857], [0.0, 721.5377, 172.854, 0.2164], [0.0, 0.0, 1.0, 0.002_745_9]];
-        Camera::from_projection(projection).expect("a camera")
-    }
-
-    fn car(location: [f64; 3], yaw: f64) -> Box3d {
-        Box3d { dimensions: Dimensions { height: 1.5, width: 1.6, length: 3.9 }, location, yaw }
-    }
 
     const IMAGE: [usize; 2] = [1242, 375];
 
