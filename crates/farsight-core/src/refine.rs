@@ -10,6 +10,7 @@ use std::f64::consts::SQRT_2;
 pub use looks::{LooksExample, TwoLooks};
 
 use crate::box3d::ray_angle;
+use crate::input::{ChannelOrder, InputRules, Sampling};
 use crate::{Affine2, Box2d, Box3d, Camera, Dimensions, wrapped_angle};
 
 /// Channels of the cut-out: red, green, blue, the direction of each pixel's ray (x / z and y / z), and the logarithm of the focal length.
@@ -47,6 +48,11 @@ pub const LARGEST_ERROR_LOG: f64 = 4.0;
 
 /// The depth at which rays are taken: a camera's fourth column moves them by centimetres there.
 const RAY_DEPTH_M: f64 = 100.0;
+
+/// Size and conventions of a cut-out's pixels: the same for training and for use.
+pub const fn input_rules(side: usize) -> InputRules {
+    InputRules { size: [side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact }
+}
 
 /// A square cut-out of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,6 @@
 //! The second look at what was found ([`farsight_core::refine`]), on the built-in engine.
 
-use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use farsight_core::{Camera, Detection};
 use farsight_data::network_input_into;
 use farsight_net::onnx::INPUT;
@@ -76,7 +75,7 @@ impl Refiner {
     /// The network's answers for some cut-outs.
     fn answers(&mut self, image: &RgbImage, crops: &[Crop]) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
         let side = self.config.side;
-        let rules = InputRules { size: [side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+        let rules = input_rules(side);
         self.input.clear();
         let mut pixels = Vec::new();
         for crop in crops {

@@ -79,6 +79,9 @@ fn mistakes_are_told_with_the_file() {
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
     let export = told(folder, &["export", "--model", &refiner, "--out", "x.onnx"]);
     assert!(export.contains("a refiner; expected --half and --fit-on"), "{export}");
+    let resized =
+        ["export", "--half", "--model", &refiner, "--fit-on", "scenes", "--input", "640x192", "--out", "x.onnx"];
+    assert!(told(folder, &resized).contains("--input and --focal-range are of detectors"));
     assert!(!folder.join("x.onnx").exists());
     let config = root().join("configs/refiner.toml").display().to_string();
     let bench = told(folder, &["bench", "--model", &config]);

@@ -131,7 +131,7 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The box `factor` times as far away and as large: the same picture.
+/// The box `factor` times as far away and as large: the same picture, but for the centimetres by which a fourth column moves the camera.
 fn scaled(box3d: &Box3d, factor: f64) -> Box3d {
     let Dimensions { height, width, length } = box3d.dimensions;
     let dimensions = Dimensions { height: height * factor, width: width * factor, length: length * factor };

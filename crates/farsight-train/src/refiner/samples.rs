@@ -1,7 +1,6 @@
 //! From labelled frames to cut-outs and what the refiner should answer.
 
-use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_core::refine::{Crop, INPUT_CHANNELS, TARGETS};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, TARGETS, input_rules};
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass, wrapped_angle};
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
@@ -71,7 +70,7 @@ impl CropSampler {
     /// One object, cut out where a first look with errors would see it.
     fn sample(&self, frame: &Frame, label: &Label, rng: &mut impl Rng) -> Option<CropSample> {
         let (width, height) = frame.image.dimensions();
-        let rules = InputRules { size: [self.side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+        let rules = input_rules(self.side);
         let image_size = [width, height].map(|side| side as usize);
         let drawn = self.augmentation.draw(rng, image_size, &rules);
         let (camera, object) = if drawn.mirror {

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, input_rules};
 use farsight_core::{Box2d, Camera, Detection, ObjectClass};
 use farsight_data::{AugmentationConfig, network_input};
 use farsight_infer::Refiner;
@@ -145,7 +144,7 @@ fn the_built_in_engine_answers_as_libtorch_does() {
     let graph = config.graph();
     let tap = graph.tap(ANSWER).unwrap();
     let network = Network::new(graph, &model.weights, Device::Cpu, Precision::F32).unwrap();
-    let rules = InputRules { size: [config.side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+    let rules = input_rules(config.side);
     for (box2d, found) in boxes.iter().zip(&found).take(2) {
         let crop = Crop::around(box2d, &camera, config.side).unwrap();
         let mut input = network_input(&image, &crop.window, &rules, None);

@@ -22,6 +22,11 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let (Some(data), true) = (&args.fit_on, args.half) else {
         bail!("{}: a refiner; expected --half and --fit-on DIR beside it", args.model.display());
     };
+    ensure!(
+        args.input.is_none() && args.focal_range.is_none(),
+        "{}: a refiner; --input and --focal-range are of detectors",
+        args.model.display()
+    );
     let mut model = RefinerModel::read(&args.model)?;
     let examples = examples(&model, data)?;
     let Some(looks) = TwoLooks::fit(&examples) else {
