@@ -1,7 +1,7 @@
 //! From head maps to detections: the one decoder that every engine shares.
 
 use crate::codec::{CHANNELS, DepthReference, Encoded, Regression};
-use crate::overlap::iou_bev;
+use crate::overlap::{iou_2d, iou_bev};
 use crate::peaks::{Peak, peaks};
 use crate::score::LEAST_PEAK;
 use crate::targets::feature_camera;
@@ -98,6 +98,13 @@ impl Default for DecodeOptions {
     }
 }
 
+impl DecodeOptions {
+    /// Detections have a score above this.
+    pub fn min_score(&self, codec: &Codec) -> f64 {
+        self.min_score.unwrap_or_else(|| usual_min_score(codec))
+    }
+}
+
 /// A peak of 0.25, as official SMOKE; where scores are probabilities, what is more likely right than wrong.
 pub fn usual_min_score(codec: &Codec) -> f64 {
     if is_calibrated(codec) { 0.5 } else { 0.25 }
@@ -108,7 +115,7 @@ fn is_calibrated(codec: &Codec) -> bool {
 }
 
 /// Bounds of a score (spec section 4).
-const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
+pub(crate) const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
 
 /// The detections in `maps`, highest score first (spec section 10).
 ///
@@ -128,7 +135,7 @@ pub fn detections_at_peaks(
     options: &DecodeOptions,
 ) -> Vec<Detection> {
     // A low peak of a near object can stand for a high probability.
-    let min_score = options.min_score.unwrap_or_else(|| usual_min_score(codec));
+    let min_score = options.min_score(codec);
     let least_peak = if is_calibrated(codec) { min_score.min(LEAST_PEAK) } else { min_score };
     let floor = (least_peak / (1.0 - least_peak)).ln() as f32;
     let camera = feature_camera(&view.input_camera);
@@ -164,6 +171,24 @@ pub fn apart(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
     }
     kept
 }
+
+/// `detections`, highest score first, without those that are a second box around what has a better one of the same class: in the image they overlap by more
+/// than [`SAME_OBJECT_OVERLAP`].
+pub fn distinct(detections: Vec<Detection>) -> Vec<Detection> {
+    let mut kept: Vec<Detection> = Vec::with_capacity(detections.len());
+    for detection in detections {
+        let is_same = |better: &Detection| {
+            better.class == detection.class && iou_2d(&better.box2d, &detection.box2d) > SAME_OBJECT_OVERLAP
+        };
+        if !kept.iter().any(is_same) {
+            kept.push(detection);
+        }
+    }
+    kept
+}
+
+/// Cars that hide each other are rarely told apart by boxes that overlap by more than this.
+const SAME_OBJECT_OVERLAP: f64 = 0.7;
 
 /// The raw channels at `cell` of maps that hold them.
 ///

@@ -1,13 +1,18 @@
 //! The second look: each found object is cut out of the image at a fixed size, and a small network says again, from the cut-out and its camera alone, where
 //! the object is.
 //!
-//! The refining network does not know what it looks at: sizes and depth are relative to one reference, so it corrects any detector's boxes of any class.
+//! The refining network is not told what it looks at: it says so itself, and sizes and depth are relative to one reference, so it corrects any detector's
+//! boxes of any class.
 
+mod kinds;
 mod looks;
+mod scores;
 
 use std::f64::consts::SQRT_2;
 
+pub use kinds::{KINDS, NOTHING, kind_of};
 pub use looks::{LooksExample, TwoLooks};
+pub use scores::{Evidence, LooksScore, LooksScores, ScoredLooks};
 
 use crate::box3d::ray_angle;
 use crate::input::{ChannelOrder, InputRules, Sampling};
@@ -16,8 +21,11 @@ use crate::{Affine2, Box2d, Box3d, Camera, Dimensions, wrapped_angle};
 /// Channels of the cut-out: red, green, blue, the direction of each pixel's ray (x / z and y / z), and the logarithm of the focal length.
 pub const INPUT_CHANNELS: usize = 6;
 
-/// Channels of the answer: [`TARGETS`], and the logarithms of how far off depth and sizes may be.
-pub const OUTPUT_CHANNELS: usize = TARGETS + 2;
+/// Channels of the answer: where the object is, and the logit of each kind of thing that it may be.
+pub const OUTPUT_CHANNELS: usize = PLACE_CHANNELS + KINDS;
+
+/// Channels that say where the object is: [`TARGETS`], and the logarithms of how far off depth and sizes may be.
+pub const PLACE_CHANNELS: usize = TARGETS + 2;
 
 /// Depth; u and v of the centre; length, height, width; cosine and minus sine of the observation angle.
 pub const TARGETS: usize = 8;
@@ -113,7 +121,7 @@ impl Crop {
 
     /// What an answer of the network says. Inverse of [`Crop::encode`]; `None` when the numbers are no place.
     pub fn decode(&self, answer: &[f64; OUTPUT_CHANNELS]) -> Option<Refinement> {
-        let [depth, u, v, l, h, w, cos, minus_sin, depth_error, _] = *answer;
+        let [depth, u, v, l, h, w, cos, minus_sin, depth_error, _, kinds @ ..] = *answer;
         let side = self.side as f64;
         let depth_m = (depth * LOG_UNIT).exp() * REFERENCE_WINDOW_M * self.focal_sides();
         let [length, height, width] = [0, 1, 2].map(|i| ([l, h, w][i] * LOG_UNIT).exp() * REFERENCE_LHW[i]);
@@ -126,7 +134,7 @@ impl Crop {
         let numbers = [length, height, width, x, y, z, yaw];
         let is_place = z > 0.0 && numbers.iter().all(|number| number.is_finite());
         // Laplace's distribution deviates by the root of two times its mean absolute error.
-        is_place.then_some(Refinement { box3d, depth_sigma: SQRT_2 * error })
+        is_place.then_some(Refinement { box3d, depth_sigma: SQRT_2 * error, kinds })
     }
 }
 
@@ -137,6 +145,8 @@ pub struct Refinement {
     pub box3d: Box3d,
     /// Standard deviation of the logarithm of its depth.
     pub depth_sigma: f64,
+    /// Logits of what it is, in the order of [`kind_of`].
+    pub kinds: [f64; KINDS],
 }
 
 #[cfg(test)]
@@ -162,13 +172,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_encoded_box_is_decoded(x in -20.0..20.0, y in 0.5..2.5, z in 3.0..80.0, yaw in -3.1..3.1, error in -3.0..3.0) {
+        fn an_encoded_box_is_decoded(x in -20.0..20.0, y in 0.5..2.5, z in 3.0..80.0, yaw in -3.1..3.1, error in -3.0..3.0, kind in -9.0..9.0) {
             let object = car([x, y, z], yaw);
             let crop = crop(&object);
             let targets = crop.encode(&object).expect("in front");
             let mut answer = [0.0; OUTPUT_CHANNELS];
             answer[..TARGETS].copy_from_slice(&targets);
             answer[TARGETS] = error;
+            answer[PLACE_CHANNELS..].fill(kind);
             let found = crop.decode(&answer).expect("a place");
             for (a, b) in found.box3d.location.into_iter().zip(object.location) {
                 prop_assert!((a - b).abs() < 1e-6, "{:?}", found);
@@ -176,6 +187,7 @@ mod tests {
             prop_assert!(wrapped_angle(found.box3d.yaw - yaw).abs() < 1e-9);
             prop_assert!((found.box3d.dimensions.length - 3.9).abs() < 1e-9);
             prop_assert!((found.depth_sigma - SQRT_2 * ERROR_UNIT * error.exp()).abs() < 1e-12);
+            prop_assert_eq!(found.kinds, [kind; KINDS]);
         }
 
         #[test]

@@ -67,31 +67,43 @@ impl ScoreCalibration {
 
     /// The fit to `examples`; none with fewer than [`LEAST_EXAMPLES`] right or wrong ones.
     pub fn fit(examples: &[ScoreExample]) -> Option<Self> {
-        let right = examples.iter().filter(|example| example.is_right).count();
-        if right < LEAST_EXAMPLES || examples.len() - right < LEAST_EXAMPLES {
-            return None;
-        }
         let rows: Vec<([f64; 4], f64)> =
             examples.iter().map(|e| (terms(e.peak, e.height_px), f64::from(u8::from(e.is_right)))).collect();
-        let mut weights = [0.0; 4];
-        for _ in 0..STEPS {
-            let step = newton_step(&rows, &weights)?;
-            weights = std::array::from_fn(|i| weights[i] + step[i]);
-        }
+        let [peak, height, height_squared, bias] = most_likely(&rows)?;
         let heights = examples.iter().map(|example| example.height_px);
         let heights_px = [heights.clone().fold(f64::INFINITY, f64::min), heights.fold(0.0, f64::max)];
-        let [peak, height, height_squared, bias] = weights;
-        weights.iter().all(|w| w.is_finite()).then_some(Self { peak, height, height_squared, bias, heights_px })
+        Some(Self { peak, height, height_squared, bias, heights_px })
     }
 }
 
 fn terms(peak: f64, height_px: f64) -> [f64; 4] {
     let height = (height_px / REFERENCE_HEIGHT_PX).ln();
-    [(peak / (1.0 - peak)).ln(), height, height * height, 1.0]
+    [logit(peak), height, height * height, 1.0]
 }
 
-fn logistic(x: f64) -> f64 {
-    1.0 / (1.0 + (-x).exp())
+/// The logarithm of the odds of a probability. Inverse of [`logistic`].
+pub(crate) fn logit(probability: f64) -> f64 {
+    (probability / (1.0 - probability)).ln()
+}
+
+/// The probability whose odds have this logarithm.
+pub(crate) fn logistic(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds).exp())
+}
+
+/// Logistic regression: the weights of the terms in each row that make its answers (1 for right, 0 for wrong) most likely; none with fewer than
+/// [`LEAST_EXAMPLES`] right or wrong ones.
+pub(crate) fn most_likely(rows: &[([f64; 4], f64)]) -> Option<[f64; 4]> {
+    let right = rows.iter().filter(|(_, is_right)| *is_right > 0.5).count();
+    if right < LEAST_EXAMPLES || rows.len() - right < LEAST_EXAMPLES {
+        return None;
+    }
+    let mut weights = [0.0; 4];
+    for _ in 0..STEPS {
+        let step = newton_step(rows, &weights)?;
+        weights = std::array::from_fn(|i| weights[i] + step[i]);
+    }
+    weights.iter().all(|weight| weight.is_finite()).then_some(weights)
 }
 
 /// The step of Newton's method towards the most likely weights.

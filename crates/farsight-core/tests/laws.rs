@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use farsight_core::codec::{CHANNELS, DepthReference};
 use farsight_core::corner_loss::corner_loss;
-use farsight_core::detection::{DecodeOptions, View, apart, detections};
+use farsight_core::detection::{DecodeOptions, View, apart, detections, distinct};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::peaks::peaks;
 use farsight_core::targets::{HeatMapBox, ObjectTarget, TargetRules};
@@ -335,4 +335,21 @@ fn of_things_in_one_place_the_best_stays() {
     assert_eq!(left(0.2), [0.9, 0.7, 0.6]);
     assert_eq!(left(0.05), [0.9, 0.7]);
     assert_eq!(left(1.0), [0.9, 0.8, 0.7, 0.6]);
+}
+
+#[test]
+fn of_boxes_of_a_class_around_one_thing_the_best_stays() {
+    let found = |class: ObjectClass, score: f64, x1: f64| Detection {
+        class,
+        score,
+        box2d: Box2d::new(x1, 0.0, x1 + 100.0, 50.0),
+        box3d: box3d([0.0, 1.6, 20.0], 0.0),
+        range_sigma_m: None,
+    };
+    let (car, van) = (ObjectClass::Car, ObjectClass::Van);
+    // Overlaps with the first: of the second 0.82, of the van 1, of the last 0.67.
+    let all =
+        vec![found(car.clone(), 0.9, 0.0), found(car.clone(), 0.8, 10.0), found(van, 0.7, 0.0), found(car, 0.6, 20.0)];
+    let left: Vec<f64> = distinct(all).iter().map(|d| d.score).collect();
+    assert_eq!(left, [0.9, 0.7, 0.6]);
 }

@@ -1,7 +1,7 @@
 //! From an image and its camera to detections.
 
 use farsight_core::codec::CHANNELS;
-use farsight_core::detection::{View, detections, detections_at_peaks};
+use farsight_core::detection::{DecodeOptions, View, detections, detections_at_peaks};
 use farsight_core::{Camera, Detection, HeadMaps};
 use image::RgbImage;
 use thiserror::Error;
@@ -152,8 +152,9 @@ impl Detector {
         answers: Vec<Vec<Detection>>,
     ) -> Result<Vec<Vec<Detection>>, EngineError> {
         let Some(refiner) = &mut self.refiner else { return Ok(answers) };
+        let min_score = self.spec.options.min_score(&self.spec.codec);
         let each = images.iter().zip(answers);
-        each.map(|((image, camera), found)| refiner.refined(image, camera, &found)).collect()
+        each.map(|((image, camera), found)| refiner.refined(image, camera, &found, min_score)).collect()
     }
 
     #[cfg(not(feature = "rten"))]
@@ -191,11 +192,28 @@ impl Detector {
         images.iter().zip(&mut self.inputs).map(one).collect()
     }
 
+    /// What the first look sees: all that is asked for, and where a second one follows what that could raise to it.
     fn decoded(&self, maps: &HeadMaps, view: &View) -> Vec<Detection> {
-        let DetectorSpec { codec, options, .. } = &self.spec;
-        let Some(head) = &self.head else { return detections(codec, maps, view, options) };
+        let codec = &self.spec.codec;
+        let options = self.first_look_options();
+        let Some(head) = &self.head else { return detections(codec, maps, view, &options) };
         let regression = |cell| head.regression(&maps.regression, maps.map_size, cell);
-        detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
+        detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, &options)
+    }
+
+    #[cfg(feature = "rten")]
+    fn first_look_options(&self) -> DecodeOptions {
+        let DetectorSpec { codec, options, .. } = &self.spec;
+        let candidates = |_: &crate::Refiner| DecodeOptions {
+            min_score: Some(crate::refiner::CANDIDATE_SHARE * options.min_score(codec)),
+            ..*options
+        };
+        self.refiner.as_ref().map_or(*options, candidates)
+    }
+
+    #[cfg(not(feature = "rten"))]
+    fn first_look_options(&self) -> DecodeOptions {
+        self.spec.options
     }
 
     /// The decoder relies on the number and the sizes of the maps, and an engine runs files that others made.

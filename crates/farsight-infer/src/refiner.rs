@@ -1,5 +1,6 @@
 //! The second look at what was found ([`farsight_core::refine`]), on the built-in engine.
 
+use farsight_core::detection::distinct;
 use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use farsight_core::{Camera, Detection};
 use farsight_data::network_input_into;
@@ -13,6 +14,9 @@ use crate::rten::{NAME, Network};
 
 /// So many objects are looked at together.
 const BATCH: usize = 16;
+
+/// What has a first score above this share of the score that is asked for is looked at again: a second look can raise it so far.
+pub(crate) const CANDIDATE_SHARE: f64 = 0.2;
 
 /// Looks again at what a detector found.
 pub struct Refiner {
@@ -32,7 +36,8 @@ impl Refiner {
         Ok(Self { network, config: model.config.clone(), input: Vec::new() })
     }
 
-    /// `detections` in `image`, taken by `camera`, after a second look at each of them; in the same order, with the same scores and classes.
+    /// What is in `image`, taken by `camera`, after a second look at each of `candidates`: what has a score above `min_score` then, highest first, each
+    /// object once.
     ///
     /// # Errors
     /// When the engine fails.
@@ -40,15 +45,17 @@ impl Refiner {
         &mut self,
         image: &RgbImage,
         camera: &Camera,
-        detections: &[Detection],
+        candidates: &[Detection],
+        min_score: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let looks = self.second_looks(image, camera, detections)?;
-        let joined = |(first, second): (&Detection, Option<Refinement>)| match second {
-            Some(second) => self.config.looks.joined(first, &second, camera, image_size),
-            None => first.clone(),
-        };
-        Ok(detections.iter().zip(looks).map(joined).collect())
+        let looks = self.second_looks(image, camera, candidates)?;
+        let both = candidates.iter().zip(&looks);
+        let joined = both.map(|(first, second)| self.config.looks.joined(first, second.as_ref(), camera, image_size));
+        let mut found: Vec<Detection> = joined.filter(|detection| detection.score > min_score).collect();
+        // Stable: equals stay in the order of the first look.
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(distinct(found))
     }
 
     /// What the second look alone says of each detection; `None` where it has no answer.

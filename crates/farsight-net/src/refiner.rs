@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use farsight_core::refine::{INPUT_CHANNELS, OUTPUT_CHANNELS, TwoLooks};
+use farsight_core::refine::{INPUT_CHANNELS, KINDS, PLACE_CHANNELS, TwoLooks};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -62,7 +62,7 @@ impl RefinerConfig {
     /// The network.
     ///
     /// # Shapes
-    /// From `[batch, 6, side, side]` to `[batch, 10, 1, 1]`.
+    /// From `[batch, 6, side, side]` to `[batch, 16, 1, 1]`: the place, then the kinds.
     pub fn graph(&self) -> Graph {
         let mut b = Builder::new(NormKind::Batch);
         let input = b.input(INPUT_CHANNELS);
@@ -75,7 +75,9 @@ impl RefinerConfig {
         let x = b.conv_norm_relu(x, "whole.conv", "whole.norm", self.hidden, whole);
         let x = b.conv_with_bias(x, "hidden", self.hidden, 1, None);
         let x = b.relu(x);
-        let answer = b.conv_with_bias(x, "answer", OUTPUT_CHANNELS, 1, None);
+        let place = b.conv_with_bias(x, "answer", PLACE_CHANNELS, 1, None);
+        let kinds = b.conv_with_bias(x, "kinds", KINDS, 1, None);
+        let answer = b.concat(&[place, kinds]);
         b.tap(ANSWER, answer);
         b.finish()
     }

@@ -5,7 +5,8 @@
 use std::fs;
 use std::path::Path;
 
-use farsight_core::refine::{INPUT_CHANNELS, OUTPUT_CHANNELS, TwoLooks};
+use farsight_core::ObjectClass;
+use farsight_core::refine::{Evidence, INPUT_CHANNELS, LooksScores, OUTPUT_CHANNELS, ScoredLooks, TwoLooks};
 use farsight_net::init::initial_weights;
 use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerError, RefinerModel};
 
@@ -15,6 +16,14 @@ fn small() -> RefinerConfig {
 
 fn model(config: RefinerConfig) -> RefinerModel {
     RefinerModel { weights: initial_weights(&config.graph(), 1), config }
+}
+
+/// Some fit.
+fn scores() -> LooksScores {
+    let evidence = |i: u32| Evidence { score: 0.5, kind: f64::from(i % 7) - 3.0, overlap: 0.8 };
+    let example = |i: u32| ScoredLooks { class: ObjectClass::Car, evidence: evidence(i), is_right: i % 7 + i % 3 > 4 };
+    let examples: Vec<ScoredLooks> = (0..420).map(example).collect();
+    LooksScores::fit(&examples, &[ObjectClass::Car, ObjectClass::Van]).unwrap()
 }
 
 #[test]
@@ -48,7 +57,8 @@ fn a_config_of_no_network_is_told() {
 fn a_file_gives_back_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("refiner.safetensors");
-    let looks = TwoLooks { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9 };
+    let looks =
+        TwoLooks { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9, scores: scores() };
     let written = model(RefinerConfig { looks, ..small() });
     written.write(&path).unwrap();
     assert!(RefinerModel::is_one(&path));

@@ -372,7 +372,7 @@ fn start_graph(run: &RunConfig) -> Result<Graph, TrainError> {
 }
 
 /// `fresh` with the tensors of `loaded` that have a place and the right shape in it.
-fn overlaid(mut fresh: Weights, loaded: Weights) -> Weights {
+pub(crate) fn overlaid(mut fresh: Weights, loaded: Weights) -> Weights {
     for (name, tensor) in loaded.tensors {
         if let Some(place) = fresh.tensors.get_mut(&name)
             && place.shape == tensor.shape

@@ -30,26 +30,39 @@ fn told(folder: &Path, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn the_second_look_moves_boxes_and_leaves_scores() {
+fn the_second_look_moves_boxes_and_says_how_sure_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let all = ["--max-overlap", "1"];
     let first = found(folder, &[&all[..], &["--refiner", "none"]].concat());
     let both = found(folder, &all);
-    assert!(first.len() > 2 && first.len() == both.len(), "{first:?}\n{both:?}");
-    let mut moved = 0;
-    for ([first_m, _, first_score], [both_m, sigma_m, score]) in first.iter().zip(&both) {
-        assert!((first_score - score).abs() < 1e-12);
-        assert!((both_m / first_m - 1.0).abs() < 0.5, "{first_m} m became {both_m} m");
+    assert!(first.len() > 2 && both.len() > 2, "{first:?}\n{both:?}");
+    let nearest = |depth_m: f64| {
+        let off = |other: &&[f64; 3]| (other[0] / depth_m).ln().abs();
+        *first.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap()
+    };
+    for [both_m, sigma_m, score] in &both {
         assert!((0.005..0.5).contains(&(sigma_m / both_m)), "{both_m} m, give or take {sigma_m}");
-        moved += usize::from((both_m - first_m).abs() > 1e-6);
+        assert!((0.5..1.0).contains(score));
     }
-    assert!(moved > 0, "nothing moved");
+    assert!(both.windows(2).all(|pair| pair[0][2] >= pair[1][2]), "not in order: {both:?}");
+    let moved =
+        |place: fn(&[f64; 3]) -> f64| both.iter().filter(|d| (place(d) - place(&nearest(d[0]))).abs() > 1e-6).count();
+    assert!(moved(|d| d[0]) > 0 && moved(|d| d[2]) > 0, "nothing changed");
     // A model of the user's own is looked at as it is, unless a refiner is named.
     let model = root().join("models/farsight-s.safetensors").display().to_string();
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
     assert_eq!(found(folder, &[&all[..], &["--model", &model]].concat()), first);
     assert_eq!(found(folder, &[&all[..], &["--model", &model, "--refiner", &refiner]].concat()), both);
+}
+
+#[test]
+fn what_is_asked_for_decides_nothing_but_what_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let [all, few] = ["0.05", "0.5"].map(|least| found(folder, &["--max-overlap", "1", "--min-score", least]));
+    let surer: Vec<_> = all.iter().filter(|d| d[2] > 0.5).copied().collect();
+    assert!(all.len() > surer.len() && surer == few, "{all:?}\n{few:?}");
 }
 
 #[test]

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Refinement;
+use super::kinds::log_odds;
+use super::{Evidence, LooksScores, Refinement, kind_of};
+use crate::detection::SCORE_LIMITS;
 use crate::overlap::iou_2d;
 use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::LEAST_EXAMPLES;
@@ -13,7 +15,7 @@ use crate::{Box3d, Camera, Detection, Dimensions};
 const LEAST_OVERLAP: f64 = 0.3;
 
 /// How the two looks go together, fitted on labelled frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TwoLooks {
     /// Factor on the second look's depths.
@@ -24,12 +26,20 @@ pub struct TwoLooks {
     pub correlation: f64,
     /// Factor on the error bars of both together.
     pub joint_error_factor: f64,
+    /// How likely a detection is right after both; unfitted, the first look's scores stay.
+    pub scores: LooksScores,
 }
 
 impl Default for TwoLooks {
     /// Unfitted.
     fn default() -> Self {
-        Self { depth_factor: 1.0, error_factor: 1.0, correlation: 0.5, joint_error_factor: 1.0 }
+        Self {
+            depth_factor: 1.0,
+            error_factor: 1.0,
+            correlation: 0.5,
+            joint_error_factor: 1.0,
+            scores: LooksScores::default(),
+        }
     }
 }
 
@@ -45,7 +55,8 @@ pub struct LooksExample {
 }
 
 impl TwoLooks {
-    /// What makes `examples` right in the median and the error bars hold two thirds of them; none when they are fewer than [`LEAST_EXAMPLES`].
+    /// What makes the depths of `examples` right in the median and the error bars hold two thirds of them, with unfitted scores; none when they are
+    /// fewer than [`LEAST_EXAMPLES`].
     pub fn fit(examples: &[LooksExample]) -> Option<Self> {
         if examples.len() < LEAST_EXAMPLES {
             return None;
@@ -61,7 +72,7 @@ impl TwoLooks {
             .collect();
         let product = |a: usize, b: usize| pairs.iter().map(|pair| pair[a] * pair[b]).sum::<f64>();
         let correlation = product(0, 1) / (product(0, 0) * product(1, 1)).sqrt();
-        let unfinished = Self { depth_factor, error_factor, correlation, joint_error_factor: 1.0 };
+        let unfinished = Self { depth_factor, error_factor, correlation, ..Self::default() };
         let joint = |example: &LooksExample| {
             let [first_m, first_sigma_m] = example.first;
             let [second_m, second_sigma] = example.second;
@@ -77,30 +88,59 @@ impl TwoLooks {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
         let factors = [self.depth_factor, self.error_factor, self.joint_error_factor];
-        factors.iter().all(|factor| (0.01..100.0).contains(factor)) && (-0.99..=0.99).contains(&self.correlation)
+        let are_factors = factors.iter().all(|factor| (0.01..100.0).contains(factor));
+        are_factors && (-0.99..=0.99).contains(&self.correlation) && self.scores.is_usable()
     }
 
-    /// `first`, found in an image of this size (width, height) that `camera` takes, with what the second look says of it.
+    /// `first`, found in an image of this size (width, height) that `camera` takes, with what the second look says of it, if it says anything.
     ///
     /// Direction, heading and proportions are the second look's; its box is moved along its rays, growing with the distance, to the depth on which
     /// both agree best. A first look without error bar has no say in that. Where the second look sees something else than the first, or
-    /// something that is not in the image, `first` stays.
-    pub fn joined(&self, first: &Detection, second: &Refinement, camera: &Camera, image_size: [usize; 2]) -> Detection {
-        let second = Refinement {
-            box3d: scaled(&second.box3d, self.depth_factor),
-            depth_sigma: second.depth_sigma * self.error_factor,
-        };
+    /// something that is not in the image, the place of `first` stays. The score is that of both.
+    pub fn joined(
+        &self,
+        first: &Detection,
+        second: Option<&Refinement>,
+        camera: &Camera,
+        image_size: [usize; 2],
+    ) -> Detection {
+        let Some(second) = second else { return first.clone() };
+        let placed = self.placed(first, second, camera, image_size);
+        let evidence = evidence(first, second, placed.as_ref());
+        let (least, most) = SCORE_LIMITS;
+        let score = self.scores.probability(&first.class, &evidence).clamp(least, most);
+        let agreed = placed.filter(|_| evidence.overlap >= LEAST_OVERLAP);
+        Detection { score, ..agreed.unwrap_or_else(|| first.clone()) }
+    }
+
+    /// What speaks for `first` after a second look.
+    pub fn evidence(
+        &self,
+        first: &Detection,
+        second: &Refinement,
+        camera: &Camera,
+        image_size: [usize; 2],
+    ) -> Evidence {
+        evidence(first, second, self.placed(first, second, camera, image_size).as_ref())
+    }
+
+    /// `first` where the second look has it, at the depth of both; none when that is not in front of the camera.
+    fn placed(
+        &self,
+        first: &Detection,
+        second: &Refinement,
+        camera: &Camera,
+        image_size: [usize; 2],
+    ) -> Option<Detection> {
+        let seen = scaled(&second.box3d, self.depth_factor);
         let depth_m = first.box3d.depth_m();
         let first_look = first.range_sigma_m.map(|sigma_m| (depth_m.ln(), sigma_m / depth_m));
-        let (log, sigma) = self.agreed(first_look, (second.box3d.depth_m().ln(), second.depth_sigma));
-        let box3d = scaled(&second.box3d, log.exp() / second.box3d.depth_m());
+        let (log, sigma) = self.agreed(first_look, (seen.depth_m().ln(), second.depth_sigma * self.error_factor));
+        let box3d = scaled(&seen, log.exp() / seen.depth_m());
         let [width, height] = image_size.map(|side| side as f64);
-        let box2d = box3d.projected(camera).map(|box2d| box2d.clamped(width, height));
-        let Some(box2d) = box2d.filter(|box2d| iou_2d(box2d, &first.box2d) >= LEAST_OVERLAP) else {
-            return first.clone();
-        };
+        let box2d = box3d.projected(camera)?.clamped(width, height);
         let range_sigma_m = Some(sigma * self.joint_error_factor * box3d.depth_m());
-        Detection { box2d, box3d, range_sigma_m, ..first.clone() }
+        Some(Detection { box2d, box3d, range_sigma_m, ..first.clone() })
     }
 
     /// Mean and deviation of two measurements, of which the first may be missing, whose errors are correlated: the best linear combination.
@@ -113,6 +153,16 @@ impl TwoLooks {
         let rest = 1.0 - weight;
         let variance = weight * weight * b * b + rest * rest * a * a + 2.0 * weight * rest * shared;
         (rest * first.0 + weight * second.0, variance.sqrt())
+    }
+}
+
+/// What speaks for `first`, which the second look places so, or nowhere.
+fn evidence(first: &Detection, second: &Refinement, placed: Option<&Detection>) -> Evidence {
+    let (least, most) = SCORE_LIMITS;
+    Evidence {
+        score: first.score.clamp(least, most),
+        kind: kind_of(&first.class).map_or(0.0, |kind| log_odds(&second.kinds, kind)),
+        overlap: placed.map_or(0.0, |placed| iou_2d(&placed.box2d, &first.box2d)),
     }
 }
 
@@ -145,6 +195,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::tests::{camera, car};
+    use super::super::{KINDS, NOTHING, ScoredLooks};
     use super::*;
     use crate::ObjectClass;
 
@@ -183,12 +234,16 @@ mod tests {
         }
     }
 
+    fn second_look(location: [f64; 3], yaw: f64, depth_sigma: f64) -> Refinement {
+        Refinement { box3d: car(location, yaw), depth_sigma, kinds: [0.0; KINDS] }
+    }
+
     #[test]
     fn a_joined_box_looks_like_the_second_at_the_depth_of_both() {
         let first = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
-        let second = Refinement { box3d: car([2.2, 1.65, 22.0], 0.5), depth_sigma: 0.05 };
+        let second = second_look([2.2, 1.65, 22.0], 0.5, 0.05);
         let looks = TwoLooks { correlation: 0.0, ..TwoLooks::default() };
-        let joined = looks.joined(&first, &second, &camera(), IMAGE);
+        let joined = looks.joined(&first, Some(&second), &camera(), IMAGE);
         let depth_m = joined.box3d.depth_m();
         assert!((depth_m - (20.0_f64 * 22.0).sqrt()).abs() < 1e-9, "as sure as each other: {depth_m}");
         assert!((joined.box3d.dimensions.height - 1.5 * depth_m / 22.0).abs() < 1e-9);
@@ -197,22 +252,49 @@ mod tests {
         assert!((sigma_m - 0.05 / SQRT_2 * depth_m).abs() < 1e-9, "{sigma_m}");
         // Without an error bar the first look has no say.
         let unsure = detection(first.box3d, None);
-        let alone = looks.joined(&unsure, &second, &camera(), IMAGE);
+        let alone = looks.joined(&unsure, Some(&second), &camera(), IMAGE);
         assert!((alone.box3d.depth_m() - 22.0).abs() < 1e-9);
     }
 
     #[test]
-    fn a_second_look_at_something_else_changes_nothing() {
+    fn a_second_look_at_something_else_moves_nothing() {
         let first = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
-        let beside = Refinement { box3d: car([7.0, 1.6, 20.0], 0.4), depth_sigma: 0.01 };
-        assert_eq!(TwoLooks::default().joined(&first, &beside, &camera(), IMAGE), first);
-        let behind = Refinement { box3d: car([2.0, 1.6, -20.0], 0.4), depth_sigma: 0.01 };
-        assert_eq!(TwoLooks::default().joined(&first, &behind, &camera(), IMAGE), first);
+        for location in [[7.0, 1.6, 20.0], [2.0, 1.6, -20.0]] {
+            let second = second_look(location, 0.4, 0.01);
+            assert_eq!(TwoLooks::default().joined(&first, Some(&second), &camera(), IMAGE), first);
+        }
+        assert_eq!(TwoLooks::default().joined(&first, None, &camera(), IMAGE), first);
+    }
+
+    #[test]
+    fn a_score_falls_where_the_second_look_sees_nothing_or_something_else() {
+        let first = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
+        let right_of = |kind: f64, overlap: f64| kind > 0.0 && overlap > 0.5;
+        let examples: Vec<ScoredLooks> = (0..400)
+            .map(|i| {
+                let (kind, overlap) = (f64::from(i % 20) - 9.5, f64::from(i / 20) / 20.0);
+                let evidence = Evidence { score: 0.5, kind, overlap };
+                ScoredLooks { class: ObjectClass::Car, evidence, is_right: right_of(kind, overlap) }
+            })
+            .collect();
+        let scores = LooksScores::fit(&examples, &[ObjectClass::Car]).expect("enough examples");
+        let looks = TwoLooks { scores, ..TwoLooks::default() };
+        let score = |second: &Refinement| looks.joined(&first, Some(second), &camera(), IMAGE).score;
+        let seen_as = |kind: usize, second: Refinement| {
+            let kinds = std::array::from_fn(|other| if other == kind { 5.0 } else { 0.0 });
+            Refinement { kinds, ..second }
+        };
+        let here = second_look([2.0, 1.6, 20.0], 0.4, 0.05);
+        let elsewhere = second_look([7.0, 1.6, 20.0], 0.4, 0.05);
+        let car = kind_of(&first.class).expect("a kind");
+        let [agreed, nothing, moved] =
+            [seen_as(car, here), seen_as(NOTHING, here), seen_as(car, elsewhere)].map(|second| score(&second));
+        assert!(agreed > first.score && nothing < 0.3 && moved < 0.3, "{agreed}, {nothing}, {moved}");
     }
 
     #[test]
     fn a_fit_finds_factors_and_correlation() {
-        let truth = TwoLooks { depth_factor: 1.03, error_factor: 2.0, correlation: 0.6, joint_error_factor: 1.0 };
+        let truth = TwoLooks { depth_factor: 1.03, error_factor: 2.0, correlation: 0.6, ..TwoLooks::default() };
         let examples: Vec<LooksExample> = (0..4000)
             .map(|k| {
                 let true_m = 5.0 + f64::from(k % 60);

@@ -1,6 +1,6 @@
 //! A training of a refiner in one TOML file.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
 use farsight_net::refiner::RefinerConfig;
@@ -39,6 +39,12 @@ pub struct RefinerTrainConfig {
     pub objects_per_frame: usize,
     /// Objects whose box is lower than this are not learnt from, pixels.
     pub least_height_px: f64,
+    /// Folder of a detector's result files for the frames of `data.root`: what it found where nothing is teaches what nothing looks like.
+    pub first_looks: Option<PathBuf>,
+    /// At most so many of those of one frame, drawn at random.
+    pub false_alarms_per_frame: usize,
+    /// A refiner to start from; what it lacks starts at random.
+    pub start_from: Option<PathBuf>,
     /// Initial learning rate.
     pub learning_rate: f64,
     /// Weight decay.
@@ -64,6 +70,9 @@ impl Default for RefinerTrainConfig {
             frames_per_step: 14,
             objects_per_frame: 8,
             least_height_px: 20.0,
+            first_looks: None,
+            false_alarms_per_frame: 3,
+            start_from: None,
             learning_rate: 2e-3,
             weight_decay: 1e-5,
             warm_up_steps: 200,
@@ -125,6 +134,9 @@ impl RefinerRun {
     /// Why this run cannot be started, if it cannot.
     pub fn problem(&self) -> Option<String> {
         let augmentation = || self.augmentation.problem().map(|problem| format!("augmentation.{problem}"));
+        if self.train.first_looks.is_some() && self.data.rendered.is_some() {
+            return Some("train.first_looks needs data.root; a stream of scenes has no result files".to_owned());
+        }
         let problem = self.refiner.problem().or_else(|| self.data.problem()).or_else(augmentation);
         problem.or_else(|| self.train.problem())
     }

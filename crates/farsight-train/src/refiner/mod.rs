@@ -1,6 +1,7 @@
 //! Training of the refining network ([`farsight_core::refine`]).
 
 pub mod config;
+mod false_alarms;
 mod samples;
 mod trainer;
 

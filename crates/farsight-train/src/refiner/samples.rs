@@ -1,6 +1,6 @@
 //! From labelled frames to cut-outs and what the refiner should answer.
 
-use farsight_core::refine::{Crop, INPUT_CHANNELS, TARGETS, input_rules};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass, wrapped_angle};
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
@@ -10,11 +10,12 @@ use rand_distr::StandardNormal;
 use tch::{Device, Tensor};
 
 use super::config::RefinerTrainConfig;
+use super::false_alarms::false_alarms;
 use crate::sources::FrameSource;
 
 /// Objects of which less is seen are not learnt from.
 const MOST_OCCLUDED: i32 = 2;
-const MOST_TRUNCATED: f64 = 0.5;
+const MOST_TRUNCATED: f64 = 0.8;
 
 /// Errors of a first look, standard deviations: of the logarithms of depth and sizes, of the centre as a share of the object, and of the heading. The
 /// detector's own are of this size.
@@ -23,12 +24,24 @@ const SIZE_ERROR: f64 = 0.06;
 const CENTER_ERROR: f64 = 0.04;
 const HEADING_ERROR_RAD: f64 = 0.15;
 
-/// One object as the refiner sees it.
+/// What is cut out.
+#[derive(Debug, Clone, Copy)]
+enum Seen {
+    /// Where it is, and its kind if it has one.
+    Object(Box3d, Option<usize>),
+    /// Where a detector thought that something is.
+    Nothing(Box3d),
+}
+
+/// One cut-out as the refiner sees it.
 #[derive(Debug)]
 struct CropSample {
     /// `[6, side, side]`.
     input: Vec<f32>,
-    targets: [f32; TARGETS],
+    /// Where the object is; none of what is nothing.
+    targets: Option<[f32; TARGETS]>,
+    /// What it is; none where that is not told from others.
+    kind: Option<usize>,
 }
 
 /// What a frame teaches.
@@ -53,10 +66,17 @@ impl CropSampler {
     pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
         let frame = self.source.frame(key)?;
         let mut rng = key.rng();
-        let mut labels: Vec<&Label> = frame.labels.iter().filter(|label| self.teaches(label)).collect();
-        labels.shuffle(&mut rng);
-        labels.truncate(self.train.objects_per_frame);
-        let crops = labels.into_iter().filter_map(|label| self.sample(&frame, label, &mut rng)).collect();
+        let labels = frame.labels.iter().filter(|label| self.teaches(label));
+        let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));
+        let objects = drawn(labels.map(object).collect(), self.train.objects_per_frame, &mut rng);
+        let nothing = match &self.train.first_looks {
+            Some(folder) => false_alarms(folder, &frame, self.train.least_height_px)?,
+            None => Vec::new(),
+        };
+        let nothing = nothing.into_iter().map(Seen::Nothing).collect();
+        let nothing = drawn(nothing, self.train.false_alarms_per_frame, &mut rng);
+        let seen = objects.into_iter().chain(nothing);
+        let crops = seen.filter_map(|seen| self.sample(&frame, seen, &mut rng)).collect();
         Ok(FrameCrops { id: frame.id.clone(), crops })
     }
 
@@ -67,25 +87,32 @@ impl CropSampler {
             && label.box2d.height() >= self.train.least_height_px
     }
 
-    /// One object, cut out where a first look with errors would see it.
-    fn sample(&self, frame: &Frame, label: &Label, rng: &mut impl Rng) -> Option<CropSample> {
+    /// What is there, cut out where a first look with errors would see it.
+    fn sample(&self, frame: &Frame, seen: Seen, rng: &mut impl Rng) -> Option<CropSample> {
         let (width, height) = frame.image.dimensions();
         let rules = input_rules(self.side);
         let image_size = [width, height].map(|side| side as usize);
         let drawn = self.augmentation.draw(rng, image_size, &rules);
-        let (camera, object) = if drawn.mirror {
-            (frame.camera.mirrored(image_size[0]), label.box3d.mirrored())
-        } else {
-            (frame.camera, label.box3d)
+        let camera = if drawn.mirror { frame.camera.mirrored(image_size[0]) } else { frame.camera };
+        let (Seen::Object(box3d, _) | Seen::Nothing(box3d)) = seen;
+        let box3d = if drawn.mirror { box3d.mirrored() } else { box3d };
+        let first_look = misjudged(&box3d, &camera, rng)?.projected(&camera)?;
+        let crop = Crop::around(&first_look.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
+        let (targets, kind) = match seen {
+            Seen::Object(_, kind) => (Some(crop.encode(&box3d)?.map(|target| target as f32)), kind),
+            Seen::Nothing(_) => (None, Some(NOTHING)),
         };
-        let seen = misjudged(&object, &camera, rng)?.projected(&camera)?;
-        let seen = seen.clamped(f64::from(width), f64::from(height));
-        let crop = Crop::around(&seen, &camera, self.side)?;
-        let targets = crop.encode(&object)?.map(|target| target as f32);
         let mut input = Transform { window: crop.window, ..drawn }.input(&frame.image, &rules);
         input.extend(crop.rays());
-        Some(CropSample { input, targets })
+        Some(CropSample { input, targets, kind })
     }
+}
+
+/// At most so many of `all`, in random order.
+fn drawn<T>(mut all: Vec<T>, most: usize, rng: &mut impl Rng) -> Vec<T> {
+    all.shuffle(rng);
+    all.truncate(most);
+    all
 }
 
 /// `object` as a first look could have placed it.
@@ -106,14 +133,39 @@ fn misjudged(object: &Box3d, camera: &Camera, rng: &mut impl Rng) -> Option<Box3
     Some(Box3d { dimensions, location: [x, y + dimensions.height / 2.0, z], yaw })
 }
 
-/// Input `[objects, 6, side, side]` and targets `[objects, 8]` of a batch; none without objects.
-pub(super) fn tensors(frames: &[FrameCrops], side: usize, device: Device) -> Option<[Tensor; 2]> {
-    let samples: Vec<&CropSample> = frames.iter().flat_map(|frame| &frame.crops).collect();
-    if samples.is_empty() {
-        return None;
+/// What a step learns from.
+#[derive(Debug)]
+pub(super) struct CropBatch {
+    /// `[cut-outs, 6, side, side]`.
+    pub(super) input: Tensor,
+    /// Which cut-outs show objects, and where those are: `[objects]` and `[objects, 8]`.
+    pub(super) objects: Tensor,
+    pub(super) targets: Tensor,
+    /// Of which cut-outs the kind is known, and that: `[known]` each.
+    pub(super) known: Tensor,
+    pub(super) kinds: Tensor,
+}
+
+impl CropBatch {
+    /// What `frames` teach; none without an object whose kind is known.
+    pub(super) fn new(frames: &[FrameCrops], side: usize, device: Device) -> Option<Self> {
+        let samples = || frames.iter().flat_map(|frame| &frame.crops);
+        let (objects, targets): (Vec<i64>, Vec<[f32; TARGETS]>) =
+            (0..).zip(samples()).filter_map(|(place, sample)| Some((place, sample.targets?))).unzip();
+        let (known, kinds): (Vec<i64>, Vec<i64>) =
+            (0..).zip(samples()).filter_map(|(place, sample)| Some((place, sample.kind? as i64))).unzip();
+        if objects.is_empty() || known.is_empty() {
+            return None;
+        }
+        let shape = [INPUT_CHANNELS as i64, side as i64, side as i64];
+        let inputs: Vec<Tensor> = samples().map(|sample| Tensor::from_slice(&sample.input).view(shape)).collect();
+        let places = |places: &[i64]| Tensor::from_slice(places).to_device(device);
+        Some(Self {
+            input: Tensor::stack(&inputs, 0).to_device(device),
+            objects: places(&objects),
+            targets: Tensor::from_slice(targets.as_flattened()).view([-1, TARGETS as i64]).to_device(device),
+            known: places(&known),
+            kinds: places(&kinds),
+        })
     }
-    let shape = [INPUT_CHANNELS as i64, side as i64, side as i64];
-    let inputs: Vec<Tensor> = samples.iter().map(|sample| Tensor::from_slice(&sample.input).view(shape)).collect();
-    let targets: Vec<Tensor> = samples.iter().map(|sample| Tensor::from_slice(&sample.targets)).collect();
-    Some([inputs, targets].map(|rows| Tensor::stack(&rows, 0).to_device(device)))
 }

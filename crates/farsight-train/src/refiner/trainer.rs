@@ -4,32 +4,34 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use farsight_core::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT};
+use farsight_core::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{Batch, Loader, LoaderConfig};
 use farsight_files::write_atomically;
 use farsight_net::graph::NodeId;
 use farsight_net::init::initial_weights;
 use farsight_net::refiner::{ANSWER, RefinerModel};
+use farsight_net::weights::Weights;
 use serde::Serialize;
 use tch::{Device, Kind, Tensor};
 
 use super::RefinerRun;
-use super::samples::{CropSampler, FrameCrops, tensors};
+use super::samples::{CropBatch, CropSampler, FrameCrops};
 use crate::adam::Adam;
 use crate::checkpoint::{self, Progress};
 use crate::executor::{ExecutorError, Mode, Network, Precision};
 use crate::trainer::{
-    CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, prepare_folder, source,
+    CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, overlaid, prepare_folder, source,
 };
 
 /// Name of the trained refiner in a run's folder.
 pub const REFINER_FILE: &str = "refiner.safetensors";
 
-/// Weights of the parts of the loss beside the logarithms' likelihood: apparent height (in [`ERROR_UNIT`]), centre (sides), heading.
+/// Weights of the parts of the loss beside the logarithms' likelihood: apparent height (in [`ERROR_UNIT`]), centre (sides), heading, kind.
 const APPARENT_WEIGHT: f64 = 1.0;
 const CENTER_WEIGHT: f64 = 30.0;
 const HEADING_WEIGHT: f64 = 3.0;
+const KIND_WEIGHT: f64 = 2.0;
 
 /// A run about to happen.
 #[derive(Debug)]
@@ -51,9 +53,11 @@ pub struct RefinerRecord {
     pub loss: f64,
     /// Mean error of the logarithm of the depth, likewise.
     pub depth_error: f64,
+    /// Share of cut-outs that were taken for another kind of thing, likewise.
+    pub kind_error: f64,
     /// Learning rate of the step.
     pub learning_rate: f64,
-    /// Objects a second since the record before.
+    /// Cut-outs a second since the record before.
     pub samples_per_second: f64,
 }
 
@@ -89,7 +93,7 @@ pub fn train(job: &RefinerJob, observer: &mut dyn RefinerObserver) -> Result<Pat
     for batch in loader {
         let Batch { position, items } = batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
         let rate = settings.rate(progress.steps, total);
-        if let Some(batch) = tensors(&items, run.refiner.side, trainer.network.device()) {
+        if let Some(batch) = CropBatch::new(&items, run.refiner.side, trainer.network.device()) {
             let step = trainer.step(&batch, rate).map_err(|(what, value)| {
                 let frames = items.iter().map(|frame| frame.id.clone()).collect();
                 TrainError::NotFinite { step: progress.steps, what, value, frames }
@@ -114,10 +118,11 @@ pub fn train(job: &RefinerJob, observer: &mut dyn RefinerObserver) -> Result<Pat
 }
 
 impl RefinerRecord {
-    fn scalars(&self) -> [(String, f64); 4] {
+    fn scalars(&self) -> [(String, f64); 5] {
         [
             ("loss/total", self.loss),
             ("loss/depth_error", self.depth_error),
+            ("loss/kind_error", self.kind_error),
             ("train/learning_rate", self.learning_rate),
             ("train/samples_per_second", self.samples_per_second),
         ]
@@ -159,7 +164,8 @@ struct Trainer {
 struct Step {
     loss: f64,
     depth_error: f64,
-    objects: usize,
+    kind_error: f64,
+    samples: usize,
 }
 
 impl Trainer {
@@ -170,8 +176,12 @@ impl Trainer {
         let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
         let path = job.out.join(CHECKPOINT_FILE);
         let stored = (job.resume && path.exists()).then(|| checkpoint::read(&path, &run.identity())).transpose()?;
-        let fresh = || initial_weights(&graph, run.train.seed);
-        let start = stored.as_ref().map_or_else(fresh, |(weights, _)| weights.clone());
+        let fresh = initial_weights(&graph, run.train.seed);
+        let start = match (&stored, &run.train.start_from) {
+            (Some((weights, _)), _) => weights.clone(),
+            (None, Some(path)) => overlaid(fresh, Weights::read(path)?),
+            (None, None) => fresh,
+        };
         let network = Network::new(graph, &start, device, Precision::F32)?;
         let mut adam = Adam::new(run.train.adam(), network.learnt());
         let progress = match &stored {
@@ -185,16 +195,25 @@ impl Trainer {
     }
 
     /// One step of the optimiser; what is not finite, and what it is instead, when it cannot be taken.
-    fn step(&mut self, [input, targets]: &[Tensor; 2], rate: f64) -> Result<Step, (String, f64)> {
-        let answer = self.network.forward(input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
-        let loss = loss(&answer, targets);
+    fn step(&mut self, batch: &CropBatch, rate: f64) -> Result<Step, (String, f64)> {
+        let answer = self.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
+        let places = PLACE_CHANNELS as i64;
+        let place = answer.narrow(1, 0, places).index_select(0, &batch.objects);
+        let kinds = answer.narrow(1, places, answer.size()[1] - places).index_select(0, &batch.known);
+        let loss = place_loss(&place, &batch.targets) + kinds.cross_entropy_for_logits(&batch.kinds) * KIND_WEIGHT;
         let value = loss.double_value(&[]);
         if !value.is_finite() {
             return Err(("the loss".to_owned(), value));
         }
         self.adam.descend(&self.network, &loss, self.clip_norm, rate).map_err(|bad| (bad.what(), bad.norm))?;
-        let depth_error = (answer.select(1, 0) - targets.select(1, 0)).abs().mean(Kind::Float) * LOG_UNIT;
-        Ok(Step { loss: value, depth_error: depth_error.double_value(&[]), objects: input.size()[0] as usize })
+        let depth_error = (place.select(1, 0) - batch.targets.select(1, 0)).abs().mean(Kind::Float) * LOG_UNIT;
+        let wrong = kinds.argmax(1, false).not_equal_tensor(&batch.kinds).to_kind(Kind::Float).mean(Kind::Float);
+        Ok(Step {
+            loss: value,
+            depth_error: depth_error.double_value(&[]),
+            kind_error: wrong.double_value(&[]),
+            samples: batch.input.size()[0] as usize,
+        })
     }
 
     fn model(&self, run: &RefinerRun, progress: Progress, frames: usize) -> RefinerModel {
@@ -205,11 +224,11 @@ impl Trainer {
     }
 }
 
-/// Mean over the objects of `answer` `[objects, 10]` against `targets` `[objects, 8]`.
+/// Mean over the objects of the places `answer` `[objects, 10]` against `targets` `[objects, 8]`.
 ///
 /// Depth and sizes: the negative logarithm of the likelihood under Laplace's distribution, whose width the network says too. The apparent height, height over
 /// depth, is judged once more by itself: it is what the picture shows, whatever the size.
-fn loss(answer: &Tensor, targets: &Tensor) -> Tensor {
+fn place_loss(answer: &Tensor, targets: &Tensor) -> Tensor {
     let channels = |tensor: &Tensor, first: i64, count: i64| tensor.narrow(1, first, count);
     let off = |first: i64, count: i64| channels(answer, first, count) - channels(targets, first, count);
     let logs = |first: i64, count: i64| off(first, count).abs() * (LOG_UNIT / ERROR_UNIT);
@@ -234,22 +253,32 @@ struct Window {
 
 impl Window {
     fn new() -> Self {
-        Self { started: Instant::now(), steps: 0, sums: Step { loss: 0.0, depth_error: 0.0, objects: 0 } }
+        Self {
+            started: Instant::now(),
+            steps: 0,
+            sums: Step { loss: 0.0, depth_error: 0.0, kind_error: 0.0, samples: 0 },
+        }
     }
 
     fn add(&mut self, step: &Step) {
         self.steps += 1;
         self.sums.loss += step.loss;
         self.sums.depth_error += step.depth_error;
-        self.sums.objects += step.objects;
+        self.sums.kind_error += step.kind_error;
+        self.sums.samples += step.samples;
     }
 
     /// The means, and a new window.
     fn finish(&mut self, step: u64, learning_rate: f64) -> RefinerRecord {
         let Self { started, steps, sums } = std::mem::replace(self, Self::new());
         let count = steps.max(1) as f64;
-        let samples_per_second = sums.objects as f64 / started.elapsed().as_secs_f64();
-        let (loss, depth_error) = (sums.loss / count, sums.depth_error / count);
-        RefinerRecord { step, loss, depth_error, learning_rate, samples_per_second }
+        RefinerRecord {
+            step,
+            loss: sums.loss / count,
+            depth_error: sums.depth_error / count,
+            kind_error: sums.kind_error / count,
+            learning_rate,
+            samples_per_second: sums.samples as f64 / started.elapsed().as_secs_f64(),
+        }
     }
 }

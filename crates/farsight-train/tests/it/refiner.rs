@@ -1,9 +1,11 @@
 //! Whole runs of a small refiner, and the built-in engine's answers against libtorch's.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, input_rules};
-use farsight_core::{Box2d, Camera, Detection, ObjectClass};
+use farsight_core::refine::{Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of};
+use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
+use farsight_data::kitti::write_results;
 use farsight_data::{AugmentationConfig, network_input};
 use farsight_infer::Refiner;
 use farsight_net::init::initial_weights;
@@ -15,7 +17,7 @@ use farsight_train::trainer::TrainError;
 use image::{Rgb, RgbImage};
 use tch::{Device, Tensor, no_grad};
 
-use crate::tiny::data_set;
+use crate::tiny::{camera, car, data_set};
 
 #[derive(Debug, Default)]
 struct Kept {
@@ -45,10 +47,14 @@ fn run(data: &Path) -> RefinerRun {
     run
 }
 
+fn detection(box2d: Box2d, box3d: Box3d) -> Detection {
+    Detection { class: ObjectClass::Car, score: 0.5, box2d, box3d, range_sigma_m: None }
+}
+
 fn trained(run: &RefinerRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
     let mut kept = Kept::default();
     let job = RefinerJob { run: run.clone(), out: out.to_owned(), resume };
-    train(&job, &mut kept).map(|path| (std::fs::read(path).unwrap(), kept))
+    train(&job, &mut kept).map(|path| (fs::read(path).unwrap(), kept))
 }
 
 #[test]
@@ -60,6 +66,63 @@ fn a_small_refiner_learns_a_small_set() {
     let mean = |records: &[RefinerRecord]| records.iter().map(|r| r.depth_error).sum::<f64>() / records.len() as f64;
     let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
     assert!(last < 0.3 * first, "depths off by {first} to {last}");
+}
+
+#[test]
+fn false_alarms_teach_what_nothing_looks_like() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 300;
+    let looks = folder.path().join("looks");
+    fs::create_dir(&looks).unwrap();
+    // In each frame the car itself, which is no false alarm, and something in the sky.
+    let mut found = Vec::new();
+    for frame in 0..4 {
+        let car = car(frame);
+        let mut nothing = car.box3d;
+        nothing.location[0] += if frame < 2 { 6.0 } else { -6.0 };
+        let box2d = nothing.projected(&camera()).unwrap().clamped(199.0, 63.0);
+        found = vec![detection(car.box2d, car.box3d), detection(box2d, nothing)];
+        write_results(&looks.join(format!("{frame:06}.txt")), &found).unwrap();
+    }
+    run.train.first_looks = Some(looks.clone());
+    let out = folder.path().join("run");
+    let (_, kept) = trained(&run, &out, false).unwrap();
+    let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| record.kind_error).sum();
+    assert!(mistaken < 20.0 * 0.1, "{mistaken} of 20 cut-outs mistaken");
+    assert!(kept.records[0].kind_error > 0.3, "nothing was to be learnt");
+
+    let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
+    let image = image::open(folder.path().join("training/image_2/000003.png")).unwrap().into_rgb8();
+    let second = Refiner::new(&model, Some(1)).unwrap().second_looks(&image, &camera(), &found).unwrap();
+    let likeliest = |look: &Option<Refinement>| {
+        let kinds = look.as_ref().unwrap().kinds;
+        (0..kinds.len()).max_by(|&a, &b| kinds[a].total_cmp(&kinds[b])).unwrap()
+    };
+    assert_eq!(second.iter().map(likeliest).collect::<Vec<_>>(), [kind_of(&ObjectClass::Car).unwrap(), NOTHING]);
+
+    // A frame without its file is told, with the file.
+    fs::remove_file(looks.join("000002.txt")).unwrap();
+    let missing = trained(&run, &folder.path().join("missing"), false).unwrap_err().to_string();
+    assert!(missing.contains("looks") && missing.contains("000002.txt"), "{missing}");
+}
+
+#[test]
+fn a_run_starts_from_another_refiner() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 200;
+    trained(&run, &folder.path().join("first"), false).unwrap();
+    let started = |start: Option<PathBuf>, out: &str| {
+        let mut run = run.clone();
+        (run.train.epochs, run.train.learning_rate, run.train.start_from) = (1, 1e-6, start);
+        trained(&run, &folder.path().join(out), false).map(|(_, kept)| kept.records[0].loss)
+    };
+    let fresh = started(None, "fresh").unwrap();
+    let going_on = started(Some(folder.path().join("first/refiner.safetensors")), "second").unwrap();
+    assert!(going_on < 0.5 * fresh, "{going_on}, and {fresh} from nothing");
+    let missing = started(Some("nowhere.safetensors".into()), "third").unwrap_err().to_string();
+    assert!(missing.contains("nowhere.safetensors"), "{missing}");
 }
 
 #[test]
@@ -106,7 +169,7 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("refiner.toml");
     let error = |text: &str| {
-        std::fs::write(&path, text).unwrap();
+        fs::write(&path, text).unwrap();
         RefinerRun::read(&path).unwrap_err().to_string()
     };
     for (text, expected) in [
@@ -115,6 +178,7 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("[refiner]\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
         ("[refiner]\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
         ("[refiner]\nsides = 96", "unknown field `sides`"),
+        ("[refiner]\n[data.rendered]\n[train]\nfirst_looks = \"x\"", "train.first_looks needs data.root"),
     ] {
         let error = error(text);
         assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");
@@ -131,13 +195,7 @@ fn the_built_in_engine_answers_as_libtorch_does() {
         RgbImage::from_fn(200, 120, |x, y| Rgb([(x * 7 % 251) as u8, (y * 13 % 241) as u8, (x * y % 239) as u8]));
     let boxes =
         [Box2d::new(20.0, 30.0, 90.0, 80.0), Box2d::new(150.0, 10.0, 199.0, 119.0), Box2d::new(5.0, 5.0, 6.0, 6.0)];
-    let detections = boxes.map(|box2d| Detection {
-        class: ObjectClass::Car,
-        score: 0.5,
-        box2d,
-        box3d: crate::tiny::car(1).box3d,
-        range_sigma_m: None,
-    });
+    let detections = boxes.map(|box2d| detection(box2d, car(1).box3d));
     let found = Refiner::new(&model, Some(1)).unwrap().second_looks(&image, &camera, &detections).unwrap();
     assert!(found[2].is_none(), "a box of one pixel shows nothing");
 
@@ -160,5 +218,6 @@ fn the_built_in_engine_answers_as_libtorch_does() {
         assert!(off < 1e-4, "{found:?}, expected {expected:?}");
         assert!((found.depth_sigma / expected.depth_sigma - 1.0).abs() < 1e-4);
         assert!((found.box3d.yaw - expected.box3d.yaw).abs() < 1e-3);
+        assert!(found.kinds.iter().zip(expected.kinds).all(|(a, b)| (a - b).abs() < 1e-3));
     }
 }

@@ -29,7 +29,7 @@ impl Observer for Silent {
     }
 }
 
-fn camera() -> Camera {
+pub(crate) fn camera() -> Camera {
     Camera::from_intrinsics(110.0, 110.0, 100.0, 28.0).unwrap()
 }
 

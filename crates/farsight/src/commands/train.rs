@@ -144,10 +144,11 @@ mod progress {
         }
 
         fn record(&mut self, record: &RefinerRecord) {
-            let RefinerRecord { step, loss, depth_error, learning_rate, samples_per_second } = record;
+            let RefinerRecord { step, loss, depth_error, kind_error, learning_rate, samples_per_second } = record;
             let summary = format!(
-                "loss {loss:.3}  depth off by {:.1}%  rate {learning_rate:.1e}  {samples_per_second:.0} objects/s",
-                100.0 * depth_error
+                "loss {loss:.3}  depth off by {:.1}%  {:.1}% mistaken  rate {learning_rate:.1e}  {samples_per_second:.0} cut-outs/s",
+                100.0 * depth_error,
+                100.0 * kind_error
             );
             self.advance(*step, &summary);
         }

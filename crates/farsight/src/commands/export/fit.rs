@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use farsight_core::detection::DecodeOptions;
 use farsight_core::range_error::DepthExample;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
-use farsight_core::{Detection, ObjectClass, RangeError, ScoreCalibration};
+use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
 use farsight_data::{KittiDataset, read_image};
 use farsight_eval::ranging::{RangingOptions, Target, matched};
 use farsight_eval::{Difficulty, Frame};
@@ -137,23 +137,32 @@ fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize
     let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
     let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
     let reference = &detector.spec().codec.depth;
-    let judged = |(detection, target): (&Detection, Option<Target>)| Judged {
-        class: detection.class.clone(),
-        height_px: view.input_height_px(&detection.box2d),
-        found_m: view.virtual_depth_m(reference, detection.box3d.depth_m()),
-        score: detection.score,
-        is_cut: view.cuts(&detection.box2d),
-        true_m: target.as_ref().map(|target| view.virtual_depth_m(reference, target.depth_m)),
-        is_plain: target.is_some_and(|target| target.difficulty.is_some_and(|d| d <= Difficulty::Moderate)),
+    let judged = |(place, target): (usize, Option<Target>)| {
+        let detection = &frame.claims[place].detection;
+        Judged {
+            class: detection.class.clone(),
+            height_px: view.input_height_px(&detection.box2d),
+            found_m: view.virtual_depth_m(reference, detection.box3d.depth_m()),
+            score: detection.score,
+            is_cut: view.cuts(&detection.box2d),
+            true_m: target.as_ref().map(|target| view.virtual_depth_m(reference, target.depth_m)),
+            is_plain: target.as_ref().is_some_and(is_plain),
+        }
     };
     Ok(told(&frame).map(judged).collect())
 }
 
-/// The detections of which the labels say whether they are right, with what they found: too low ones and those that are excused are left out.
-pub(super) fn told(frame: &Frame) -> impl Iterator<Item = (&Detection, Option<Target>)> {
+/// Whether it shows enough of itself to be ranged: one of the Moderate objects.
+pub(super) fn is_plain(target: &Target) -> bool {
+    target.difficulty.is_some_and(|difficulty| difficulty <= Difficulty::Moderate)
+}
+
+/// The detections of which the labels say whether they are right, by their places in the frame, with what they found: too low ones and those that are
+/// excused are left out.
+pub(super) fn told(frame: &Frame) -> impl Iterator<Item = (usize, Option<Target>)> {
     let (targets, false_alarms) = matched(frame, 0, &RangingOptions::default());
-    let right = targets.into_iter().filter_map(|target| Some((target.found?.claim, Some(target))));
-    let wrong = false_alarms.into_iter().map(|alarm| (alarm.claim, None));
-    let told = right.chain(wrong).map(|(claim, target)| (&frame.claims[claim as usize].detection, target));
-    told.filter(|(detection, _)| !Difficulty::Moderate.ignores_detection(&detection.box2d))
+    let right = targets.into_iter().filter_map(|target| Some((target.found?.claim as usize, Some(target))));
+    let wrong = false_alarms.into_iter().map(|alarm| (alarm.claim as usize, None));
+    let is_high = |place: usize| !Difficulty::Moderate.ignores_detection(&frame.claims[place].detection.box2d);
+    right.chain(wrong).filter(move |(place, _)| is_high(*place))
 }

@@ -4,15 +4,17 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use farsight_core::detection::DecodeOptions;
-use farsight_core::refine::{LooksExample, TwoLooks};
+use farsight_core::refine::{LooksExample, LooksScores, Refinement, ScoredLooks, TwoLooks};
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
+use farsight_core::{Camera, Detection, Label, ObjectClass};
 use farsight_data::{KittiDataset, read_image};
-use farsight_eval::{Difficulty, Frame};
+use farsight_eval::Frame;
+use farsight_eval::ranging::Target;
 use farsight_infer::{Detector, Refiner};
 use farsight_net::refiner::RefinerModel;
 use indicatif::ProgressBar;
 
-use super::fit::told;
+use super::fit::{is_plain, told};
 use super::{ExportArgs, Outcome};
 use crate::engines::{EngineArgs, open_detector};
 use crate::printer::Printer;
@@ -28,9 +30,19 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         args.model.display()
     );
     let mut model = RefinerModel::read(&args.model)?;
-    let examples = examples(&model, data)?;
+    let (seen, classes) = seen_twice(&model, data)?;
+    model.config.looks = fitted_depths(&seen, printer).with_context(|| data.display().to_string())?;
+    let scores = fitted_scores(&model.config.looks, &seen, &classes, printer);
+    model.config.looks.scores = scores.with_context(|| data.display().to_string())?;
+    model.write(&args.out)?;
+    printer.line(&format!("{}: half-precision numbers", args.out.display()));
+    Ok(Outcome::Done)
+}
+
+fn fitted_depths(seen: &[SeenTwice], printer: &mut Printer) -> Result<TwoLooks> {
+    let examples: Vec<LooksExample> = seen.iter().flat_map(SeenTwice::depth_examples).collect();
     let Some(looks) = TwoLooks::fit(&examples) else {
-        bail!("{}: {} objects found; expected at least {LEAST_EXAMPLES}", data.display(), examples.len());
+        bail!("{} objects found; expected at least {LEAST_EXAMPLES}", examples.len());
     };
     printer.status(&format!(
         "fitted on {} objects: second look's distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, error bars of both times {:.2}",
@@ -40,52 +52,104 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         looks.correlation,
         looks.joint_error_factor
     ));
-    model.config.looks = looks;
-    model.write(&args.out)?;
-    printer.line(&format!("{}: half-precision numbers", args.out.display()));
-    Ok(Outcome::Done)
+    Ok(looks)
 }
 
-/// What both looks say of the Moderate objects of all frames that the shipped model finds.
-fn examples(model: &RefinerModel, data: &Path) -> Result<Vec<LooksExample>> {
+fn fitted_scores(
+    looks: &TwoLooks,
+    seen: &[SeenTwice],
+    classes: &[ObjectClass],
+    printer: &mut Printer,
+) -> Result<LooksScores> {
+    let examples: Vec<ScoredLooks> = seen.iter().flat_map(|frame| frame.score_examples(looks)).collect();
+    let right = examples.iter().filter(|example| example.is_right).count();
+    let wrong = examples.len() - right;
+    let Some(scores) = LooksScores::fit(&examples, classes) else {
+        bail!(
+            "{right} right and {wrong} wrong detections; expected at least {LEAST_EXAMPLES} of each to fit scores on"
+        );
+    };
+    printer.status(&format!("scores: fitted on {right} right and {wrong} wrong detections"));
+    Ok(scores)
+}
+
+/// A frame that both looks have seen.
+struct SeenTwice {
+    camera: Camera,
+    image_size: [usize; 2],
+    labels: Vec<Label>,
+    first: Vec<Detection>,
+    second: Vec<Option<Refinement>>,
+}
+
+impl SeenTwice {
+    /// What both looks say of the Moderate objects that the first one finds.
+    fn depth_examples(&self) -> Vec<LooksExample> {
+        let example = |(place, target): (usize, Option<Target>)| {
+            let target = target.filter(is_plain)?;
+            let (first, second) = (&self.first[place], self.second[place].as_ref()?);
+            Some(LooksExample {
+                true_m: target.depth_m,
+                first: [first.box3d.depth_m(), first.range_sigma_m?],
+                second: [second.box3d.depth_m(), second.depth_sigma],
+            })
+        };
+        told(&self.judged_by(&self.first)).filter_map(example).collect()
+    }
+
+    /// What speaks for each detection after both looks, and whether it is right where they place it.
+    fn score_examples(&self, looks: &TwoLooks) -> Vec<ScoredLooks> {
+        let both = self.first.iter().zip(&self.second);
+        let joined: Vec<Detection> =
+            both.map(|(first, second)| looks.joined(first, second.as_ref(), &self.camera, self.image_size)).collect();
+        let example = |(place, target): (usize, Option<Target>)| {
+            let (first, second) = (&self.first[place], self.second[place].as_ref()?);
+            Some(ScoredLooks {
+                class: first.class.clone(),
+                evidence: looks.evidence(first, second, &self.camera, self.image_size),
+                is_right: target.is_some(),
+            })
+        };
+        told(&self.judged_by(&joined)).filter_map(example).collect()
+    }
+
+    fn judged_by(&self, detections: &[Detection]) -> Frame {
+        Frame::new(String::new(), self.labels.clone(), detections.to_vec())
+    }
+}
+
+/// All frames of `data` as the shipped model and the refiner see them, and the shipped model's classes.
+fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<ObjectClass>)> {
     let dataset = KittiDataset::open(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let mut detector = open_detector(&EngineArgs::default(), None, options)?;
-    let has_error_bars = detector.spec().codec.depth.error.is_some();
-    ensure!(has_error_bars, "the first look has no error bars; expected a model after `farsight export --fit-on`");
+    let codec = &detector.spec().codec;
+    ensure!(
+        codec.depth.error.is_some(),
+        "the first look has no error bars; expected a model after `farsight export --fit-on`"
+    );
+    let classes = codec.classes.iter().map(|class| class.class.clone()).collect();
     let mut refiner = Refiner::new(model, None)?;
     let bar = ProgressBar::new(dataset.len() as u64);
-    let mut examples = Vec::new();
+    let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
-        examples.extend(examples_in_frame(&mut detector, &mut refiner, &dataset, index)?);
+        seen.push(frame_seen_twice(&mut detector, &mut refiner, &dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(examples)
+    Ok((seen, classes))
 }
 
-fn examples_in_frame(
+fn frame_seen_twice(
     detector: &mut Detector,
     refiner: &mut Refiner,
     dataset: &KittiDataset,
     index: usize,
-) -> Result<Vec<LooksExample>> {
+) -> Result<SeenTwice> {
     let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
     let image = read_image(&path)?;
-    let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
-    let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
-    let plain = told(&frame).filter_map(|(detection, target)| {
-        let target = target?;
-        let is_plain = target.difficulty.is_some_and(|difficulty| difficulty <= Difficulty::Moderate);
-        is_plain.then(|| (detection.clone(), target.depth_m))
-    });
-    let (detections, depths): (Vec<_>, Vec<f64>) = plain.unzip();
-    let looks = refiner.second_looks(&image, &camera, &detections)?;
-    let seen = detections.iter().zip(depths).zip(looks);
-    let example = seen.filter_map(|((detection, true_m), look)| {
-        let first = [detection.box3d.depth_m(), detection.range_sigma_m?];
-        let second = look?;
-        Some(LooksExample { true_m, first, second: [second.box3d.depth_m(), second.depth_sigma] })
-    });
-    Ok(example.collect())
+    let first = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let second = refiner.second_looks(&image, &camera, &first)?;
+    let image_size = [image.width(), image.height()].map(|side| side as usize);
+    Ok(SeenTwice { camera, image_size, labels: dataset.load_labels(index)?, first, second })
 }
