@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn log_odds_are_those_of_softmax() {
-        let logits = [0.3, 2.0, -1.0, 0.5, 1.5, -4.0];
+        let logits: [f64; KINDS] = [0.3, 2.0, -1.0, 0.5, 1.5, -4.0];
         let sum: f64 = logits.iter().map(|logit| logit.exp()).sum();
         for kind in 0..KINDS {
             assert!((logistic(log_odds(&logits, kind)) - logits[kind].exp() / sum).abs() < 1e-12, "kind {kind}");

@@ -289,7 +289,8 @@ mod tests {
         let car = kind_of(&first.class).expect("a kind");
         let [agreed, nothing, moved] =
             [seen_as(car, here), seen_as(NOTHING, here), seen_as(car, elsewhere)].map(|second| score(&second));
-        assert!(agreed > first.score && nothing < 0.3 && moved < 0.3, "{agreed}, {nothing}, {moved}");
+        assert!(agreed > first.score, "{agreed}");
+        assert!(nothing < first.score && moved < first.score, "{nothing}, {moved}");
     }
 
     #[test]
