@@ -100,6 +100,25 @@ impl Crop {
         planes
     }
 
+    /// The mirror image of this cut-out: what its camera would take of a mirrored world. Its window is still that of the image as it is.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        Self { camera: self.camera.mirrored(self.side), ..*self }
+    }
+
+    /// The mean of the answers for this cut-out and for its mirror image.
+    pub fn mean_answer(
+        &self,
+        answer: &[f64; OUTPUT_CHANNELS],
+        mirrored: &[f64; OUTPUT_CHANNELS],
+    ) -> [f64; OUTPUT_CHANNELS] {
+        let mut mirrored = *mirrored;
+        // Pixel u lies at side - 1 - u, and the object looks at the camera from the other side.
+        mirrored[1] = -mirrored[1] - 1.0 / self.side as f64;
+        mirrored[6] = -mirrored[6];
+        std::array::from_fn(|channel| f64::midpoint(answer[channel], mirrored[channel]))
+    }
+
     /// The focal length, sides of the cut-out.
     fn focal_sides(&self) -> f64 {
         self.camera.focal_y() / self.side as f64
@@ -188,6 +207,22 @@ mod tests {
             prop_assert!((found.box3d.dimensions.length - 3.9).abs() < 1e-9);
             prop_assert!((found.depth_sigma - SQRT_2 * ERROR_UNIT * error.exp()).abs() < 1e-12);
             prop_assert_eq!(found.kinds, [kind; KINDS]);
+        }
+
+        #[test]
+        fn a_mirror_image_is_answered_alike(x in -20.0..20.0, y in 0.5..2.5, z in 3.0..80.0, yaw in -3.1..3.1) {
+            let object = car([x, y, z], yaw);
+            let crop = crop(&object);
+            let answer = |targets: [f64; TARGETS]| {
+                let mut answer = [0.5; OUTPUT_CHANNELS];
+                answer[..TARGETS].copy_from_slice(&targets);
+                answer
+            };
+            let plain = answer(crop.encode(&object).expect("in front"));
+            let mirrored = answer(crop.mirrored().encode(&object.mirrored()).expect("in front"));
+            for (mean, one) in crop.mean_answer(&plain, &mirrored).into_iter().zip(plain) {
+                prop_assert!((mean - one).abs() < 1e-9, "{} is not {}", mean, one);
+            }
         }
 
         #[test]

@@ -152,9 +152,10 @@ impl Detector {
         answers: Vec<Vec<Detection>>,
     ) -> Result<Vec<Vec<Detection>>, EngineError> {
         let Some(refiner) = &mut self.refiner else { return Ok(answers) };
-        let min_score = self.spec.options.min_score(&self.spec.codec);
+        let DetectorSpec { codec, options, .. } = &self.spec;
+        let min_score = options.min_score(codec);
         let each = images.iter().zip(answers);
-        each.map(|((image, camera), found)| refiner.refined(image, camera, &found, min_score)).collect()
+        each.map(|((image, camera), found)| refiner.refined(image, camera, found, &codec.classes, min_score)).collect()
     }
 
     #[cfg(not(feature = "rten"))]

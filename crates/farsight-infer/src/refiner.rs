@@ -2,7 +2,7 @@
 
 use farsight_core::detection::distinct;
 use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
-use farsight_core::{Camera, Detection};
+use farsight_core::{Camera, ClassReference, Detection};
 use farsight_data::network_input_into;
 use farsight_net::onnx::INPUT;
 use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
@@ -12,8 +12,8 @@ use crate::EngineError;
 use crate::library::unpanicked;
 use crate::rten::{NAME, Network};
 
-/// So many objects are looked at together.
-const BATCH: usize = 16;
+/// So many objects are looked at together, each twice.
+const BATCH: usize = 8;
 
 /// What has a first score above this share of the score that is asked for is looked at again: a second look can raise it so far.
 pub(crate) const CANDIDATE_SHARE: f64 = 0.2;
@@ -37,7 +37,7 @@ impl Refiner {
     }
 
     /// What is in `image`, taken by `camera`, after a second look at each of `candidates`: what has a score above `min_score` then, highest first, each
-    /// object once.
+    /// object once, of one of `classes`.
     ///
     /// # Errors
     /// When the engine fails.
@@ -45,14 +45,19 @@ impl Refiner {
         &mut self,
         image: &RgbImage,
         camera: &Camera,
-        candidates: &[Detection],
+        candidates: Vec<Detection>,
+        classes: &[ClassReference],
         min_score: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let looks = self.second_looks(image, camera, candidates)?;
-        let both = candidates.iter().zip(&looks);
-        let joined = both.map(|(first, second)| self.config.looks.joined(first, second.as_ref(), camera, image_size));
-        let mut found: Vec<Detection> = joined.filter(|detection| detection.score > min_score).collect();
+        let looks = self.second_looks(image, camera, &candidates)?;
+        let joined = |(first, second): (Detection, Option<Refinement>)| {
+            let joined = self.config.looks.joined(&first, second.as_ref(), camera, image_size);
+            let is_known = classes.iter().any(|known| known.class == joined.class);
+            if is_known { joined } else { Detection { class: first.class, ..joined } }
+        };
+        let mut found: Vec<Detection> = candidates.into_iter().zip(looks).map(joined).collect();
+        found.retain(|detection| detection.score > min_score);
         // Stable: equals stay in the order of the first look.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(distinct(found))
@@ -79,7 +84,7 @@ impl Refiner {
         Ok(crops.iter().map(|crop| crop.and_then(|_| refinements.next().flatten())).collect())
     }
 
-    /// The network's answers for some cut-outs.
+    /// The network's answers for some cut-outs: for each the mean of what it says of the cut-out and of its mirror image.
     fn answers(&mut self, image: &RgbImage, crops: &[Crop]) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
         let side = self.config.side;
         let rules = input_rules(side);
@@ -89,13 +94,21 @@ impl Refiner {
             network_input_into(&mut pixels, image, &crop.window, &rules, None);
             self.input.extend_from_slice(&pixels);
             self.input.extend(crop.rays());
+            pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
+            self.input.extend_from_slice(&pixels);
+            self.input.extend(crop.mirrored().rays());
         }
         let values = unpanicked(NAME, || {
-            let mut values = self.network.run(&self.input, [crops.len(), INPUT_CHANNELS, side, side])?;
+            let mut values = self.network.run(&self.input, [2 * crops.len(), INPUT_CHANNELS, side, side])?;
             let answer = values.pop().ok_or("no output")?;
             Ok(answer.into_shape_vec::<f32, 4>()?.1)
         })?;
         let (answers, _) = values.as_chunks::<OUTPUT_CHANNELS>();
-        Ok(answers.iter().map(|answer| answer.map(f64::from)).collect())
+        let (pairs, _) = answers.as_chunks::<2>();
+        let mean = |(crop, pair): (&Crop, &[[f32; OUTPUT_CHANNELS]; 2])| {
+            let [answer, mirrored] = pair.map(|answer| answer.map(f64::from));
+            crop.mean_answer(&answer, &mirrored)
+        };
+        Ok(crops.iter().zip(pairs).map(mean).collect())
     }
 }

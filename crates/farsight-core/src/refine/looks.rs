@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::kinds::log_odds;
+use super::kinds::{likeliest, log_odds};
 use super::{Evidence, LooksScores, Refinement, kind_of};
 use crate::detection::SCORE_LIMITS;
 use crate::overlap::iou_2d;
@@ -110,7 +110,8 @@ impl TwoLooks {
         let (least, most) = SCORE_LIMITS;
         let score = self.scores.probability(&first.class, &evidence).clamp(least, most);
         let agreed = placed.filter(|_| evidence.overlap >= LEAST_OVERLAP);
-        Detection { score, ..agreed.unwrap_or_else(|| first.clone()) }
+        let class = likeliest(&second.kinds, &first.class);
+        Detection { class, score, ..agreed.unwrap_or_else(|| first.clone()) }
     }
 
     /// What speaks for `first` after a second look.

@@ -209,14 +209,18 @@ fn the_built_in_engine_answers_as_libtorch_does() {
     let rules = input_rules(config.side);
     for (box2d, found) in boxes.iter().zip(&found).take(2) {
         let crop = Crop::around(box2d, &camera, config.side).unwrap();
-        let mut input = network_input(&image, &crop.window, &rules, None);
-        input.extend(crop.rays());
-        let shape = [1, INPUT_CHANNELS, config.side, config.side].map(|side| side as i64);
-        let input = Tensor::from_slice(&input).view(shape);
-        let answer = no_grad(|| network.forward(&input, Mode::Evaluate, &[tap]));
-        let values = values_from_tensor(&answer[0]);
-        assert_eq!(values.len(), OUTPUT_CHANNELS);
-        let expected = crop.decode(&std::array::from_fn(|channel| f64::from(values[channel]))).unwrap();
+        let mut pixels = network_input(&image, &crop.window, &rules, None);
+        let mut answer = |crop: &Crop| -> [f64; OUTPUT_CHANNELS] {
+            let shape = [1, INPUT_CHANNELS, config.side, config.side].map(|side| side as i64);
+            let input = Tensor::from_slice(&[&pixels[..], &crop.rays()].concat()).view(shape);
+            pixels.chunks_mut(config.side).for_each(<[f32]>::reverse);
+            let answer = no_grad(|| network.forward(&input, Mode::Evaluate, &[tap]));
+            let values = values_from_tensor(&answer[0]);
+            assert_eq!(values.len(), OUTPUT_CHANNELS);
+            std::array::from_fn(|channel| f64::from(values[channel]))
+        };
+        let [plain, mirrored] = [answer(&crop), answer(&crop.mirrored())];
+        let expected = crop.decode(&crop.mean_answer(&plain, &mirrored)).unwrap();
         let found = found.as_ref().unwrap();
         let off = (found.box3d.depth_m() / expected.box3d.depth_m() - 1.0).abs();
         assert!(off < 1e-4, "{found:?}, expected {expected:?}");
