@@ -173,7 +173,7 @@ pub fn apart(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
 }
 
 /// `detections`, highest score first, without those that are a second box around what has a better one of the same class: in the image they overlap by more
-/// than [`SAME_OBJECT_OVERLAP`].
+/// than 0.7.
 pub fn distinct(detections: Vec<Detection>) -> Vec<Detection> {
     let mut kept: Vec<Detection> = Vec::with_capacity(detections.len());
     for detection in detections {
