@@ -96,7 +96,8 @@ impl TwoLooks {
     ///
     /// Direction, heading and proportions are the second look's; its box is moved along its rays, growing with the distance, to the depth on which
     /// both agree best. A first look without error bar has no say in that. Where the second look sees something else than the first, or
-    /// something that is not in the image, the place of `first` stays. The score is that of both.
+    /// something that is not in the image, the place of `first` stays. The score is that of both, the class the likeliest of those that are easily taken for
+    /// that of `first`.
     pub fn joined(
         &self,
         first: &Detection,
