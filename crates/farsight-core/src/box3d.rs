@@ -113,6 +113,13 @@ impl Box3d {
         Box2d::around(ahead.chain(crossings).filter_map(|point| camera.pixel_from_point(point)))
     }
 
+    /// The box `factor` times as far away and as large: the same picture, but for the centimetres by which a fourth column moves the camera.
+    pub fn scaled(&self, factor: f64) -> Self {
+        let Dimensions { height, width, length } = self.dimensions;
+        let dimensions = Dimensions { height: height * factor, width: width * factor, length: length * factor };
+        Self { dimensions, location: self.location.map(|v| v * factor), yaw: self.yaw }
+    }
+
     /// The same box in a world mirrored left to right (`x` becomes `-x`).
     pub fn mirrored(&self) -> Self {
         let [x, y, z] = self.location;

@@ -23,6 +23,7 @@ pub mod overlap;
 pub mod peaks;
 pub mod range_error;
 pub mod refine;
+pub mod road;
 pub mod scalar;
 pub mod score;
 pub mod statistics;

@@ -79,6 +79,22 @@ impl RefinerArgs {
     }
 }
 
+/// Where the camera is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
+pub(crate) struct RoadArgs {
+    /// Height of the camera above the road, if it is known: what is found is put on one plane below it, which tells distances better
+    #[arg(long, value_name = "METRES", value_parser = height)]
+    above_road: Option<f64>,
+}
+
+/// Cameras are neither in the road nor on satellites.
+const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.2..=50.0;
+
+fn height(text: &str) -> Result<f64, String> {
+    let height_m = text.parse().ok().filter(|height_m| HEIGHTS_M.contains(height_m));
+    height_m.ok_or_else(|| format!("expected metres, from {} to {}", HEIGHTS_M.start(), HEIGHTS_M.end()))
+}
+
 /// In which numbers OpenVINO computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum Precision {
@@ -97,14 +113,16 @@ fn threads(text: &str) -> Result<usize, String> {
     count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
 }
 
-/// The model at `path`, or the shipped one, ready to look at images, with a second look if there is to be one.
-pub(crate) fn open_with_refiner(
+/// The model at `path`, or the shipped one, ready to look at images, with all that is to follow its first look.
+pub(crate) fn open_whole(
     args: &EngineArgs,
     refiner: &RefinerArgs,
+    road: RoadArgs,
     path: Option<&Path>,
     options: DecodeOptions,
 ) -> Result<Detector> {
-    refiner.beside(open_detector(args, path, options)?, args, path)
+    let detector = refiner.beside(open_detector(args, path, options)?, args, path)?;
+    Ok(detector.with_camera_height(road.above_road))
 }
 
 /// The model at `path`, or the shipped one, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.
@@ -137,7 +155,7 @@ pub(crate) struct Timing {
     pub(crate) dense_head: bool,
 }
 
-/// As [`open_with_refiner`], to be timed: `path` may also be a config, whose network gets random weights.
+/// As [`open_whole`], to be timed: `path` may also be a config, whose network gets random weights.
 pub(crate) fn open_to_time(
     args: &EngineArgs,
     refiner: &RefinerArgs,

@@ -9,7 +9,7 @@ use crate::overlap::iou_2d;
 use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::LEAST_EXAMPLES;
 use crate::statistics::quantile;
-use crate::{Box3d, Camera, Detection, Dimensions};
+use crate::{Camera, Detection};
 
 /// Boxes in the image that overlap less are of two different things.
 const LEAST_OVERLAP: f64 = 0.3;
@@ -134,11 +134,11 @@ impl TwoLooks {
         camera: &Camera,
         image_size: [usize; 2],
     ) -> Option<Detection> {
-        let seen = scaled(&second.box3d, self.depth_factor);
+        let seen = second.box3d.scaled(self.depth_factor);
         let depth_m = first.box3d.depth_m();
         let first_look = first.range_sigma_m.map(|sigma_m| (depth_m.ln(), sigma_m / depth_m));
         let (log, sigma) = self.agreed(first_look, (seen.depth_m().ln(), second.depth_sigma * self.error_factor));
-        let box3d = scaled(&seen, log.exp() / seen.depth_m());
+        let box3d = seen.scaled(log.exp() / seen.depth_m());
         let [width, height] = image_size.map(|side| side as f64);
         let box2d = box3d.projected(camera)?.clamped(width, height);
         let range_sigma_m = Some(sigma * self.joint_error_factor * box3d.depth_m());
@@ -183,13 +183,6 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The box `factor` times as far away and as large: the same picture, but for the centimetres by which a fourth column moves the camera.
-fn scaled(box3d: &Box3d, factor: f64) -> Box3d {
-    let Dimensions { height, width, length } = box3d.dimensions;
-    let dimensions = Dimensions { height: height * factor, width: width * factor, length: length * factor };
-    Box3d { dimensions, location: box3d.location.map(|v| v * factor), yaw: box3d.yaw }
-}
-
 #[cfg(test)]
 mod tests {
     use std::f64::consts::SQRT_2;
@@ -199,7 +192,7 @@ mod tests {
     use super::super::tests::{camera, car};
     use super::super::{KINDS, NOTHING, ScoredLooks};
     use super::*;
-    use crate::ObjectClass;
+    use crate::{Box3d, ObjectClass};
 
     const IMAGE: [usize; 2] = [1242, 375];
 

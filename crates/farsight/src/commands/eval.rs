@@ -18,7 +18,7 @@ use farsight_files::write_quickly;
 use serde::Serialize;
 
 use super::Outcome;
-use crate::engines::{EngineArgs, RefinerArgs};
+use crate::engines::{EngineArgs, RefinerArgs, RoadArgs};
 use crate::printer::Printer;
 use crate::shipped;
 use modelled::Files;
@@ -47,6 +47,8 @@ pub(crate) struct EvalArgs {
     engine: EngineArgs,
     #[command(flatten)]
     refiner: RefinerArgs,
+    #[command(flatten)]
+    road: RoadArgs,
     /// Frames to evaluate, one id a line [default: all that have a result file; with --data, all that have an image]
     #[arg(long, value_name = "FILE")]
     split: Option<PathBuf>,

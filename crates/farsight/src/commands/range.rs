@@ -13,7 +13,7 @@ use farsight_core::detection::DecodeOptions;
 
 use super::Outcome;
 use crate::camera_source::CameraArgs;
-use crate::engines::{self, EngineArgs, RefinerArgs};
+use crate::engines::{self, EngineArgs, RefinerArgs, RoadArgs};
 use crate::inputs;
 use crate::printer::Printer;
 use job::Job;
@@ -31,6 +31,8 @@ pub(crate) struct RangeArgs {
     engine: EngineArgs,
     #[command(flatten)]
     refiner: RefinerArgs,
+    #[command(flatten)]
+    road: RoadArgs,
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -68,6 +70,7 @@ impl RangeArgs {
             model: None,
             engine: EngineArgs::default(),
             refiner: RefinerArgs::default(),
+            road: RoadArgs::default(),
             out: Some(out),
             json: Some(json),
             kitti: None,
@@ -117,7 +120,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let job = Job::new(args, found.images, printer)?;
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut detector = engines::open_with_refiner(&args.engine, &args.refiner, args.model.as_deref(), options)?;
+    let mut detector = engines::open_whole(&args.engine, &args.refiner, args.road, args.model.as_deref(), options)?;
     let failed = found.problems.len() + job.run(&mut detector, printer)?;
     Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
 }

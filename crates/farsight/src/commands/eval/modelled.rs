@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
-use crate::engines::open_with_refiner;
+use crate::engines::open_whole;
 use crate::printer::Printer;
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
@@ -52,7 +52,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         (folder.path().to_owned(), Some(folder))
     };
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let mut detector = open_with_refiner(&args.engine, &args.refiner, args.model.as_deref(), options)?;
+    let mut detector = open_whole(&args.engine, &args.refiner, args.road, args.model.as_deref(), options)?;
     write_results_of(&mut detector, &dataset, &results)?;
     printer.status(&format!("{} frames looked at by {}", dataset.len(), detector.engine_name()));
     Ok(Files { labels: dataset.label_folder(), results, ids: Some(dataset.ids().to_vec()), _folder: folder })

@@ -1,0 +1,239 @@
+//! One road under all: a camera whose height above it is known sees from where things stand how far away they are.
+//!
+//! An image shows a car's direction and shape, not its size, so each object's distance is unsure by a factor of its own. But objects of one image stand on
+//! one road, roughly a plane, and the camera's height above that is a measure that belongs to none of them. Plane and factors are looked for together: the
+//! likeliest ones by the error bars of the distances, by where the boxes end below, and by how roads lie.
+
+use crate::Detection;
+use crate::linear::{dot, solved};
+
+/// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they end below is a guess.
+const SURE_SCORE: f64 = 0.5;
+
+/// How far off the lower edge of a box is, as a tangent of the angle: a pixel and a half of KITTI's images.
+const EDGE_ERROR: f64 = 0.002;
+
+/// How uneven roads are, metres, and how fast they leave their plane, metres per metre of distance.
+const UNEVEN_M: f64 = 0.05;
+const BENT: f64 = 0.003;
+
+/// How well a height that somebody measured is known, metres.
+const HEIGHT_ERROR_M: f64 = 0.05;
+
+/// How the plane under a camera tips, standard deviations of its slope along the optical axis and across it.
+const SLOPE: f64 = 0.02;
+const TILT: f64 = 0.05;
+
+/// At so many standard deviations off the plane an object counts half, farther off less and less: it may be no object, or stand on a bridge.
+const ODD: f64 = 2.5;
+
+/// Newton's method (Gauss and Newton's) has long converged after so many steps.
+const STEPS: usize = 8;
+
+/// The plane `y + slope z + tilt x = height` in camera coordinates, metres.
+type Plane = [f64; 3];
+
+/// What is known of one object.
+#[derive(Debug, Clone, Copy)]
+struct Stand {
+    /// The middle of its lower face, camera coordinates, metres.
+    foot: [f64; 3],
+    /// Standard deviation of the logarithm of its distance.
+    sigma: f64,
+}
+
+impl Stand {
+    /// Of a sure detection with an error bar.
+    fn of(detection: &Detection) -> Option<Self> {
+        let foot = detection.box3d.location;
+        let sigma = detection.range_sigma_m? / detection.box3d.depth_m();
+        let is_usable = detection.score > SURE_SCORE && sigma.is_finite() && sigma > 0.0;
+        is_usable.then_some(Self { foot, sigma })
+    }
+
+    /// How far, metres, it stands off the plane when it is `factor` times as far away, and how much that may be by boxes and roads.
+    fn off(&self, plane: &Plane, factor: f64) -> (f64, f64) {
+        let [x, y, z] = self.foot;
+        let [slope, height, tilt] = *plane;
+        let off = factor * (y + slope * z + tilt * x) - height;
+        let variance = (EDGE_ERROR * z).powi(2) + UNEVEN_M.powi(2) + (BENT * z).powi(2);
+        (off, variance.sqrt())
+    }
+
+    /// What it asks for: gradient and curvature of the misfit by the logarithm of its factor and by the plane, at these.
+    fn demand(&self, plane: &Plane, log: f64) -> Demand {
+        let factor = log.exp();
+        let (off, sigma) = self.off(plane, factor);
+        let weight = 1.0 / (sigma * sigma * (1.0 + (off / sigma / ODD).powi(2)));
+        let [x, _, z] = self.foot;
+        let by_log = off + plane[1];
+        let by_plane = [factor * z, -1.0, factor * x];
+        let precision = 1.0 / (self.sigma * self.sigma);
+        Demand {
+            gradient: weight * off * by_log + precision * log,
+            curvature: weight * by_log * by_log + precision,
+            mixed: by_plane.map(|v| weight * v * by_log),
+            plane_gradient: by_plane.map(|v| weight * v * off),
+            plane_curvature: by_plane.map(|a| by_plane.map(|b| weight * a * b)),
+        }
+    }
+}
+
+/// Gradient and curvature of an object's misfit.
+struct Demand {
+    gradient: f64,
+    curvature: f64,
+    mixed: [f64; 3],
+    plane_gradient: [f64; 3],
+    plane_curvature: [[f64; 3]; 3],
+}
+
+/// `detections` of one image, taken from `height_m` metres above the road, where they stand on one plane best; unsure ones and those without error bars stay.
+///
+/// Each box is moved along its rays and grows with the distance, so the picture stays the same. Error bars shrink by what the plane tells.
+pub fn on_one_road(mut detections: Vec<Detection>, height_m: f64) -> Vec<Detection> {
+    let stands: Vec<Option<Stand>> = detections.iter().map(Stand::of).collect();
+    let known: Vec<Stand> = stands.iter().copied().flatten().collect();
+    let Some(found) = settled(&known, height_m) else { return detections };
+    let moved = detections.iter_mut().zip(&stands).filter(|(_, stand)| stand.is_some());
+    for ((detection, _), [log, sigma]) in moved.zip(found) {
+        detection.box3d = detection.box3d.scaled(log.exp());
+        detection.range_sigma_m = Some(sigma * detection.box3d.depth_m());
+    }
+    detections
+}
+
+/// Logarithm of the factor of each object's distance and its standard deviation; none when the numbers are none.
+fn settled(stands: &[Stand], height_m: f64) -> Option<Vec<[f64; 2]>> {
+    let mut fit = Fit { plane: [0.0, height_m, 0.0], logs: vec![0.0; stands.len()] };
+    for _ in 0..STEPS {
+        let demands = fit.demands(stands);
+        let (curvature, downhill) = fit.plane_demand(&demands, height_m);
+        fit.descend(&demands, &solved(curvature, downhill)?);
+    }
+    let demands = fit.demands(stands);
+    let (curvature, _) = fit.plane_demand(&demands, height_m);
+    let sigma = |demand: &Demand| {
+        let by_plane = dot(&demand.mixed, &solved(curvature, demand.mixed)?);
+        Some((1.0 / demand.curvature + by_plane / (demand.curvature * demand.curvature)).sqrt())
+    };
+    let found = fit.logs.iter().zip(&demands).map(|(log, demand)| Some([*log, sigma(demand)?]));
+    let found: Vec<[f64; 2]> = found.collect::<Option<_>>()?;
+    found.iter().flatten().all(|number| number.is_finite()).then_some(found)
+}
+
+/// What is looked for.
+struct Fit {
+    plane: Plane,
+    /// Logarithms of the factors of the distances.
+    logs: Vec<f64>,
+}
+
+impl Fit {
+    fn demands(&self, stands: &[Stand]) -> Vec<Demand> {
+        stands.iter().zip(&self.logs).map(|(stand, log)| stand.demand(&self.plane, *log)).collect()
+    }
+
+    /// Curvature and negative gradient of the misfit by the plane, where each object's own factor follows (Schur's complement).
+    fn plane_demand(&self, demands: &[Demand], height_m: f64) -> ([[f64; 3]; 3], [f64; 3]) {
+        let expected = [0.0, height_m, 0.0];
+        let precision = [SLOPE, HEIGHT_ERROR_M, TILT].map(|sigma| 1.0 / (sigma * sigma));
+        let mut curvature = [[0.0; 3]; 3];
+        let mut downhill = [0.0; 3];
+        for i in 0..3 {
+            curvature[i][i] = precision[i];
+            downhill[i] = -precision[i] * (self.plane[i] - expected[i]);
+        }
+        for demand in demands {
+            for i in 0..3 {
+                let share = demand.mixed[i] / demand.curvature;
+                downhill[i] -= demand.plane_gradient[i] - share * demand.gradient;
+                for j in 0..3 {
+                    curvature[i][j] += demand.plane_curvature[i][j] - share * demand.mixed[j];
+                }
+            }
+        }
+        (curvature, downhill)
+    }
+
+    fn descend(&mut self, demands: &[Demand], step: &[f64; 3]) {
+        for (value, step) in self.plane.iter_mut().zip(step) {
+            *value += step;
+        }
+        for (log, demand) in self.logs.iter_mut().zip(demands) {
+            *log -= (demand.gradient + dot(&demand.mixed, step)) / demand.curvature;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Box2d, Box3d, Dimensions, ObjectClass};
+
+    /// A car whose distance is told `factor` times too large, give or take `sigma`, on a road that falls by `slope`, 1.6 m below the camera.
+    fn car(x: f64, z: f64, slope: f64, factor: f64, sigma: f64) -> Detection {
+        let dimensions = Dimensions { height: 1.5, width: 1.6, length: 3.9 };
+        let box3d = Box3d { dimensions, location: [x, 1.6 - slope * z, z], yaw: 0.2 }.scaled(factor);
+        let box2d = Box2d::new(0.0, 0.0, 50.0, 40.0);
+        let range_sigma_m = Some(sigma * box3d.depth_m());
+        Detection { class: ObjectClass::Car, score: 0.9, box2d, box3d, range_sigma_m }
+    }
+
+    #[test]
+    fn on_a_plane_wrong_distances_come_right() {
+        for slope in [-0.01, 0.0, 0.015] {
+            let factors = [1.06, 0.95, 1.04, 0.97, 1.05, 0.94];
+            let places = [[-3.0, 9.0], [3.2, 12.0], [-3.1, 17.0], [0.1, 22.0], [3.0, 28.0], [-3.3, 36.0]];
+            let told = places.iter().zip(factors).map(|(&[x, z], factor)| car(x, z, slope, factor, 0.05)).collect();
+            let found = on_one_road(told, 1.6);
+            let error = |detection: &Detection, z: f64| (detection.box3d.depth_m() / z).ln().abs();
+            let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
+            let after: f64 = found.iter().zip(places).map(|(detection, [_, z])| error(detection, z)).sum();
+            assert!(after < 0.7 * before, "errors of {before} became {after} with a slope of {slope}");
+            for (detection, [x, z]) in found.iter().zip(places) {
+                let location = detection.box3d.location;
+                assert!((location[0] / location[2] - x / z).abs() < 1e-12, "moved off its ray");
+                let sigma = detection.range_sigma_m.unwrap() / detection.box3d.depth_m();
+                assert!(sigma > 0.005 && sigma < 0.05, "{sigma} at {z} m");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_right_stays_and_what_is_sure_moves_least() {
+        let right = vec![car(-3.0, 9.0, 0.0, 1.0, 0.05), car(3.0, 20.0, 0.0, 1.0, 0.05)];
+        for (before, after) in right.iter().zip(on_one_road(right.clone(), 1.6)) {
+            assert!((before.box3d.depth_m() - after.box3d.depth_m()).abs() < 1e-6);
+        }
+        let moved = |sigma: f64| {
+            let found = on_one_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], 1.6);
+            (found[0].box3d.depth_m() / 16.5).ln().abs()
+        };
+        assert!(moved(0.01) < 0.3 * moved(0.1), "{} and {}", moved(0.01), moved(0.1));
+    }
+
+    #[test]
+    fn what_stands_elsewhere_or_is_no_more_than_a_guess_bends_no_road() {
+        let street =
+            || vec![car(-3.0, 9.0, 0.0, 1.0, 0.05), car(3.0, 15.0, 0.0, 1.0, 0.05), car(0.0, 25.0, 0.0, 1.0, 0.05)];
+        let mut on_a_bridge = car(4.0, 20.0, 0.0, 1.0, 0.05);
+        on_a_bridge.box3d.location[1] = -4.0;
+        let mut guess = car(4.0, 20.0, 0.0, 1.4, 0.05);
+        guess.score = 0.2;
+        for (odd, most) in [(on_a_bridge, 0.02), (guess, 1e-6)] {
+            let found = on_one_road([street(), vec![odd]].concat(), 1.6);
+            for (detection, z) in found.iter().zip([9.0, 15.0, 25.0]) {
+                let off = (detection.box3d.depth_m() / z).ln().abs();
+                assert!(off < most, "{off} at {z} m");
+            }
+        }
+    }
+
+    #[test]
+    fn without_error_bars_nothing_moves() {
+        let unsure = Detection { range_sigma_m: None, ..car(2.0, 15.0, 0.0, 1.1, 0.05) };
+        assert_eq!(on_one_road(vec![unsure.clone()], 1.6), vec![unsure]);
+        assert_eq!(on_one_road(Vec::new(), 1.6), Vec::new());
+    }
+}
