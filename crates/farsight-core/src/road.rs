@@ -20,8 +20,8 @@ const BENT: f64 = 0.003;
 /// How well a height that somebody measured is known, metres.
 const HEIGHT_ERROR_M: f64 = 0.05;
 
-/// How the plane under a camera tips, standard deviations of its slope along the optical axis and across it.
-const SLOPE: f64 = 0.02;
+/// How the plane under a camera tips, standard deviations of its slope along the optical axis, which may look down, and across it.
+const SLOPE: f64 = 0.1;
 const TILT: f64 = 0.05;
 
 /// At so many standard deviations off the plane an object counts half, farther off less and less: it may be no object, or stand on a bridge.

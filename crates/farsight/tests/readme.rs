@@ -70,6 +70,7 @@ fn every_file_that_the_documents_point_to_is_there() {
         "docs/training.md",
         "docs/engines.md",
         "docs/refiner.md",
+        "docs/road.md",
         "docs/evaluation.md",
         "docs/synth.md",
         "models/farsight-s.md",

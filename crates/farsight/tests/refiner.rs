@@ -1,4 +1,4 @@
-//! The second look as users meet it: `--refiner`, and `farsight export` of a refiner.
+//! What follows the first look as users meet it: `--refiner`, `--above-road`, and `farsight export` of a refiner.
 
 #![allow(clippy::unwrap_used)]
 
@@ -63,6 +63,23 @@ fn what_is_asked_for_decides_nothing_but_what_is_told() {
     let [all, few] = ["0.05", "0.5"].map(|least| found(folder, &["--max-overlap", "1", "--min-score", least]));
     let surer: Vec<_> = all.iter().filter(|d| d[2] > 0.5).copied().collect();
     assert!(all.len() > surer.len() && surer == few, "{all:?}\n{few:?}");
+}
+
+#[test]
+fn a_known_height_above_the_road_moves_distances_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let all = ["--max-overlap", "1"];
+    let (before, after) = (found(folder, &all), found(folder, &[&all[..], &["--above-road", "1.65"]].concat()));
+    assert_eq!(before.len(), after.len());
+    for ([before_m, sigma_m, score], [after_m, after_sigma_m, after_score]) in before.iter().zip(&after) {
+        assert!((score - after_score).abs() < 1e-12, "scores stay");
+        assert!((after_m / before_m).ln().abs() < 0.2, "{before_m} m became {after_m} m");
+        assert!(after_sigma_m / after_m < 1.001 * sigma_m / before_m, "more is known than before");
+    }
+    assert!(before.iter().zip(&after).any(|(a, b)| (a[0] - b[0]).abs() > 1e-3), "nothing moved");
+    let unused = told(folder, &["eval", "--labels", ".", "--results", ".", "--above-road", "1.65"]);
+    assert!(unused.contains("expected --data"), "{unused}");
 }
 
 #[test]

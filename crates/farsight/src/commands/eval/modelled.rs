@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
 use farsight_data::kitti::write_results;
@@ -13,7 +13,7 @@ use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
-use crate::engines::open_whole;
+use crate::engines::{RefinerArgs, RoadArgs, open_whole};
 use crate::printer::Printer;
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
@@ -33,6 +33,10 @@ impl Files {
     pub(super) fn new(args: &EvalArgs, printer: &mut Printer) -> Result<Self> {
         match (&args.labels, &args.results, &args.data) {
             (Some(labels), Some(results), None) => {
+                ensure!(
+                    args.refiner == RefinerArgs::default() && args.road == RoadArgs::default(),
+                    "--refiner and --above-road are for a model that looks at images first; expected --data"
+                );
                 let ids = args.split.as_deref().map(farsight_data::kitti::read_split).transpose()?;
                 Ok(Self { labels: labels.clone(), results: results.clone(), ids, _folder: None })
             }
