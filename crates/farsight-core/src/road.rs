@@ -138,18 +138,17 @@ impl Fit {
     fn plane_demand(&self, demands: &[Demand], height_m: f64) -> ([[f64; 3]; 3], [f64; 3]) {
         let expected = [0.0, height_m, 0.0];
         let precision = [SLOPE, HEIGHT_ERROR_M, TILT].map(|sigma| 1.0 / (sigma * sigma));
+        let mut downhill: [f64; 3] = std::array::from_fn(|i| -precision[i] * (self.plane[i] - expected[i]));
         let mut curvature = [[0.0; 3]; 3];
-        let mut downhill = [0.0; 3];
-        for i in 0..3 {
-            curvature[i][i] = precision[i];
-            downhill[i] = -precision[i] * (self.plane[i] - expected[i]);
+        for (i, row) in curvature.iter_mut().enumerate() {
+            row[i] = precision[i];
         }
         for demand in demands {
-            for i in 0..3 {
-                let share = demand.mixed[i] / demand.curvature;
-                downhill[i] -= demand.plane_gradient[i] - share * demand.gradient;
-                for j in 0..3 {
-                    curvature[i][j] += demand.plane_curvature[i][j] - share * demand.mixed[j];
+            let share = demand.mixed.map(|mixed| mixed / demand.curvature);
+            for (i, row) in curvature.iter_mut().enumerate() {
+                downhill[i] -= demand.plane_gradient[i] - share[i] * demand.gradient;
+                for (cell, (asked, mixed)) in row.iter_mut().zip(demand.plane_curvature[i].iter().zip(demand.mixed)) {
+                    *cell += asked - share[i] * mixed;
                 }
             }
         }
