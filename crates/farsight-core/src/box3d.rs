@@ -47,6 +47,9 @@ pub const FRONT_FACE: [usize; 4] = [1, 2, 3, 4];
 /// Points nearer than this in front of the camera are not projected, metres.
 pub const NEAR_PLANE_M: f64 = 0.1;
 
+/// Boxes with shorter sides are taken to have these where something is divided by them, metres.
+const LEAST_SIDE_M: f64 = 1e-3;
+
 /// Corners of the box with these dimensions (length, height, width), bottom centre and yaw.
 ///
 /// Generic over the scalar, so that the corner loss and the geometry are one formula.
@@ -118,6 +121,21 @@ impl Box3d {
         let Dimensions { height, width, length } = self.dimensions;
         let dimensions = Dimensions { height: height * factor, width: width * factor, length: length * factor };
         Self { dimensions, location: self.location.map(|v| v * factor), yaw: self.yaw }
+    }
+
+    /// By so much depth, metres, the box can be moved over the ground along its ray until it overlaps the place where it was, seen from above, by no more
+    /// than `overlap` (intersection over union). A car that is seen from behind can be moved farther than one that crosses.
+    pub fn depth_tolerance_m(&self, overlap: f64) -> f64 {
+        let Dimensions { width, length, .. } = self.dimensions;
+        // Alpha is 0 for a car that crosses.
+        let (along, across) = self.alpha().sin_cos();
+        // Moved by t, the two share (length - t along) * (width - t across), which has to be this share of length * width:
+        let shared = 2.0 * overlap / (1.0 + overlap);
+        let [by_length, by_width] = [along.abs() / length.max(LEAST_SIDE_M), across.abs() / width.max(LEAST_SIDE_M)];
+        let sum = by_length + by_width;
+        let root = (sum * sum - 4.0 * by_length * by_width * (1.0 - shared)).sqrt();
+        let moved_m = 2.0 * (1.0 - shared) / (sum + root);
+        moved_m * self.depth_m() / self.ground_distance_m().max(NEAR_PLANE_M)
     }
 
     /// The same box in a world mirrored left to right (`x` becomes `-x`).

@@ -28,18 +28,19 @@ impl Detection {
         self.box3d.alpha()
     }
 
-    /// The score times the probability that the distance is right to [`PLACE_TOLERANCE_M`], by the error bar; None without one.
+    /// The score times the probability, by the error bar, that the distance is right to [`Box3d::depth_tolerance_m`] at [`PLACE_OVERLAP`]; None without an
+    /// error bar.
     ///
     /// Errors are taken to spread as Laplace's distribution does: many small ones and long tails.
     pub fn place_score(&self) -> Option<f64> {
         let scale_m = self.range_sigma_m? / std::f64::consts::SQRT_2;
-        Some(self.score * (1.0 - (-PLACE_TOLERANCE_M / scale_m).exp()))
+        let tolerance_m = self.box3d.depth_tolerance_m(PLACE_OVERLAP);
+        Some(self.score * (1.0 - (-tolerance_m / scale_m).exp()))
     }
 }
 
-/// By so much, metres, a car can be moved along its ray until its overlap falls below 0.7: 0.3 to 0.5 m in the median of KITTI's labels, less where
-/// size and heading are not perfect.
-pub const PLACE_TOLERANCE_M: f64 = 0.3;
+/// The overlap from which on a car is in its place, as KITTI judges.
+pub const PLACE_OVERLAP: f64 = 0.7;
 
 /// What a network answers for one image, before any activation.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,8 @@
-//! One road under all: a camera whose height above it is known sees from where things stand how far away they are.
+//! One road under all: from where things stand a camera sees how far away they are.
 //!
 //! An image shows a car's direction and shape, not its size, so each object's distance is unsure by a factor of its own. But objects of one image stand on
-//! one road, roughly a plane, and the camera's height above that is a measure that belongs to none of them. Plane and factors are looked for together: the
-//! likeliest ones by the error bars of the distances, by where the boxes end below, and by how roads lie.
+//! one road, roughly a plane, so each has a say in where the others are; and where the camera's height above the road is known, that has, too. Plane and
+//! factors are looked for together: the likeliest ones by the error bars of the distances, by where the boxes end below, and by how roads lie.
 
 use crate::Detection;
 use crate::linear::{dot, solved};
@@ -10,8 +10,8 @@ use crate::linear::{dot, solved};
 /// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they end below is a guess.
 const SURE_SCORE: f64 = 0.5;
 
-/// How far off the lower edge of a box is, as a tangent of the angle: a pixel and a half of KITTI's images.
-const EDGE_ERROR: f64 = 0.002;
+/// How far off the lower edge of a box is, as a tangent of the angle: two pixels of KITTI's images.
+const EDGE_ERROR: f64 = 0.003;
 
 /// How uneven roads are, metres, and how fast they leave their plane, metres per metre of distance.
 const UNEVEN_M: f64 = 0.05;
@@ -20,8 +20,12 @@ const BENT: f64 = 0.003;
 /// How well a height that somebody measured is known, metres.
 const HEIGHT_ERROR_M: f64 = 0.05;
 
+/// How high cameras are that nobody measured, and how far from that they may be, metres: in a car, on a lorry, over a road.
+const ANY_HEIGHT_M: f64 = 2.0;
+const ANY_HEIGHT_ERROR_M: f64 = 2.0;
+
 /// How the plane under a camera tips, standard deviations of its slope along the optical axis, which may look down, and across it.
-const SLOPE: f64 = 0.1;
+const SLOPE: f64 = 0.5;
 const TILT: f64 = 0.05;
 
 /// At so many standard deviations off the plane an object counts half, farther off less and less: it may be no object, or stand on a bridge.
@@ -29,6 +33,29 @@ const ODD: f64 = 2.5;
 
 /// Newton's method (Gauss and Newton's) has long converged after so many steps.
 const STEPS: usize = 8;
+
+/// What is known of the road under a camera.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum Road {
+    /// Each object stays where it was found.
+    #[default]
+    Ignored,
+    /// There is one, at an unknown height.
+    Below,
+    /// The camera is so high above it, metres.
+    BelowBy(f64),
+}
+
+impl Road {
+    /// Height of the camera and its standard deviation, metres.
+    fn height(self) -> Option<[f64; 2]> {
+        match self {
+            Self::Ignored => None,
+            Self::Below => Some([ANY_HEIGHT_M, ANY_HEIGHT_ERROR_M]),
+            Self::BelowBy(height_m) => Some([height_m, HEIGHT_ERROR_M]),
+        }
+    }
+}
 
 /// The plane `y + slope z + tilt x = height` in camera coordinates, metres.
 type Plane = [f64; 3];
@@ -88,13 +115,14 @@ struct Demand {
     plane_curvature: [[f64; 3]; 3],
 }
 
-/// `detections` of one image, taken from `height_m` metres above the road, where they stand on one plane best; unsure ones and those without error bars stay.
+/// `detections` of one image where they stand on one `road` best; unsure ones and those without error bars stay.
 ///
 /// Each box is moved along its rays and grows with the distance, so the picture stays the same. Error bars shrink by what the plane tells.
-pub fn on_one_road(mut detections: Vec<Detection>, height_m: f64) -> Vec<Detection> {
+pub fn on_one_road(mut detections: Vec<Detection>, road: Road) -> Vec<Detection> {
+    let Some(height) = road.height() else { return detections };
     let stands: Vec<Option<Stand>> = detections.iter().map(Stand::of).collect();
     let known: Vec<Stand> = stands.iter().copied().flatten().collect();
-    let Some(found) = settled(&known, height_m) else { return detections };
+    let Some(found) = settled(&known, height) else { return detections };
     let moved = detections.iter_mut().zip(&stands).filter(|(_, stand)| stand.is_some());
     for ((detection, _), [log, sigma]) in moved.zip(found) {
         detection.box3d = detection.box3d.scaled(log.exp());
@@ -104,15 +132,15 @@ pub fn on_one_road(mut detections: Vec<Detection>, height_m: f64) -> Vec<Detecti
 }
 
 /// Logarithm of the factor of each object's distance and its standard deviation; none when the numbers are none.
-fn settled(stands: &[Stand], height_m: f64) -> Option<Vec<[f64; 2]>> {
-    let mut fit = Fit { plane: [0.0, height_m, 0.0], logs: vec![0.0; stands.len()] };
+fn settled(stands: &[Stand], height: [f64; 2]) -> Option<Vec<[f64; 2]>> {
+    let mut fit = Fit { plane: [0.0, height[0], 0.0], logs: vec![0.0; stands.len()] };
     for _ in 0..STEPS {
         let demands = fit.demands(stands);
-        let (curvature, downhill) = fit.plane_demand(&demands, height_m);
+        let (curvature, downhill) = fit.plane_demand(&demands, height);
         fit.descend(&demands, &solved(curvature, downhill)?);
     }
     let demands = fit.demands(stands);
-    let (curvature, _) = fit.plane_demand(&demands, height_m);
+    let (curvature, _) = fit.plane_demand(&demands, height);
     let sigma = |demand: &Demand| {
         let by_plane = dot(&demand.mixed, &solved(curvature, demand.mixed)?);
         Some((1.0 / demand.curvature + by_plane / (demand.curvature * demand.curvature)).sqrt())
@@ -135,9 +163,9 @@ impl Fit {
     }
 
     /// Curvature and negative gradient of the misfit by the plane, where each object's own factor follows (Schur's complement).
-    fn plane_demand(&self, demands: &[Demand], height_m: f64) -> ([[f64; 3]; 3], [f64; 3]) {
-        let expected = [0.0, height_m, 0.0];
-        let precision = [SLOPE, HEIGHT_ERROR_M, TILT].map(|sigma| 1.0 / (sigma * sigma));
+    fn plane_demand(&self, demands: &[Demand], height: [f64; 2]) -> ([[f64; 3]; 3], [f64; 3]) {
+        let expected = [0.0, height[0], 0.0];
+        let precision = [SLOPE, height[1], TILT].map(|sigma| 1.0 / (sigma * sigma));
         let mut downhill: [f64; 3] = std::array::from_fn(|i| -precision[i] * (self.plane[i] - expected[i]));
         let mut curvature = [[0.0; 3]; 3];
         for (i, row) in curvature.iter_mut().enumerate() {
@@ -180,33 +208,46 @@ mod tests {
     }
 
     #[test]
-    fn on_a_plane_wrong_distances_come_right() {
+    fn on_a_plane_wrong_distances_come_right_the_more_the_better_its_height_is_known() {
         for slope in [-0.01, 0.0, 0.015] {
             let factors = [1.06, 0.95, 1.04, 0.97, 1.05, 0.94];
             let places = [[-3.0, 9.0], [3.2, 12.0], [-3.1, 17.0], [0.1, 22.0], [3.0, 28.0], [-3.3, 36.0]];
-            let told = places.iter().zip(factors).map(|(&[x, z], factor)| car(x, z, slope, factor, 0.05)).collect();
-            let found = on_one_road(told, 1.6);
+            let told = || places.iter().zip(factors).map(|(&[x, z], factor)| car(x, z, slope, factor, 0.05)).collect();
             let error = |detection: &Detection, z: f64| (detection.box3d.depth_m() / z).ln().abs();
             let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
-            let after: f64 = found.iter().zip(places).map(|(detection, [_, z])| error(detection, z)).sum();
-            assert!(after < 0.7 * before, "errors of {before} became {after} with a slope of {slope}");
-            for (detection, [x, z]) in found.iter().zip(places) {
-                let location = detection.box3d.location;
-                assert!((location[0] / location[2] - x / z).abs() < 1e-12, "moved off its ray");
-                let sigma = detection.range_sigma_m.unwrap() / detection.box3d.depth_m();
-                assert!(sigma > 0.005 && sigma < 0.05, "{sigma} at {z} m");
+            for (road, most) in [(Road::BelowBy(1.6), 0.75), (Road::Below, 0.85)] {
+                let found = on_one_road(told(), road);
+                let after: f64 = found.iter().zip(places).map(|(detection, [_, z])| error(detection, z)).sum();
+                assert!(after < most * before, "errors of {before} became {after} with a slope of {slope} by {road:?}");
+                for (detection, [x, z]) in found.iter().zip(places) {
+                    let location = detection.box3d.location;
+                    assert!((location[0] / location[2] - x / z).abs() < 1e-12, "moved off its ray");
+                    let sigma = detection.range_sigma_m.unwrap() / detection.box3d.depth_m();
+                    assert!(sigma > 0.005 && sigma < 0.05, "{sigma} at {z} m");
+                }
             }
+            assert_eq!(on_one_road(told(), Road::Ignored), told());
+        }
+    }
+
+    #[test]
+    fn at_an_unknown_height_one_object_alone_hardly_moves() {
+        for height_m in [1.2, 2.5, 6.0] {
+            let mut alone = car(2.0, 15.0, 0.0, 1.0, 0.05);
+            alone.box3d.location[1] = height_m;
+            let found = on_one_road(vec![alone], Road::Below);
+            assert!((found[0].box3d.depth_m() / 15.0).ln().abs() < 0.005, "{height_m}: {:?}", found[0].box3d);
         }
     }
 
     #[test]
     fn what_is_right_stays_and_what_is_sure_moves_least() {
         let right = vec![car(-3.0, 9.0, 0.0, 1.0, 0.05), car(3.0, 20.0, 0.0, 1.0, 0.05)];
-        for (before, after) in right.iter().zip(on_one_road(right.clone(), 1.6)) {
+        for (before, after) in right.iter().zip(on_one_road(right.clone(), Road::BelowBy(1.6))) {
             assert!((before.box3d.depth_m() - after.box3d.depth_m()).abs() < 1e-6);
         }
         let moved = |sigma: f64| {
-            let found = on_one_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], 1.6);
+            let found = on_one_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], Road::BelowBy(1.6));
             (found[0].box3d.depth_m() / 16.5).ln().abs()
         };
         assert!(moved(0.01) < 0.3 * moved(0.1), "{} and {}", moved(0.01), moved(0.1));
@@ -221,7 +262,7 @@ mod tests {
         let mut guess = car(4.0, 20.0, 0.0, 1.4, 0.05);
         guess.score = 0.2;
         for (odd, most) in [(on_a_bridge, 0.02), (guess, 1e-6)] {
-            let found = on_one_road([street(), vec![odd]].concat(), 1.6);
+            let found = on_one_road([street(), vec![odd]].concat(), Road::BelowBy(1.6));
             for (detection, z) in found.iter().zip([9.0, 15.0, 25.0]) {
                 let off = (detection.box3d.depth_m() / z).ln().abs();
                 assert!(off < most, "{off} at {z} m");
@@ -232,7 +273,7 @@ mod tests {
     #[test]
     fn without_error_bars_nothing_moves() {
         let unsure = Detection { range_sigma_m: None, ..car(2.0, 15.0, 0.0, 1.1, 0.05) };
-        assert_eq!(on_one_road(vec![unsure.clone()], 1.6), vec![unsure]);
-        assert_eq!(on_one_road(Vec::new(), 1.6), Vec::new());
+        assert_eq!(on_one_road(vec![unsure.clone()], Road::BelowBy(1.6)), vec![unsure]);
+        assert_eq!(on_one_road(Vec::new(), Road::BelowBy(1.6)), Vec::new());
     }
 }

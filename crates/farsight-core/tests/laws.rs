@@ -8,6 +8,7 @@ use farsight_core::codec::{CHANNELS, DepthReference};
 use farsight_core::corner_loss::corner_loss;
 use farsight_core::detection::{DecodeOptions, View, apart, detections, distinct};
 use farsight_core::heatmap::HeatMapRule;
+use farsight_core::overlap::iou_bev;
 use farsight_core::peaks::peaks;
 use farsight_core::targets::{HeatMapBox, ObjectTarget, TargetRules};
 use farsight_core::{
@@ -54,6 +55,16 @@ proptest! {
         // Samples are at most half a diagonal of the grid's cells away from the true nearest point.
         prop_assert!(nearest <= sampled + EXACT && sampled <= nearest + 0.06, "{nearest} and {sampled}");
         prop_assert!(nearest <= object.center_distance_m());
+    }
+
+    #[test]
+    fn moved_by_its_tolerance_a_box_overlaps_where_it_was_by_as_much_as_asked(
+        x in -20.0..20.0, z in 5.0..60.0, yaw in -PI..PI, overlap in 0.1..0.95,
+    ) {
+        let object = box3d([x, 1.7, z], yaw);
+        let factor = 1.0 + object.depth_tolerance_m(overlap) / z;
+        let moved = Box3d { location: [x * factor, 1.7, z * factor], ..object };
+        prop_assert!((iou_bev(&object, &moved) - overlap).abs() < EXACT, "{}", iou_bev(&object, &moved));
     }
 
     #[test]

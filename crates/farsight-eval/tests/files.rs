@@ -109,9 +109,11 @@ fn a_split_chooses_frames_and_demands_their_files() {
 
 #[test]
 fn place_scores_need_an_error_bar_in_every_row() {
-    let row = RESULT.trim_end();
-    // 0.3 m is one scale of Laplace's distribution with this standard deviation.
-    let results = format!("{row} {}\n{row} 1000000\n{row} 0\n", 0.3 * 2.0_f64.sqrt());
+    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first error bar the rest, 3/17, is one scale of
+    // Laplace's distribution.
+    let row = RESULT.trim_end().replace("0.80 1.71 13.60 -1.62", "0.00 1.71 13.60 -1.5707963");
+    let one_scale = 4.07 * 3.0 / 17.0 * 2.0_f64.sqrt();
+    let results = format!("{row} {one_scale}\n{row} 1000000\n{row} 0\n");
     let files = [("000000.txt", results.as_str()), ("000001.txt", &format!("{row} 1\n{row}\n"))];
     let (_kept, labels, results) = folders(&files.map(|(name, _)| (name, LABEL)), &files);
     let files = FrameFiles::open(&labels, &results, None).unwrap().with_scores(Scores::Place);

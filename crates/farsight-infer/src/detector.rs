@@ -2,7 +2,7 @@
 
 use farsight_core::codec::CHANNELS;
 use farsight_core::detection::{DecodeOptions, View, detections, detections_at_peaks};
-use farsight_core::road::on_one_road;
+use farsight_core::road::{Road, on_one_road};
 use farsight_core::{Camera, Detection, HeadMaps};
 use image::RgbImage;
 use thiserror::Error;
@@ -19,8 +19,8 @@ pub struct Detector {
     /// What looks again at what was found.
     #[cfg(feature = "rten")]
     refiner: Option<crate::Refiner>,
-    /// How high above the road the camera is, metres, if that is known.
-    camera_height_m: Option<f64>,
+    /// What is known of the road under the camera.
+    road: Road,
     /// The network's inputs, kept from batch to batch.
     inputs: Vec<Vec<f32>>,
 }
@@ -76,7 +76,7 @@ impl Detector {
             head: None,
             #[cfg(feature = "rten")]
             refiner: None,
-            camera_height_m: None,
+            road: Road::Ignored,
             inputs: Vec::new(),
         }
     }
@@ -93,10 +93,10 @@ impl Detector {
         Self { refiner: Some(refiner), ..self }
     }
 
-    /// This detector for a camera that is so high above the road, metres: what it finds is put on one plane ([`on_one_road`]).
+    /// This detector for a camera above a `road`: what it finds is put on one plane ([`on_one_road`]).
     #[must_use]
-    pub fn with_camera_height(self, height_m: Option<f64>) -> Self {
-        Self { camera_height_m: height_m, ..self }
+    pub fn with_road(self, road: Road) -> Self {
+        Self { road, ..self }
     }
 
     /// Name of the engine.
@@ -151,10 +151,7 @@ impl Detector {
         let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view)).collect();
         let (answers, decode) = timed(decoded);
         let (answers, refine) = timed(|| self.refined(images, answers));
-        let mut answers = answers?;
-        if let Some(height_m) = self.camera_height_m {
-            answers = answers.into_iter().map(|found| on_one_road(found, height_m)).collect();
-        }
+        let answers = answers?.into_iter().map(|found| on_one_road(found, self.road)).collect();
         Ok((answers, StageTimes { warp, network, decode, refine, ..StageTimes::default() }))
     }
 

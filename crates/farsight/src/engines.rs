@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::detection::DecodeOptions;
+use farsight_core::road::Road;
 use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, Refiner, RtenEngine};
 use farsight_net::config::ModelConfig;
 use farsight_net::onnx::{OnnxModel, PeaksOnly, Target};
@@ -82,17 +83,28 @@ impl RefinerArgs {
 /// Where the camera is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub(crate) struct RoadArgs {
-    /// Height of the camera above the road, if it is known: what is found is put on one plane below it, which tells distances better
-    #[arg(long, value_name = "METRES", value_parser = height)]
-    above_road: Option<f64>,
+    /// Height of the camera above the road: known, it tells distances better; "none" takes each object by itself instead of putting all on one road
+    /// [default: any height]
+    #[arg(long, value_name = "METRES|none", value_parser = road)]
+    above_road: Option<Road>,
+}
+
+impl RoadArgs {
+    fn road(self) -> Road {
+        self.above_road.unwrap_or(Road::Below)
+    }
 }
 
 /// Cameras are neither in the road nor on satellites.
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.2..=50.0;
 
-fn height(text: &str) -> Result<f64, String> {
+fn road(text: &str) -> Result<Road, String> {
+    if text == "none" {
+        return Ok(Road::Ignored);
+    }
     let height_m = text.parse().ok().filter(|height_m| HEIGHTS_M.contains(height_m));
-    height_m.ok_or_else(|| format!("expected metres, from {} to {}", HEIGHTS_M.start(), HEIGHTS_M.end()))
+    let expected = || format!("expected metres, from {} to {}, or none", HEIGHTS_M.start(), HEIGHTS_M.end());
+    height_m.map(Road::BelowBy).ok_or_else(expected)
 }
 
 /// In which numbers OpenVINO computes.
@@ -122,7 +134,7 @@ pub(crate) fn open_whole(
     options: DecodeOptions,
 ) -> Result<Detector> {
     let detector = refiner.beside(open_detector(args, path, options)?, args, path)?;
-    Ok(detector.with_camera_height(road.above_road))
+    Ok(detector.with_road(road.road()))
 }
 
 /// The model at `path`, or the shipped one, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.

@@ -99,8 +99,14 @@ fn numbers_that_no_camera_has() {
         (["--hfov", "wide"], "invalid value 'wide' for '--hfov <DEG>': expected a number"),
         (["--fx", "-700"], "invalid value '-700' for '--fx <F>': expected a positive number of pixels"),
         (["--min-score", "1.5"], "invalid value '1.5' for '--min-score <SCORE>': expected at least 0 and less than 1"),
-        (["--above-road", "0"], "invalid value '0' for '--above-road <METRES>': expected metres, from 0.2 to 50"),
-        (["--above-road", "roof"], "invalid value 'roof' for '--above-road <METRES>': expected metres, from 0.2 to 50"),
+        (
+            ["--above-road", "0"],
+            "invalid value '0' for '--above-road <METRES|none>': expected metres, from 0.2 to 50, or none",
+        ),
+        (
+            ["--above-road", "roof"],
+            "invalid value 'roof' for '--above-road <METRES|none>': expected metres, from 0.2 to 50, or none",
+        ),
     ];
     for ([option, value], problem) in table {
         let expected = format!("error: {problem}\n\nFor more information, try '--help'.\n");

@@ -66,18 +66,20 @@ fn what_is_asked_for_decides_nothing_but_what_is_told() {
 }
 
 #[test]
-fn a_known_height_above_the_road_moves_distances_and_nothing_else() {
+fn one_road_under_all_moves_distances_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let all = ["--max-overlap", "1"];
-    let (before, after) = (found(folder, &all), found(folder, &[&all[..], &["--above-road", "1.65"]].concat()));
-    assert_eq!(before.len(), after.len());
-    for ([before_m, sigma_m, score], [after_m, after_sigma_m, after_score]) in before.iter().zip(&after) {
-        assert!((score - after_score).abs() < 1e-12, "scores stay");
-        assert!((after_m / before_m).ln().abs() < 0.2, "{before_m} m became {after_m} m");
-        assert!(after_sigma_m / after_m < 1.001 * sigma_m / before_m, "more is known than before");
+    let on = |road: &[&str]| found(folder, &[&["--max-overlap", "1"], road].concat());
+    let alone = on(&["--above-road", "none"]);
+    for together in [on(&[]), on(&["--above-road", "1.65"])] {
+        assert_eq!(alone.len(), together.len());
+        for ([before_m, sigma_m, score], [after_m, after_sigma_m, after_score]) in alone.iter().zip(&together) {
+            assert!((score - after_score).abs() < 1e-12, "scores stay");
+            assert!((after_m / before_m).ln().abs() < 0.2, "{before_m} m became {after_m} m");
+            assert!(after_sigma_m / after_m < 1.001 * sigma_m / before_m, "more is known than before");
+        }
+        assert!(alone.iter().zip(&together).any(|(a, b)| (a[0] - b[0]).abs() > 1e-3), "nothing moved");
     }
-    assert!(before.iter().zip(&after).any(|(a, b)| (a[0] - b[0]).abs() > 1e-3), "nothing moved");
     let unused = told(folder, &["eval", "--labels", ".", "--results", ".", "--above-road", "1.65"]);
     assert!(unused.contains("expected --data"), "{unused}");
 }

@@ -121,7 +121,7 @@ enum MetricName {
 enum ScoresName {
     /// What the result files say
     AsGiven,
-    /// That, times the probability by the error bar (17th column) that the distance is right to 0.3 m: raises AP in space
+    /// That, times the probability by the error bar (17th column) that the distance is right to an overlap of 0.7: raises AP in space
     Place,
 }
 
