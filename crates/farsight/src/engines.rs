@@ -83,15 +83,17 @@ impl RefinerArgs {
 /// Where the camera is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub(crate) struct RoadArgs {
-    /// Height of the camera above the road: known, it tells distances better; "none" takes each object by itself instead of putting all on one road
-    /// [default: any height]
-    #[arg(long, value_name = "METRES|none", value_parser = road)]
+    /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it is not known, or "none" for each object
+    /// by itself [default: any for the model that comes with the program, none for others]
+    #[arg(long, value_name = "METRES|any|none", value_parser = road)]
     above_road: Option<Road>,
 }
 
 impl RoadArgs {
-    fn road(self) -> Road {
-        self.above_road.unwrap_or(Road::Below)
+    /// The road for the model at `model`, or the shipped one.
+    fn under(self, model: Option<&Path>) -> Road {
+        let usual = if model.is_none() { Road::Below } else { Road::Ignored };
+        self.above_road.unwrap_or(usual)
     }
 }
 
@@ -99,12 +101,13 @@ impl RoadArgs {
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.2..=50.0;
 
 fn road(text: &str) -> Result<Road, String> {
-    if text == "none" {
-        return Ok(Road::Ignored);
+    let height_m = || text.parse().ok().filter(|height_m| HEIGHTS_M.contains(height_m));
+    let expected = || format!("expected metres, from {} to {}, any or none", HEIGHTS_M.start(), HEIGHTS_M.end());
+    match text {
+        "none" => Ok(Road::Ignored),
+        "any" => Ok(Road::Below),
+        _ => height_m().map(Road::BelowBy).ok_or_else(expected),
     }
-    let height_m = text.parse().ok().filter(|height_m| HEIGHTS_M.contains(height_m));
-    let expected = || format!("expected metres, from {} to {}, or none", HEIGHTS_M.start(), HEIGHTS_M.end());
-    height_m.map(Road::BelowBy).ok_or_else(expected)
 }
 
 /// In which numbers OpenVINO computes.
@@ -134,7 +137,7 @@ pub(crate) fn open_whole(
     options: DecodeOptions,
 ) -> Result<Detector> {
     let detector = refiner.beside(open_detector(args, path, options)?, args, path)?;
-    Ok(detector.with_road(road.road()))
+    Ok(detector.with_road(road.under(path)))
 }
 
 /// The model at `path`, or the shipped one, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.

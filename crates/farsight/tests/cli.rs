@@ -101,11 +101,11 @@ fn numbers_that_no_camera_has() {
         (["--min-score", "1.5"], "invalid value '1.5' for '--min-score <SCORE>': expected at least 0 and less than 1"),
         (
             ["--above-road", "0"],
-            "invalid value '0' for '--above-road <METRES|none>': expected metres, from 0.2 to 50, or none",
+            "invalid value '0' for '--above-road <METRES|any|none>': expected metres, from 0.2 to 50, any or none",
         ),
         (
             ["--above-road", "roof"],
-            "invalid value 'roof' for '--above-road <METRES|none>': expected metres, from 0.2 to 50, or none",
+            "invalid value 'roof' for '--above-road <METRES|any|none>': expected metres, from 0.2 to 50, any or none",
         ),
     ];
     for ([option, value], problem) in table {

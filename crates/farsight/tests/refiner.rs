@@ -80,6 +80,11 @@ fn one_road_under_all_moves_distances_and_nothing_else() {
         }
         assert!(alone.iter().zip(&together).any(|(a, b)| (a[0] - b[0]).abs() > 1e-3), "nothing moved");
     }
+    let named = root().join("models/farsight-s.safetensors").display().to_string();
+    let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
+    let own = |road: &[&str]| on(&[&["--model", &named, "--refiner", &refiner], road].concat());
+    assert_eq!(own(&[]), alone, "a model of one's own is used as it is");
+    assert_eq!(own(&["--above-road", "any"]), on(&[]));
     let unused = told(folder, &["eval", "--labels", ".", "--results", ".", "--above-road", "1.65"]);
     assert!(unused.contains("expected --data"), "{unused}");
 }
