@@ -231,6 +231,22 @@ mod tests {
     }
 
     #[test]
+    fn a_camera_over_the_road_that_looks_down_needs_no_height() {
+        let (slope, height_m) = (0.364, 6.4);
+        let factors = [1.06, 0.95, 1.04, 0.97, 1.05, 0.94];
+        let depths = [12.0, 15.0, 19.0, 24.0, 30.0, 38.0];
+        let seen = |(z, factor): (f64, f64)| {
+            let mut seen = car(z / 4.0 - 5.0, z, slope, factor, 0.05);
+            seen.box3d.location[1] += factor * (height_m - 1.6);
+            seen
+        };
+        let found = on_one_road(depths.into_iter().zip(factors).map(seen).collect(), Road::Below);
+        let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
+        let after: f64 = found.iter().zip(depths).map(|(object, z)| (object.box3d.depth_m() / z).ln().abs()).sum();
+        assert!(after < 0.85 * before, "errors of {before} became {after}");
+    }
+
+    #[test]
     fn at_an_unknown_height_one_object_alone_hardly_moves() {
         for height_m in [1.2, 2.5, 6.0] {
             let mut alone = car(2.0, 15.0, 0.0, 1.0, 0.05);
