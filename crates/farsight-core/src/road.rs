@@ -8,7 +8,7 @@ use crate::Detection;
 use crate::linear::{dot, solved};
 
 /// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they end below is a guess.
-const SURE_SCORE: f64 = 0.5;
+pub const SURE_SCORE: f64 = 0.5;
 
 /// How far off the lower edge of a box is, as a tangent of the angle: two pixels of KITTI's images.
 const EDGE_ERROR: f64 = 0.003;

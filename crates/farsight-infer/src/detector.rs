@@ -2,7 +2,7 @@
 
 use farsight_core::codec::CHANNELS;
 use farsight_core::detection::{DecodeOptions, View, detections, detections_at_peaks};
-use farsight_core::road::{Road, on_one_road};
+use farsight_core::road::{Road, SURE_SCORE, on_one_road};
 use farsight_core::{Camera, Detection, HeadMaps};
 use image::RgbImage;
 use thiserror::Error;
@@ -151,7 +151,7 @@ impl Detector {
         let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view)).collect();
         let (answers, decode) = timed(decoded);
         let (answers, refine) = timed(|| self.refined(images, answers));
-        let answers = answers?.into_iter().map(|found| on_one_road(found, self.road)).collect();
+        let answers = answers?.into_iter().map(|found| self.told(found)).collect();
         Ok((answers, StageTimes { warp, network, decode, refine, ..StageTimes::default() }))
     }
 
@@ -162,11 +162,11 @@ impl Detector {
         images: &[(&RgbImage, &Camera)],
         answers: Vec<Vec<Detection>>,
     ) -> Result<Vec<Vec<Detection>>, EngineError> {
+        let least_score = self.least_score();
         let Some(refiner) = &mut self.refiner else { return Ok(answers) };
-        let DetectorSpec { codec, options, .. } = &self.spec;
-        let min_score = options.min_score(codec);
+        let classes = &self.spec.codec.classes;
         let each = images.iter().zip(answers);
-        each.map(|((image, camera), found)| refiner.refined(image, camera, found, &codec.classes, min_score)).collect()
+        each.map(|((image, camera), found)| refiner.refined(image, camera, found, classes, least_score)).collect()
     }
 
     #[cfg(not(feature = "rten"))]
@@ -213,19 +213,35 @@ impl Detector {
         detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, &options)
     }
 
-    #[cfg(feature = "rten")]
     fn first_look_options(&self) -> DecodeOptions {
-        let DetectorSpec { codec, options, .. } = &self.spec;
-        let candidates = |_: &crate::Refiner| DecodeOptions {
-            min_score: Some(crate::refiner::CANDIDATE_SHARE * options.min_score(codec)),
-            ..*options
-        };
-        self.refiner.as_ref().map_or(*options, candidates)
+        DecodeOptions { min_score: Some(self.candidate_share() * self.least_score()), ..self.spec.options }
+    }
+
+    #[cfg(feature = "rten")]
+    fn candidate_share(&self) -> f64 {
+        if self.refiner.is_some() { crate::refiner::CANDIDATE_SHARE } else { 1.0 }
     }
 
     #[cfg(not(feature = "rten"))]
-    fn first_look_options(&self) -> DecodeOptions {
-        self.spec.options
+    fn candidate_share(&self) -> f64 {
+        1.0
+    }
+
+    /// What has a lower score plays no part. What stands on the road has, told or not.
+    fn least_score(&self) -> f64 {
+        let asked = self.min_score();
+        if self.road == Road::Ignored { asked } else { asked.min(SURE_SCORE) }
+    }
+
+    fn min_score(&self) -> f64 {
+        self.spec.options.min_score(&self.spec.codec)
+    }
+
+    /// `found` on its road, as far as it was asked for.
+    fn told(&self, found: Vec<Detection>) -> Vec<Detection> {
+        let mut told = on_one_road(found, self.road);
+        told.retain(|detection| detection.score > self.min_score());
+        told
     }
 
     /// The decoder relies on the number and the sizes of the maps, and an engine runs files that others made.

@@ -49,20 +49,26 @@ fn the_second_look_moves_boxes_and_says_how_sure_it_is() {
     let moved =
         |place: fn(&[f64; 3]) -> f64| both.iter().filter(|d| (place(d) - place(&nearest(d[0]))).abs() > 1e-6).count();
     assert!(moved(|d| d[0]) > 0 && moved(|d| d[2]) > 0, "nothing changed");
-    // A model of the user's own is looked at as it is, unless a refiner is named.
+    // A model of the user's own is looked at as it is, unless a refiner or a road is named.
     let model = root().join("models/farsight-s.safetensors").display().to_string();
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
-    assert_eq!(found(folder, &[&all[..], &["--model", &model]].concat()), first);
-    assert_eq!(found(folder, &[&all[..], &["--model", &model, "--refiner", &refiner]].concat()), both);
+    let own = |more: &[&str]| found(folder, &[&all[..], &["--model", &model], more].concat());
+    assert_eq!(own(&[]), found(folder, &[&all[..], &["--refiner", "none", "--above-road", "none"]].concat()));
+    assert_eq!(own(&["--refiner", &refiner]), found(folder, &[&all[..], &["--above-road", "none"]].concat()));
+    assert_eq!(own(&["--refiner", &refiner, "--above-road", "any"]), both);
 }
 
 #[test]
 fn what_is_asked_for_decides_nothing_but_what_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let [all, few] = ["0.05", "0.5"].map(|least| found(folder, &["--max-overlap", "1", "--min-score", least]));
-    let surer: Vec<_> = all.iter().filter(|d| d[2] > 0.5).copied().collect();
-    assert!(all.len() > surer.len() && surer == few, "{all:?}\n{few:?}");
+    let from = |least: f64| found(folder, &["--max-overlap", "1", "--min-score", &least.to_string()]);
+    let all = from(0.05);
+    for least in [0.5, 0.9] {
+        let surer: Vec<_> = all.iter().filter(|d| d[2] > least).copied().collect();
+        let few = from(least);
+        assert!(all.len() > surer.len() && surer == few, "{all:?}\n{few:?}");
+    }
 }
 
 #[test]
@@ -80,11 +86,6 @@ fn one_road_under_all_moves_distances_and_nothing_else() {
         }
         assert!(alone.iter().zip(&together).any(|(a, b)| (a[0] - b[0]).abs() > 1e-3), "nothing moved");
     }
-    let named = root().join("models/farsight-s.safetensors").display().to_string();
-    let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
-    let own = |road: &[&str]| on(&[&["--model", &named, "--refiner", &refiner], road].concat());
-    assert_eq!(own(&[]), alone, "a model of one's own is used as it is");
-    assert_eq!(own(&["--above-road", "any"]), on(&[]));
     let unused = told(folder, &["eval", "--labels", ".", "--results", ".", "--above-road", "1.65"]);
     assert!(unused.contains("expected --data"), "{unused}");
 }
