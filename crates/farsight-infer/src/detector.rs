@@ -25,6 +25,9 @@ pub struct Detector {
     inputs: Vec<Vec<f32>>,
 }
 
+/// What has a first score above this share of the score that is asked for is looked at again: a second look can raise it so far.
+const CANDIDATE_SHARE: f64 = 0.2;
+
 /// An image for which there is no answer.
 #[derive(Debug, Error)]
 pub enum DetectError {
@@ -97,6 +100,11 @@ impl Detector {
     #[must_use]
     pub fn with_road(self, road: Road) -> Self {
         Self { road, ..self }
+    }
+
+    /// Whether what it finds has error bars.
+    pub fn has_error_bars(&self) -> bool {
+        self.spec.codec.depth.error.is_some() || self.has_refiner()
     }
 
     /// Name of the engine.
@@ -214,17 +222,18 @@ impl Detector {
     }
 
     fn first_look_options(&self) -> DecodeOptions {
-        DecodeOptions { min_score: Some(self.candidate_share() * self.least_score()), ..self.spec.options }
+        let share = if self.has_refiner() { CANDIDATE_SHARE } else { 1.0 };
+        DecodeOptions { min_score: Some(share * self.least_score()), ..self.spec.options }
     }
 
     #[cfg(feature = "rten")]
-    fn candidate_share(&self) -> f64 {
-        if self.refiner.is_some() { crate::refiner::CANDIDATE_SHARE } else { 1.0 }
+    fn has_refiner(&self) -> bool {
+        self.refiner.is_some()
     }
 
     #[cfg(not(feature = "rten"))]
-    fn candidate_share(&self) -> f64 {
-        1.0
+    fn has_refiner(&self) -> bool {
+        false
     }
 
     /// What has a lower score plays no part. What stands on the road has, told or not.

@@ -15,9 +15,6 @@ use crate::rten::{NAME, Network};
 /// So many objects are looked at together, each twice.
 const BATCH: usize = 8;
 
-/// What has a first score above this share of the score that is asked for is looked at again: a second look can raise it so far.
-pub(crate) const CANDIDATE_SHARE: f64 = 0.2;
-
 /// Looks again at what a detector found.
 pub struct Refiner {
     network: Network,

@@ -90,6 +90,10 @@ pub(crate) struct RoadArgs {
 }
 
 impl RoadArgs {
+    fn is_asked_for(self) -> bool {
+        self.above_road.is_some_and(|road| road != Road::Ignored)
+    }
+
     /// The road for the model at `model`, or the shipped one.
     fn under(self, model: Option<&Path>) -> Road {
         let usual = if model.is_none() { Road::Below } else { Road::Ignored };
@@ -137,6 +141,11 @@ pub(crate) fn open_whole(
     options: DecodeOptions,
 ) -> Result<Detector> {
     let detector = refiner.beside(open_detector(args, path, options)?, args, path)?;
+    ensure!(
+        detector.has_error_bars() || !road.is_asked_for(),
+        "{}: a model without error bars, which --above-road goes by; `farsight export --fit-on` fits them",
+        path.unwrap_or(Path::new(shipped::NAME)).display()
+    );
     Ok(detector.with_road(road.under(path)))
 }
 

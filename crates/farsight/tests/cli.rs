@@ -200,6 +200,22 @@ error: m.safetensors: --input: the depths of this model hold at the size it was 
 }
 
 #[test]
+fn one_road_needs_error_bars() {
+    let folder = tempfile::tempdir().unwrap();
+    small_model(folder.path());
+    image::RgbImage::new(96, 64).save(folder.path().join("a.png")).unwrap();
+    let on = |road: &str| {
+        let arguments = ["range", "a.png", "--hfov", "80", "--model", "m.safetensors", "--above-road", road];
+        farsight_in(folder.path(), &arguments)
+    };
+    for road in ["1.3", "any"] {
+        let (status, _, err) = on(road);
+        assert!(status == 2 && err.starts_with("error: m.safetensors: a model without error bars"), "{err}");
+    }
+    assert_eq!(on("none").0, 0);
+}
+
+#[test]
 fn a_model_that_is_none() {
     let expected =
         "error: model: no \"farsight.model\" in its metadata; expected a file written by `farsight export`\n";
