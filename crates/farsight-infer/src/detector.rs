@@ -25,7 +25,7 @@ pub struct Detector {
     inputs: Vec<Vec<f32>>,
 }
 
-/// What has a first score above this share of the score that is asked for is looked at again: a second look can raise it so far.
+/// What has a first score above this share of the least score that counts is looked at again: a second look can raise it so far.
 const CANDIDATE_SHARE: f64 = 0.2;
 
 /// An image for which there is no answer.
