@@ -1,9 +1,9 @@
 //! Adam with L2 weight decay; its state is plain tensors, so a checkpoint can hold all of it.
 
-use farsight_net::weights::{WeightTensor, Weights};
+use farsight_net::weights::Weights;
 use tch::{Tensor, no_grad};
 
-use crate::executor::{Network, weight_from_tensor};
+use crate::executor::{Network, fill, weight_from_tensor};
 
 /// Settings of the optimiser that do not change during a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +18,13 @@ pub struct AdamSettings {
     pub weight_decay: f64,
     /// Factor on the learning rate of biases (official SMOKE: 2).
     pub bias_rate_factor: f64,
+}
+
+impl AdamSettings {
+    /// Adam's usual numbers.
+    pub fn new(weight_decay: f64, bias_rate_factor: f64) -> Self {
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay, bias_rate_factor }
+    }
 }
 
 /// A gradient that is not finite.
@@ -118,6 +125,11 @@ impl Adam {
         Ok(norm)
     }
 
+    /// Counts a step without a gradient.
+    pub(crate) fn rest(&mut self) {
+        self.steps += 1;
+    }
+
     /// Adds the state to `weights`, beside the parameters.
     pub fn store(&self, weights: &mut Weights) {
         for moments in &self.moments {
@@ -134,16 +146,9 @@ impl Adam {
         self.steps = steps;
         for moments in &mut self.moments {
             for (prefix, place) in [(MEAN_PREFIX, &mut moments.mean), (SQUARE_PREFIX, &mut moments.square)] {
-                let name = format!("{prefix}{}", moments.name);
-                let tensor = weights.tensors.get(&name).filter(|t| same_shape(t, place)).ok_or(name)?;
-                // Copied, not replaced: the place has its numbers in the order of the parameter's.
-                place.copy_(&Tensor::from_slice(&tensor.values).view(place.size().as_slice()));
+                fill(place, weights, &format!("{prefix}{}", moments.name))?;
             }
         }
         Ok(())
     }
-}
-
-fn same_shape(weight: &WeightTensor, tensor: &Tensor) -> bool {
-    weight.shape.iter().map(|&s| s as i64).eq(tensor.size())
 }

@@ -7,9 +7,6 @@ use farsight_net::weights::{Weights, WeightsError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::adam::Adam;
-use crate::executor::Network;
-
 /// Key of the header under which the progress stands as JSON.
 const PROGRESS_KEY: &str = "farsight.progress";
 
@@ -57,19 +54,17 @@ pub enum CheckpointError {
     },
 }
 
-/// Writes a checkpoint, whole or not at all: weights, optimiser, progress, and the `identity` of the run: what of its config changes its steps.
+/// Writes a checkpoint, whole or not at all: `weights` (parameters, optimiser and what else there is), progress, and the `identity` of the run: what of its
+/// config changes its steps.
 ///
 /// # Errors
 /// When the file cannot be written.
 pub fn write(
     path: &Path,
-    network: &Network,
-    adam: &Adam,
+    mut weights: Weights,
     progress: Progress,
     identity: &impl Serialize,
 ) -> Result<(), CheckpointError> {
-    let mut weights = network.weights();
-    adam.store(&mut weights);
     for (key, json) in [(PROGRESS_KEY, serde_json::to_string(&progress)), (RUN_KEY, serde_json::to_string(identity))] {
         let json = json.map_err(|e| CheckpointError::Header { path: path.into(), key, problem: e.to_string() })?;
         weights.metadata.insert(key.to_owned(), json);
@@ -101,17 +96,4 @@ pub fn read(path: &Path, identity: &impl Serialize) -> Result<(Weights, Progress
         return Err(CheckpointError::OtherRun { path: path.into() });
     }
     Ok((weights, progress))
-}
-
-/// Gives the optimiser the state that `weights` (of the checkpoint at `path`) hold.
-///
-/// # Errors
-/// When a tensor is missing or has another shape.
-pub fn restore_adam(
-    path: &Path,
-    adam: &mut Adam,
-    weights: &Weights,
-    progress: Progress,
-) -> Result<(), CheckpointError> {
-    adam.restore(weights, progress.steps).map_err(|name| CheckpointError::Tensor { path: path.into(), name })
 }

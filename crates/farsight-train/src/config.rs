@@ -12,6 +12,7 @@ use thiserror::Error;
 
 use crate::adam::AdamSettings;
 use crate::executor::Precision;
+use crate::learner::LearnerSettings;
 use crate::schedule::Schedule;
 
 /// A run: what to train, on what, how. Every field has a default; the defaults are the paper's recipe.
@@ -135,6 +136,9 @@ pub struct TrainConfig {
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
+    /// Decay of the exponential running means of the weights (EMA), which the model gets in the end; without it those of the last step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ema_decay: Option<f64>,
     /// Batches after the last step over which the statistics of batch norm are taken anew; without it they are those of the last dozens of steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistics_batches: Option<u64>,
@@ -166,6 +170,7 @@ impl Default for TrainConfig {
             precision: Precision::F32,
             seed: 0,
             start_from: None,
+            ema_decay: None,
             statistics_batches: None,
             checkpoint_steps: 200,
             log_steps: 10,
@@ -214,6 +219,12 @@ pub(crate) fn read_checked<T: DeserializeOwned>(
         Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
         None => Ok(config),
     }
+}
+
+/// Why the weights' running means cannot have this decay, if they cannot.
+pub(crate) fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
+    let wrong = ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
+    wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
 }
 
 impl RunConfig {
@@ -273,18 +284,24 @@ impl RunConfig {
         bad_positive
             .map(|(name, v)| format!("{name} is {v}; expected a positive number"))
             .or_else(|| bad_other.map(|(name, v)| format!("{name} is {v}; expected 0 or a positive number")))
+            .or_else(|| problem_of_decay(train.ema_decay))
     }
 }
 
 impl TrainConfig {
     /// Settings of the optimiser.
     pub fn adam(&self) -> AdamSettings {
-        AdamSettings {
-            beta1: 0.9,
-            beta2: 0.999,
-            epsilon: 1e-8,
-            weight_decay: self.weight_decay,
-            bias_rate_factor: self.bias_rate_factor,
+        AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+    }
+
+    pub(crate) fn learner(&self) -> LearnerSettings {
+        LearnerSettings {
+            adam: self.adam(),
+            clip_norm: self.clip_norm,
+            ema_decay: self.ema_decay,
+            precision: self.precision,
+            seed: self.seed,
+            start_from: self.start_from.clone(),
         }
     }
 }

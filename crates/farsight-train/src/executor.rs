@@ -120,10 +120,14 @@ impl Network {
         pairs.filter(|(p, _)| p.role == Role::Learnt).map(|(p, t)| (p.name.as_str(), t))
     }
 
+    /// Name and tensor of every parameter, learnt or gathered, in the order of the graph.
+    pub fn parameters(&self) -> impl Iterator<Item = (&str, &Tensor)> {
+        self.graph.parameters.iter().zip(&self.parameters).map(|(p, t)| (p.name.as_str(), t))
+    }
+
     /// All parameters, copied to main memory.
     pub fn weights(&self) -> Weights {
-        let pairs = self.graph.parameters.iter().zip(&self.parameters);
-        let tensors = pairs.map(|(p, t)| (p.name.clone(), weight_from_tensor(t))).collect();
+        let tensors = self.parameters().map(|(name, tensor)| (name.to_owned(), weight_from_tensor(tensor))).collect();
         Weights { tensors, metadata: BTreeMap::new() }
     }
 
@@ -246,6 +250,17 @@ impl Network {
 pub fn weight_from_tensor(tensor: &Tensor) -> WeightTensor {
     let shape = tensor.size().iter().map(|&s| s as usize).collect();
     WeightTensor { shape, values: values_from_tensor(tensor) }
+}
+
+/// Copies the tensor of this name into `place`, which keeps the order of its numbers in memory.
+///
+/// # Errors
+/// The name, when there is no such tensor or it has another shape.
+pub fn fill(place: &mut Tensor, weights: &Weights, name: &str) -> Result<(), String> {
+    let has_its_shape = |tensor: &&WeightTensor| tensor.shape.iter().map(|&s| s as i64).eq(place.size());
+    let tensor = weights.tensors.get(name).filter(has_its_shape).ok_or(name)?;
+    no_grad(|| place.copy_(&Tensor::from_slice(&tensor.values).view(place.size().as_slice())));
+    Ok(())
 }
 
 /// A tensor's values, last axis fastest.

@@ -4,11 +4,13 @@
 //! everything that depends on the user's files, config or data returns one.
 
 pub mod adam;
+mod average;
 pub mod checkpoint;
 pub mod config;
 pub mod deform;
 pub mod engine;
 pub mod executor;
+mod learner;
 pub mod loss;
 pub mod metrics;
 pub mod refiner;

@@ -13,7 +13,6 @@ use farsight_data::{Batch, KittiDataset, Loader, LoaderConfig, Position};
 use farsight_files::{DurableError, write_atomically};
 use farsight_net::build::{network, with_surface_head};
 use farsight_net::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
-use farsight_net::init::initial_weights;
 use farsight_net::model::{Model, ModelError};
 use farsight_net::refiner::RefinerError;
 use farsight_net::weights::{Weights, WeightsError};
@@ -21,10 +20,10 @@ use farsight_synth::SceneStream;
 use tch::{Device, no_grad};
 use thiserror::Error;
 
-use crate::adam::Adam;
-use crate::checkpoint::{self, CheckpointError, Progress};
+use crate::checkpoint::{CheckpointError, Progress};
 use crate::config::{DataConfig, RunConfig};
-use crate::executor::{ExecutorError, Mode, Network};
+use crate::executor::{ExecutorError, Mode};
+use crate::learner::Learner;
 use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss, surface_loss};
 use crate::metrics::{MetricsWriter, Record};
 use crate::samples::{Sampler, TrainBatch, TrainSample};
@@ -172,9 +171,10 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
             metrics.write(record.step, &record, record.scalars()).map_err(write_error)?;
         }
         if progress.steps % job.run.train.checkpoint_steps == 0 || progress.steps == total {
-            checkpoint::write(&checkpoint_path, &trainer.network, &trainer.adam, progress, &job.run.identity())?;
+            trainer.learner.write(&checkpoint_path, progress, &job.run.identity())?;
         }
     }
+    trainer.learner.settle();
     if let Some(batches) = job.run.train.statistics_batches {
         let after = Position { epoch: epochs, batch: 0 };
         trainer.gather_statistics(self::loader(&job.run, &sampler, frames, after, None)?.take(batches as usize))?;
@@ -253,11 +253,10 @@ pub(crate) fn following(position: Position, batches_per_epoch: u64) -> Position 
 /// Network, optimiser and what they need to take a step.
 struct Trainer<'a> {
     job: &'a Job,
-    network: Network,
+    learner: Learner,
     /// Logits, regression and, where it is taught, the surface.
     outputs: Vec<NodeId>,
     is_narrowed: bool,
-    adam: Adam,
     codec: Codec,
 }
 
@@ -265,11 +264,6 @@ impl<'a> Trainer<'a> {
     /// Fresh, or from the checkpoint when the job resumes and there is one.
     fn start(job: &'a Job, checkpoint_path: &Path, device: Device) -> Result<(Self, Progress), TrainError> {
         let run = &job.run;
-        let stored = if job.resume && checkpoint_path.exists() {
-            Some(checkpoint::read(checkpoint_path, &run.identity())?)
-        } else {
-            None
-        };
         let graph = start_graph(run)?;
         let is_narrowed = graph != network(&run.model);
         let missing = |name: &str| ExecutorError::Missing(name.to_owned());
@@ -278,31 +272,18 @@ impl<'a> Trainer<'a> {
         } else {
             graph
         };
-        let fresh = initial_weights(&graph, run.train.seed);
-        let start = match (&stored, &run.train.start_from) {
-            (Some((weights, _)), _) => weights.clone(),
-            (None, Some(path)) => overlaid(fresh, Weights::read(path)?),
-            (None, None) => fresh,
-        };
         let output = |name: &str| graph.tap(name).ok_or_else(|| missing(name));
         let mut outputs = vec![output(LOGITS)?, output(REGRESSION)?];
         outputs.extend(graph.tap(SURFACE));
-        let network = Network::new(graph, &start, device, run.train.precision)?;
-        let mut adam = Adam::new(run.train.adam(), network.learnt());
-        let progress = match &stored {
-            Some((weights, progress)) => {
-                checkpoint::restore_adam(checkpoint_path, &mut adam, weights, *progress)?;
-                *progress
-            }
-            None => Progress::default(),
-        };
-        Ok((Self { job, network, outputs, is_narrowed, adam, codec: run.model.codec() }, progress))
+        let checkpoint = (job.resume && checkpoint_path.exists()).then_some(checkpoint_path);
+        let (learner, progress) = Learner::start(graph, &run.train.learner(), checkpoint, &run.identity(), device)?;
+        Ok((Self { job, learner, outputs, is_narrowed, codec: run.model.codec() }, progress))
     }
 
     /// One step of the optimiser on `batch`, the `step`-th of `total`.
     fn step(&mut self, batch: &TrainBatch, step: u64, epoch: u64, total: u64) -> Result<Record, TrainError> {
         let config = &self.job.run.train;
-        let maps = self.network.forward(&batch.input, Mode::Train, &self.outputs);
+        let maps = self.learner.network.forward(&batch.input, Mode::Train, &self.outputs);
         let full_weight_m = (config.full_weight_m > 0.0).then_some(config.full_weight_m);
         let divisor = CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64;
         let weights = CornerWeights {
@@ -321,7 +302,7 @@ impl<'a> Trainer<'a> {
         check_terms(&terms, step, batch)?;
 
         let learning_rate = config.learning_rate * config.schedule.factor(step, total, config.warm_up_steps);
-        let descended = self.adam.descend(&self.network, &objective, config.clip_norm, learning_rate);
+        let descended = self.learner.descend(&objective, learning_rate);
         let gradient_norm = descended.map_err(|bad| not_finite(step, bad.what(), bad.norm, batch))?;
         let (loss, samples_per_second) = (terms.total(), 0.0);
         Ok(Record { step: step + 1, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second })
@@ -329,20 +310,21 @@ impl<'a> Trainer<'a> {
 
     /// Takes the statistics of batch norm anew, as means over `batches`: those gathered while learning are of the last dozens of steps only.
     fn gather_statistics(&self, batches: impl Iterator<Item = TrainItems>) -> Result<(), TrainError> {
-        let device = self.network.device();
+        let network = &self.learner.network;
+        let device = network.device();
         for (done, batch) in batches.enumerate() {
             let step = done as u64;
             let items = batch.map_err(|source| TrainError::Sample { step, source })?.items;
             let batch = TrainBatch::new(items, self.job.run.model.input, device);
             let mode = Mode::Gather { share: 1.0 / (step + 1) as f64 };
-            no_grad(|| self.network.forward(&batch.input, mode, &self.outputs));
+            no_grad(|| network.forward(&batch.input, mode, &self.outputs));
         }
         Ok(())
     }
 
     fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {
         let run = &self.job.run;
-        let mut weights = self.network.weights();
+        let mut weights = self.learner.network.weights();
         let facts = serde_json::json!({
             "steps": progress.steps,
             "epochs": run.train.epochs,
@@ -369,18 +351,6 @@ fn start_graph(run: &RunConfig) -> Result<Graph, TrainError> {
         }
     }
     Ok(network(&run.model))
-}
-
-/// `fresh` with the tensors of `loaded` that have a place and the right shape in it.
-pub(crate) fn overlaid(mut fresh: Weights, loaded: Weights) -> Weights {
-    for (name, tensor) in loaded.tensors {
-        if let Some(place) = fresh.tensors.get_mut(&name)
-            && place.shape == tensor.shape
-        {
-            *place = tensor;
-        }
-    }
-    fresh
 }
 
 fn check_terms(terms: &LossTerms, step: u64, batch: &TrainBatch) -> Result<(), TrainError> {

@@ -7,7 +7,9 @@ use farsight_net::refiner::RefinerConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::adam::AdamSettings;
-use crate::config::{DataConfig, RunConfigError, read_checked};
+use crate::config::{DataConfig, RunConfigError, problem_of_decay, read_checked};
+use crate::executor::Precision;
+use crate::learner::LearnerSettings;
 use crate::schedule::Schedule;
 
 /// What to train, on what, how. The table `[refiner]` must be there, if only by name: it tells this from the training of a detector.
@@ -53,6 +55,9 @@ pub struct RefinerTrainConfig {
     pub warm_up_steps: u64,
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
+    /// Decay of the exponential running means of the weights (EMA), which the refiner gets in the end; without it those of the last step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ema_decay: Option<f64>,
     /// Seed of the weights, the order, the errors of the first look and the augmentation.
     pub seed: u64,
     /// Steps between checkpoints; one is also written at the end.
@@ -77,6 +82,7 @@ impl Default for RefinerTrainConfig {
             weight_decay: 1e-5,
             warm_up_steps: 200,
             clip_norm: 10.0,
+            ema_decay: None,
             seed: 0,
             checkpoint_steps: 500,
             log_steps: 50,
@@ -86,8 +92,15 @@ impl Default for RefinerTrainConfig {
 }
 
 impl RefinerTrainConfig {
-    pub(crate) fn adam(&self) -> AdamSettings {
-        AdamSettings { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: self.weight_decay, bias_rate_factor: 1.0 }
+    pub(crate) fn learner(&self) -> LearnerSettings {
+        LearnerSettings {
+            adam: AdamSettings::new(self.weight_decay, 1.0),
+            clip_norm: self.clip_norm,
+            ema_decay: self.ema_decay,
+            precision: Precision::F32,
+            seed: self.seed,
+            start_from: self.start_from.clone(),
+        }
     }
 
     /// The learning rate of a step.
@@ -111,9 +124,11 @@ impl RefinerTrainConfig {
         ];
         let zero = counts.into_iter().find(|(_, count)| *count == 0);
         let wrong = numbers.into_iter().find(|(_, number)| !(number.is_finite() && *number >= 0.0));
-        zero.map(|(name, _)| format!("train.{name} is 0; expected at least 1")).or_else(|| {
-            wrong.map(|(name, number)| format!("train.{name} is {number}; expected a number that is not negative"))
-        })
+        zero.map(|(name, _)| format!("train.{name} is 0; expected at least 1"))
+            .or_else(|| {
+                wrong.map(|(name, number)| format!("train.{name} is {number}; expected a number that is not negative"))
+            })
+            .or_else(|| problem_of_decay(self.ema_decay))
     }
 }
 

@@ -9,19 +9,17 @@ use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{Batch, Loader, LoaderConfig};
 use farsight_files::write_atomically;
 use farsight_net::graph::NodeId;
-use farsight_net::init::initial_weights;
 use farsight_net::refiner::{ANSWER, RefinerModel};
-use farsight_net::weights::Weights;
 use serde::Serialize;
 use tch::{Device, Kind, Tensor};
 
 use super::RefinerRun;
 use super::samples::{CropBatch, CropSampler, FrameCrops};
-use crate::adam::Adam;
-use crate::checkpoint::{self, Progress};
-use crate::executor::{ExecutorError, Mode, Network, Precision};
+use crate::checkpoint::Progress;
+use crate::executor::{ExecutorError, Mode};
+use crate::learner::Learner;
 use crate::trainer::{
-    CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, overlaid, prepare_folder, source,
+    CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, prepare_folder, source,
 };
 
 /// Name of the trained refiner in a run's folder.
@@ -93,12 +91,14 @@ pub fn train(job: &RefinerJob, observer: &mut dyn RefinerObserver) -> Result<Pat
     for batch in loader {
         let Batch { position, items } = batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
         let rate = settings.rate(progress.steps, total);
-        if let Some(batch) = CropBatch::new(&items, run.refiner.side, trainer.network.device()) {
+        if let Some(batch) = CropBatch::new(&items, run.refiner.side, trainer.learner.network.device()) {
             let step = trainer.step(&batch, rate).map_err(|(what, value)| {
                 let frames = items.iter().map(|frame| frame.id.clone()).collect();
                 TrainError::NotFinite { step: progress.steps, what, value, frames }
             })?;
             window.add(&step);
+        } else {
+            trainer.learner.rest();
         }
         progress = Progress { steps: progress.steps + 1, position: following(position, batches) };
         let is_last = progress.steps == total;
@@ -109,9 +109,10 @@ pub fn train(job: &RefinerJob, observer: &mut dyn RefinerObserver) -> Result<Pat
             observer.record(&record);
         }
         if progress.steps % settings.checkpoint_steps == 0 || is_last {
-            checkpoint::write(&checkpoint_path, &trainer.network, &trainer.adam, progress, &run.identity())?;
+            trainer.learner.write(&checkpoint_path, progress, &run.identity())?;
         }
     }
+    trainer.learner.settle();
     let path = out.join(REFINER_FILE);
     trainer.model(run, progress, frames).write(&path)?;
     Ok(path)
@@ -152,12 +153,10 @@ fn loader(
     Ok(Loader::new(&config, move |key| sampler.samples(key))?)
 }
 
-/// Network, optimiser and what they need to take a step.
+/// A refiner that learns, and where its answer stands.
 struct Trainer {
-    network: Network,
+    learner: Learner,
     answer: NodeId,
-    adam: Adam,
-    clip_norm: f64,
 }
 
 /// What a step was like.
@@ -175,28 +174,14 @@ impl Trainer {
         let graph = run.refiner.graph();
         let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
         let path = job.out.join(CHECKPOINT_FILE);
-        let stored = (job.resume && path.exists()).then(|| checkpoint::read(&path, &run.identity())).transpose()?;
-        let fresh = initial_weights(&graph, run.train.seed);
-        let start = match (&stored, &run.train.start_from) {
-            (Some((weights, _)), _) => weights.clone(),
-            (None, Some(path)) => overlaid(fresh, Weights::read(path)?),
-            (None, None) => fresh,
-        };
-        let network = Network::new(graph, &start, device, Precision::F32)?;
-        let mut adam = Adam::new(run.train.adam(), network.learnt());
-        let progress = match &stored {
-            Some((weights, progress)) => {
-                checkpoint::restore_adam(&path, &mut adam, weights, *progress)?;
-                *progress
-            }
-            None => Progress::default(),
-        };
-        Ok((Self { network, answer, adam, clip_norm: run.train.clip_norm }, progress))
+        let checkpoint = (job.resume && path.exists()).then_some(path.as_path());
+        let (learner, progress) = Learner::start(graph, &run.train.learner(), checkpoint, &run.identity(), device)?;
+        Ok((Self { learner, answer }, progress))
     }
 
     /// One step of the optimiser; what is not finite, and what it is instead, when it cannot be taken.
     fn step(&mut self, batch: &CropBatch, rate: f64) -> Result<Step, (String, f64)> {
-        let answer = self.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
+        let answer = self.learner.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
         let places = PLACE_CHANNELS as i64;
         let place = answer.narrow(1, 0, places).index_select(0, &batch.objects);
         let kinds = answer.narrow(1, places, answer.size()[1] - places).index_select(0, &batch.known);
@@ -205,7 +190,7 @@ impl Trainer {
         if !value.is_finite() {
             return Err(("the loss".to_owned(), value));
         }
-        self.adam.descend(&self.network, &loss, self.clip_norm, rate).map_err(|bad| (bad.what(), bad.norm))?;
+        self.learner.descend(&loss, rate).map_err(|bad| (bad.what(), bad.norm))?;
         let depth_error = (place.select(1, 0) - batch.targets.select(1, 0)).abs().mean(Kind::Float) * LOG_UNIT;
         let wrong = kinds.argmax(1, false).not_equal_tensor(&batch.kinds).to_kind(Kind::Float).mean(Kind::Float);
         Ok(Step {
@@ -217,7 +202,7 @@ impl Trainer {
     }
 
     fn model(&self, run: &RefinerRun, progress: Progress, frames: usize) -> RefinerModel {
-        let mut weights = self.network.weights();
+        let mut weights = self.learner.network.weights();
         let facts = serde_json::json!({ "steps": progress.steps, "epochs": run.train.epochs, "seed": run.train.seed, "frames": frames });
         weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
         RefinerModel { config: run.refiner.clone(), weights }

@@ -2,16 +2,19 @@
 
 use std::fs;
 use std::ops::Range;
+use std::path::PathBuf;
 
 use crate::tiny::{Silent, data_set, run_config};
 use farsight_core::corner_loss::corner_loss;
 use farsight_net::config::NormKind;
 use farsight_net::graph::Role;
 use farsight_net::model::Model;
+use farsight_net::weights::Weights;
 use farsight_train::config::RenderedConfig;
 use farsight_train::executor::{Precision, values_from_tensor};
 use farsight_train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
-use farsight_train::trainer::{CHECKPOINT_FILE, Job, TrainError, train};
+use farsight_train::metrics::Record;
+use farsight_train::trainer::{CHECKPOINT_FILE, Job, Observer, TrainError, train};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -240,6 +243,55 @@ fn statistics_are_taken_anew_after_the_last_step_and_nothing_else_changes() {
         let [before, after] = [&during, &anew].map(|model| &model.weights.tensors[&parameter.name]);
         assert_eq!(before != after, parameter.role == Role::Statistic, "{}", parameter.name);
     }
+}
+
+/// Keeps the weights after each step, which it finds in the checkpoint.
+struct Course {
+    checkpoint: PathBuf,
+    steps: Vec<Weights>,
+}
+
+impl Observer for Course {
+    fn begin(&mut self, _: u64, _: u64) {}
+
+    fn step(&mut self, record: &Record) {
+        // Told before the step's own checkpoint is written, so the one that is there is of the step before.
+        if record.step > 1 {
+            self.steps.push(Weights::read(&self.checkpoint).unwrap());
+        }
+    }
+}
+
+#[test]
+fn a_model_of_running_means_is_the_mean_of_its_steps_the_later_the_heavier() {
+    let folder = data_set(4);
+    let mut run = run_config(folder.path());
+    (run.train.epochs, run.train.checkpoint_steps, run.train.ema_decay) = (5, 1, Some(0.6));
+    run.model.norm = NormKind::Batch;
+    let out = folder.path().join("run");
+    let mut course = Course { checkpoint: out.join(CHECKPOINT_FILE), steps: Vec::new() };
+    let path = train(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut course).unwrap();
+    let model = Model::read(&path).unwrap();
+    course.steps.push(Weights::read(&course.checkpoint).unwrap());
+    assert!(course.steps.len() >= 5, "{} steps", course.steps.len());
+
+    let shares: Vec<f64> = (0..course.steps.len()).rev().map(|age| 0.6_f64.powi(age as i32)).collect();
+    let sum: f64 = shares.iter().sum();
+    for (name, mean) in &model.weights.tensors {
+        for (place, mean) in mean.values.iter().enumerate() {
+            let each = course.steps.iter().map(|weights| f64::from(weights.tensors[name].values[place]));
+            let expected = each.zip(&shares).map(|(value, share)| value * share).sum::<f64>() / sum;
+            assert!(
+                (f64::from(*mean) - expected).abs() < 1e-5 * (1.0 + expected.abs()),
+                "{name}: {mean}, not {expected}"
+            );
+        }
+    }
+    let last = &course.steps[course.steps.len() - 1];
+    assert!(
+        model.weights.tensors.iter().any(|(name, tensor)| last.tensors[name] != *tensor),
+        "the last step's weights"
+    );
 }
 
 #[test]

@@ -1,0 +1,126 @@
+//! What learns: a network, its optimiser and, where asked for, the running means of its weights. They start, stop and go on together.
+
+use std::path::{Path, PathBuf};
+
+use farsight_net::graph::Graph;
+use farsight_net::init::initial_weights;
+use farsight_net::weights::Weights;
+use serde::Serialize;
+use tch::{Device, Tensor};
+
+use crate::adam::{Adam, AdamSettings, BadGradient};
+use crate::average::Averages;
+use crate::checkpoint::{self, CheckpointError, Progress};
+use crate::executor::{Network, Precision};
+use crate::trainer::TrainError;
+
+/// How a network starts and learns.
+#[derive(Debug, Clone)]
+pub(crate) struct LearnerSettings {
+    pub(crate) adam: AdamSettings,
+    /// Largest norm of the gradient; 0 for no limit.
+    pub(crate) clip_norm: f64,
+    /// Decay of the running means of the weights; none keeps none.
+    pub(crate) ema_decay: Option<f64>,
+    pub(crate) precision: Precision,
+    /// Seed of what starts at random.
+    pub(crate) seed: u64,
+    /// Weights to start from; what they lack starts at random.
+    pub(crate) start_from: Option<PathBuf>,
+}
+
+/// A network that learns.
+#[derive(Debug)]
+pub(crate) struct Learner {
+    pub(crate) network: Network,
+    adam: Adam,
+    averages: Option<Averages>,
+    clip_norm: f64,
+}
+
+impl Learner {
+    /// Fresh, or as the checkpoint of the run with this `identity` has it, and how far that run has come.
+    pub(crate) fn start(
+        graph: Graph,
+        settings: &LearnerSettings,
+        checkpoint: Option<&Path>,
+        identity: &impl Serialize,
+        device: Device,
+    ) -> Result<(Self, Progress), TrainError> {
+        let stored = checkpoint.map(|path| checkpoint::read(path, identity)).transpose()?;
+        let start = match (&stored, &settings.start_from) {
+            (Some((weights, _)), _) => weights.clone(),
+            (None, Some(path)) => overlaid(initial_weights(&graph, settings.seed), Weights::read(path)?),
+            (None, None) => initial_weights(&graph, settings.seed),
+        };
+        let network = Network::new(graph, &start, device, settings.precision)?;
+        let adam = Adam::new(settings.adam, network.learnt());
+        let averages = settings.ema_decay.map(|decay| Averages::new(decay, &network));
+        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm };
+        let mut progress = Progress::default();
+        if let (Some(path), Some((weights, come_to))) = (checkpoint, stored) {
+            let missing = |name| CheckpointError::Tensor { path: path.into(), name };
+            learner.restore(&weights, come_to.steps).map_err(missing)?;
+            progress = come_to;
+        }
+        Ok((learner, progress))
+    }
+
+    fn restore(&mut self, weights: &Weights, steps: u64) -> Result<(), String> {
+        self.adam.restore(weights, steps)?;
+        self.averages.as_mut().map_or(Ok(()), |averages| averages.restore(weights, steps))
+    }
+
+    /// One step against the gradient of `objective`. Returns its norm.
+    pub(crate) fn descend(&mut self, objective: &Tensor, rate: f64) -> Result<f64, BadGradient> {
+        let norm = self.adam.descend(&self.network, objective, self.clip_norm, rate)?;
+        self.follow();
+        Ok(norm)
+    }
+
+    /// A step that teaches nothing: it counts, so that a run that goes on counts as it did.
+    pub(crate) fn rest(&mut self) {
+        self.adam.rest();
+        self.follow();
+    }
+
+    fn follow(&mut self) {
+        if let Some(averages) = &mut self.averages {
+            averages.follow(&self.network);
+        }
+    }
+
+    /// Writes a checkpoint, whole or not at all.
+    pub(crate) fn write(
+        &self,
+        path: &Path,
+        progress: Progress,
+        identity: &impl Serialize,
+    ) -> Result<(), CheckpointError> {
+        let mut weights = self.network.weights();
+        self.adam.store(&mut weights);
+        if let Some(averages) = &self.averages {
+            averages.store(&mut weights);
+        }
+        checkpoint::write(path, weights, progress, identity)
+    }
+
+    /// Puts the running means, if they were kept, in the place of the last step's weights.
+    pub(crate) fn settle(&self) {
+        if let Some(averages) = &self.averages {
+            averages.settle(&self.network);
+        }
+    }
+}
+
+/// `fresh` with the tensors of `loaded` that have a place and the right shape in it.
+fn overlaid(mut fresh: Weights, loaded: Weights) -> Weights {
+    for (name, tensor) in loaded.tensors {
+        if let Some(place) = fresh.tensors.get_mut(&name)
+            && place.shape == tensor.shape
+        {
+            *place = tensor;
+        }
+    }
+    fresh
+}
