@@ -191,6 +191,25 @@ pub fn distinct(detections: Vec<Detection>) -> Vec<Detection> {
 /// Cars that hide each other are rarely told apart by boxes that overlap by more than this.
 const SAME_OBJECT_OVERLAP: f64 = 0.7;
 
+/// `detections` with scores that know that no two things stand in one place: of two that overlap as seen from above, whatever their classes, the less likely one
+/// is there only if the likelier one is not, wholly so from an overlap of a quarter. Scores are probabilities, highest first before and after.
+///
+/// What has a lower score changes nothing for what has a higher one.
+pub fn exclusive(mut detections: Vec<Detection>) -> Vec<Detection> {
+    for place in 1..detections.len() {
+        let (likelier, rest) = detections.split_at_mut(place);
+        let overlap = |other: &Detection| iou_bev(&other.box3d, &rest[0].box3d);
+        let nobody_else: f64 =
+            likelier.iter().map(|other| 1.0 - other.score * (overlap(other) / ONE_PLACE_OVERLAP).min(1.0)).product();
+        rest[0].score *= nobody_else;
+    }
+    detections.sort_by(|a, b| b.score.total_cmp(&a.score));
+    detections
+}
+
+/// Boxes that overlap by more than this as seen from above are not off by their errors alone: they mean one thing.
+const ONE_PLACE_OVERLAP: f64 = 0.25;
+
 /// The raw channels at `cell` of maps that hold them.
 ///
 /// # Panics

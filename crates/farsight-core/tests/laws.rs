@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use farsight_core::codec::{CHANNELS, DepthReference};
 use farsight_core::corner_loss::corner_loss;
-use farsight_core::detection::{DecodeOptions, View, apart, detections, distinct};
+use farsight_core::detection::{DecodeOptions, View, apart, detections, distinct, exclusive};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::overlap::iou_bev;
 use farsight_core::peaks::peaks;
@@ -346,6 +346,45 @@ fn of_things_in_one_place_the_best_stays() {
     assert_eq!(left(0.2), [0.9, 0.7, 0.6]);
     assert_eq!(left(0.05), [0.9, 0.7]);
     assert_eq!(left(1.0), [0.9, 0.8, 0.7, 0.6]);
+}
+
+#[test]
+fn no_two_things_stand_in_one_place() {
+    let found = |class: ObjectClass, score: f64, x: f64| Detection {
+        class,
+        score,
+        box2d: Box2d::new(0.0, 0.0, 10.0, 10.0),
+        box3d: box3d([x, 1.6, 20.0], 0.0),
+        range_sigma_m: None,
+    };
+    let (car, van) = (ObjectClass::Car, ObjectClass::Van);
+    // Cars 3.9 m long, one behind the other. Overlaps with the first: of the second a half, of the third an eighth, of the last none; of the third with the
+    // second more than a third.
+    let step = 3.9 / 3.0;
+    let eighth = 3.9 * 7.0 / 9.0;
+    let all = vec![
+        found(car.clone(), 0.8, 0.0),
+        found(van.clone(), 0.6, step),
+        found(car.clone(), 0.5, eighth),
+        found(car.clone(), 0.4, 12.0),
+    ];
+    let scores: Vec<(ObjectClass, f64)> = exclusive(all.clone()).into_iter().map(|d| (d.class, d.score)).collect();
+    let second = 0.6 * (1.0 - 0.8);
+    let with_van = iou_bev(&all[1].box3d, &all[2].box3d) / 0.25;
+    assert!((iou_bev(&all[0].box3d, &all[1].box3d) - 0.5).abs() < 1e-9 && with_van > 1.0);
+    let third = 0.5 * (1.0 - 0.8 * 0.5) * (1.0 - second);
+    let expected = [(car.clone(), 0.8), (car.clone(), 0.4), (car, third), (van, second)];
+    for ((class, score), (expected_class, expected)) in scores.iter().zip(&expected) {
+        assert!(class == expected_class && (score - expected).abs() < 1e-9, "{scores:?}, expected {expected:?}");
+    }
+
+    // What is left out below changes nothing above, and one alone keeps its score.
+    for most in 0..all.len() {
+        let fewer = exclusive(all[..most].to_vec());
+        for detection in fewer {
+            assert!(scores.contains(&(detection.class.clone(), detection.score)), "{detection:?} of the first {most}");
+        }
+    }
 }
 
 #[test]

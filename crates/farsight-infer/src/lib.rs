@@ -36,7 +36,7 @@ pub use onnxruntime::OrtEngine;
 pub use openvino::{OpenvinoEngine, OpenvinoPrecision};
 pub use peaks_head::PeaksHead;
 #[cfg(feature = "rten")]
-pub use refiner::Refiner;
+pub use refiner::{Refiner, Sides};
 #[cfg(feature = "rten")]
 pub use rten::RtenEngine;
 pub use spec::{DetectorSpec, UnfamiliarCamera};

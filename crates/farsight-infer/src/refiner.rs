@@ -1,8 +1,8 @@
 //! The second look at what was found ([`farsight_core::refine`]), on the built-in engine.
 
-use farsight_core::detection::distinct;
+use farsight_core::detection::{distinct, exclusive};
 use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{Box2d, Camera, ClassReference, Detection};
 use farsight_data::network_input_into;
 use farsight_net::onnx::INPUT;
 use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
@@ -12,8 +12,20 @@ use crate::EngineError;
 use crate::library::unpanicked;
 use crate::rten::{NAME, Network};
 
-/// So many objects are looked at together, each twice.
+/// So many objects are looked at together.
 const BATCH: usize = 8;
+
+/// How often each object is looked at, every time where it was seen the last time, and whether at its mirror image, too.
+const LOOKS: [Sides; 3] = [Sides::AsItIs, Sides::AsItIs, Sides::Both];
+
+/// What of a cut-out is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sides {
+    /// The cut-out.
+    AsItIs,
+    /// The cut-out and its mirror image; the answer is the mean of both.
+    Both,
+}
 
 /// Looks again at what a detector found.
 pub struct Refiner {
@@ -54,13 +66,16 @@ impl Refiner {
             if is_known { joined } else { Detection { class: first.class, ..joined } }
         };
         let mut found: Vec<Detection> = candidates.into_iter().zip(looks).map(joined).collect();
-        found.retain(|detection| detection.score > min_score);
         // Stable: equals stay in the order of the first look.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        Ok(distinct(found))
+        let mut found = exclusive(distinct(found));
+        found.retain(|detection| detection.score > min_score);
+        Ok(found)
     }
 
     /// What the second look alone says of each detection; `None` where it has no answer.
+    ///
+    /// It looks several times, each time where it saw the object the last time: a cut-out around a better box shows more of the object and less of the rest.
     ///
     /// # Errors
     /// When the engine fails.
@@ -70,19 +85,48 @@ impl Refiner {
         camera: &Camera,
         detections: &[Detection],
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
+        let image_size = [image.width(), image.height()].map(|side| side as usize);
+        let mut looks = vec![None; detections.len()];
+        for sides in LOOKS {
+            let seen = |(first, look): (&Detection, &Option<Refinement>)| {
+                self.config.looks.joined(first, look.as_ref(), camera, image_size).box2d
+            };
+            let boxes: Vec<Box2d> = detections.iter().zip(&looks).map(seen).collect();
+            let again = self.looks(image, camera, &boxes, sides)?;
+            looks = again.into_iter().zip(looks).map(|(look, last)| look.or(last)).collect();
+        }
+        Ok(looks)
+    }
+
+    /// What the network says of cut-outs around `boxes`; `None` where there is nothing to cut out or the answer lies behind the camera.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn looks(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        boxes: &[Box2d],
+        sides: Sides,
+    ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let crops: Vec<Option<Crop>> =
-            detections.iter().map(|found| Crop::around(&found.box2d, camera, self.config.side)).collect();
+            boxes.iter().map(|box2d| Crop::around(box2d, camera, self.config.side)).collect();
         let there: Vec<Crop> = crops.iter().copied().flatten().collect();
         let mut answers = Vec::with_capacity(there.len());
         for batch in there.chunks(BATCH) {
-            answers.extend(self.answers(image, batch)?);
+            answers.extend(self.answers(image, batch, sides)?);
         }
         let mut refinements = there.iter().zip(answers).map(|(crop, answer)| crop.decode(&answer));
         Ok(crops.iter().map(|crop| crop.and_then(|_| refinements.next().flatten())).collect())
     }
 
-    /// The network's answers for some cut-outs: for each the mean of what it says of the cut-out and of its mirror image.
-    fn answers(&mut self, image: &RgbImage, crops: &[Crop]) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
+    /// The network's answers for some cut-outs.
+    fn answers(
+        &mut self,
+        image: &RgbImage,
+        crops: &[Crop],
+        sides: Sides,
+    ) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
         let side = self.config.side;
         let rules = input_rules(side);
         self.input.clear();
@@ -91,21 +135,26 @@ impl Refiner {
             network_input_into(&mut pixels, image, &crop.window, &rules, None);
             self.input.extend_from_slice(&pixels);
             self.input.extend(crop.rays());
-            pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
-            self.input.extend_from_slice(&pixels);
-            self.input.extend(crop.mirrored().rays());
+            if sides == Sides::Both {
+                pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
+                self.input.extend_from_slice(&pixels);
+                self.input.extend(crop.mirrored().rays());
+            }
         }
+        let inputs = self.input.len() / (INPUT_CHANNELS * side * side);
         let values = unpanicked(NAME, || {
-            let mut values = self.network.run(&self.input, [2 * crops.len(), INPUT_CHANNELS, side, side])?;
+            let mut values = self.network.run(&self.input, [inputs, INPUT_CHANNELS, side, side])?;
             let answer = values.pop().ok_or("no output")?;
             Ok(answer.into_shape_vec::<f32, 4>()?.1)
         })?;
-        let (answers, _) = values.as_chunks::<OUTPUT_CHANNELS>();
-        let (pairs, _) = answers.as_chunks::<2>();
-        let mean = |(crop, pair): (&Crop, &[[f32; OUTPUT_CHANNELS]; 2])| {
-            let [answer, mirrored] = pair.map(|answer| answer.map(f64::from));
-            crop.mean_answer(&answer, &mirrored)
-        };
-        Ok(crops.iter().zip(pairs).map(mean).collect())
+        let (values, _) = values.as_chunks::<OUTPUT_CHANNELS>();
+        let answers: Vec<[f64; OUTPUT_CHANNELS]> = values.iter().map(|answer| answer.map(f64::from)).collect();
+        Ok(match sides {
+            Sides::AsItIs => answers,
+            Sides::Both => {
+                let pairs = answers.chunks_exact(2);
+                crops.iter().zip(pairs).map(|(crop, pair)| crop.mean_answer(&pair[0], &pair[1])).collect()
+            }
+        })
     }
 }

@@ -7,7 +7,7 @@ use farsight_core::refine::{Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refi
 use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
 use farsight_data::kitti::write_results;
 use farsight_data::{AugmentationConfig, network_input};
-use farsight_infer::Refiner;
+use farsight_infer::{Refiner, Sides};
 use farsight_net::init::initial_weights;
 use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
 use farsight_train::config::DataConfig;
@@ -135,6 +135,7 @@ fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
     let mut run = run(folder.path());
     run.augmentation = AugmentationConfig::default();
     (run.train.epochs, run.train.frames_per_step, run.train.checkpoint_steps) = (3, 2, 4);
+    run.train.ema_decay = Some(0.8);
     let (whole, _) = trained(&run, &folder.path().join("whole"), false).unwrap();
     // As if it had been killed after the checkpoint at step 4 of 9: the refiner is not there, the checkpoint is.
     let out = folder.path().join("parts");
@@ -180,6 +181,7 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("[refiner]\nside = 90", "refiner.side is 90; expected a multiple of 16"),
         ("[refiner]\n[train]\nepochs = 0", "train.epochs is 0; expected at least 1"),
         ("[refiner]\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
+        ("[refiner]\n[train]\nema_decay = 1.0", "train.ema_decay is 1; expected a number between 0 and 1"),
         ("[refiner]\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
         ("[refiner]\nsides = 96", "unknown field `sides`"),
         ("[refiner]\n[data.rendered]\n[train]\nfirst_looks = \"x\"", "train.first_looks needs data.root"),
@@ -199,15 +201,15 @@ fn the_built_in_engine_answers_as_libtorch_does() {
         RgbImage::from_fn(200, 120, |x, y| Rgb([(x * 7 % 251) as u8, (y * 13 % 241) as u8, (x * y % 239) as u8]));
     let boxes =
         [Box2d::new(20.0, 30.0, 90.0, 80.0), Box2d::new(150.0, 10.0, 199.0, 119.0), Box2d::new(5.0, 5.0, 6.0, 6.0)];
-    let detections = boxes.map(|box2d| detection(box2d, car(1).box3d));
-    let found = Refiner::new(&model, Some(1)).unwrap().second_looks(&image, &camera, &detections).unwrap();
-    assert!(found[2].is_none(), "a box of one pixel shows nothing");
+    let mut refiner = Refiner::new(&model, Some(1)).unwrap();
+    let found = [Sides::AsItIs, Sides::Both].map(|sides| refiner.looks(&image, &camera, &boxes, sides).unwrap());
+    assert!(found.iter().all(|looks| looks[2].is_none()), "a box of one pixel shows nothing");
 
     let graph = config.graph();
     let tap = graph.tap(ANSWER).unwrap();
     let network = Network::new(graph, &model.weights, Device::Cpu, Precision::F32).unwrap();
     let rules = input_rules(config.side);
-    for (box2d, found) in boxes.iter().zip(&found).take(2) {
+    for (place, box2d) in boxes.iter().enumerate().take(2) {
         let crop = Crop::around(box2d, &camera, config.side).unwrap();
         let mut pixels = network_input(&image, &crop.window, &rules, None);
         let mut answer = |crop: &Crop| -> [f64; OUTPUT_CHANNELS] {
@@ -220,12 +222,13 @@ fn the_built_in_engine_answers_as_libtorch_does() {
             std::array::from_fn(|channel| f64::from(values[channel]))
         };
         let [plain, mirrored] = [answer(&crop), answer(&crop.mirrored())];
-        let expected = crop.decode(&crop.mean_answer(&plain, &mirrored)).unwrap();
-        let found = found.as_ref().unwrap();
-        let off = (found.box3d.depth_m() / expected.box3d.depth_m() - 1.0).abs();
-        assert!(off < 1e-4, "{found:?}, expected {expected:?}");
-        assert!((found.depth_sigma / expected.depth_sigma - 1.0).abs() < 1e-4);
-        assert!((found.box3d.yaw - expected.box3d.yaw).abs() < 1e-3);
-        assert!(found.kinds.iter().zip(expected.kinds).all(|(a, b)| (a - b).abs() < 1e-3));
+        for (looks, expected) in found.iter().zip([plain, crop.mean_answer(&plain, &mirrored)]) {
+            let (found, expected) = (looks[place].as_ref().unwrap(), crop.decode(&expected).unwrap());
+            let off = (found.box3d.depth_m() / expected.box3d.depth_m() - 1.0).abs();
+            assert!(off < 1e-4, "{found:?}, expected {expected:?}");
+            assert!((found.depth_sigma / expected.depth_sigma - 1.0).abs() < 1e-4);
+            assert!((found.box3d.yaw - expected.box3d.yaw).abs() < 1e-3);
+            assert!(found.kinds.iter().zip(expected.kinds).all(|(a, b)| (a - b).abs() < 1e-3));
+        }
     }
 }
