@@ -329,19 +329,22 @@ fn calibrated_scores_put_a_large_box_with_a_low_peak_before_a_small_one_with_a_h
     assert!((same.score - near.score).abs() < 0.01 && same.box2d.height() > 1.9 * near.box2d.height());
 }
 
+/// Something 3.9 m long that stands across, 20 m ahead and so far to the right.
+fn standing(class: ObjectClass, score: f64, x: f64) -> Detection {
+    let box2d = Box2d::new(0.0, 0.0, 10.0, 10.0);
+    Detection { class, score, box2d, box3d: box3d([x, 1.6, 20.0], 0.0), range_sigma_m: None }
+}
+
 #[test]
 fn of_things_in_one_place_the_best_stays() {
-    let found = |class: ObjectClass, score: f64, x: f64| Detection {
-        class,
-        score,
-        box2d: Box2d::new(0.0, 0.0, 10.0, 10.0),
-        box3d: box3d([x, 1.6, 20.0], 0.0),
-        range_sigma_m: None,
-    };
     // Cars 3.9 m long, one behind the other: the second covers half of the first, the third touches the second, the fourth the third.
     let (car, van) = (ObjectClass::Car, ObjectClass::Van);
-    let all =
-        vec![found(car.clone(), 0.9, 0.0), found(van, 0.8, 1.3), found(car.clone(), 0.7, 3.9), found(car, 0.6, 7.0)];
+    let all = vec![
+        standing(car.clone(), 0.9, 0.0),
+        standing(van, 0.8, 1.3),
+        standing(car.clone(), 0.7, 3.9),
+        standing(car, 0.6, 7.0),
+    ];
     let left = |max_overlap: f64| apart(all.clone(), max_overlap).iter().map(|d| d.score).collect::<Vec<_>>();
     assert_eq!(left(0.2), [0.9, 0.7, 0.6]);
     assert_eq!(left(0.05), [0.9, 0.7]);
@@ -350,23 +353,16 @@ fn of_things_in_one_place_the_best_stays() {
 
 #[test]
 fn no_two_things_stand_in_one_place() {
-    let found = |class: ObjectClass, score: f64, x: f64| Detection {
-        class,
-        score,
-        box2d: Box2d::new(0.0, 0.0, 10.0, 10.0),
-        box3d: box3d([x, 1.6, 20.0], 0.0),
-        range_sigma_m: None,
-    };
     let (car, van) = (ObjectClass::Car, ObjectClass::Van);
     // Cars 3.9 m long, one behind the other. Overlaps with the first: of the second a half, of the third an eighth, of the last none; of the third with the
     // second more than a third.
     let step = 3.9 / 3.0;
     let eighth = 3.9 * 7.0 / 9.0;
     let all = vec![
-        found(car.clone(), 0.8, 0.0),
-        found(van.clone(), 0.6, step),
-        found(car.clone(), 0.5, eighth),
-        found(car.clone(), 0.4, 12.0),
+        standing(car.clone(), 0.8, 0.0),
+        standing(van.clone(), 0.6, step),
+        standing(car.clone(), 0.5, eighth),
+        standing(car.clone(), 0.4, 12.0),
     ];
     let scores: Vec<(ObjectClass, f64)> = exclusive(all.clone()).into_iter().map(|d| (d.class, d.score)).collect();
     let second = 0.6 * (1.0 - 0.8);
