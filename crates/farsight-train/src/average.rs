@@ -26,7 +26,7 @@ impl Averages {
     /// Takes the weights after one more step in.
     pub(crate) fn follow(&mut self, network: &Network) {
         self.steps += 1;
-        // What is left of one step after n: without the division the first weights would count for all before them.
+        // The newest one's share of all steps so far: all of it after the first, so that the weights a run starts from count as no step.
         let share = (1.0 - self.decay) / (1.0 - self.decay.powf(self.steps as f64));
         no_grad(|| {
             for ((_, mean), (_, tensor)) in self.means.iter_mut().zip(network.parameters()) {
