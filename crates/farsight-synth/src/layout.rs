@@ -44,7 +44,7 @@ pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 
         stage.add_actor(label.class.clone(), label.box3d, conduct, dice);
     }
     let distracting = dice.chance(config.distractor_share);
-    furnish(&mut stage, &plan, distracting, &mut dice);
+    furnish(&mut stage, &plan, distracting, config.clutter, &mut dice);
     stage.into_drawn()
 }
 

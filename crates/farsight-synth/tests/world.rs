@@ -4,7 +4,7 @@
 
 use farsight_core::overlap::Block;
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
-use farsight_synth::scene::Object;
+use farsight_synth::scene::{Mesh, Object};
 use farsight_synth::sizes::{SizeStatistics, Spread};
 use farsight_synth::{CameraRanges, Drawn, PlaceWeights, WorldConfig, draw_scene, scene_from_labels};
 
@@ -119,6 +119,36 @@ fn factors_make_more_of_whom_they_are_for_and_none_at_0() {
     assert_eq!([count([0.0, 1.0], &people), count([1.0, 0.0], &heavy)], [0, 0]);
     assert!(count([5.0, 1.0], &people) > 3 * count([1.0, 1.0], &people));
     assert!(count([1.0, 5.0], &heavy) > 2 * count([1.0, 1.0], &heavy));
+}
+
+#[test]
+fn clutter_stands_beside_the_actors_and_moves_none() {
+    let drawn = |clutter: f64, index: u64| {
+        draw_scene(&WorldConfig { clutter, people_factor: 4.0, ..WorldConfig::default() }, 6, index)
+    };
+    let mut more = 0;
+    for index in 0..SCENES {
+        let (plain, cluttered) = (drawn(0.0, index), drawn(8.0, index));
+        assert_eq!(plain.actors, cluttered.actors, "scene {index}");
+        let [before, after] = [&plain, &cluttered].map(|d| &d.scene.objects[1].mesh);
+        // Crowns of trees may hang over someone, whatever stands about.
+        assert_eq!(inside_actors(&plain, before), inside_actors(&cluttered, after), "scene {index}");
+        more += usize::from(after.vertices.len() > before.vertices.len() + 100);
+    }
+    assert!(more as u64 > SCENES / 2, "{more} of {SCENES} scenes have clutter");
+}
+
+/// Corners of a mesh in the boxes of actors, a little smaller than they are.
+fn inside_actors(drawn: &Drawn, mesh: &Mesh) -> usize {
+    let is_inside = |position: [f32; 3], box3d: &Box3d| {
+        let (sin, cos) = box3d.yaw.sin_cos();
+        let [x, y, z] = [0, 1, 2].map(|i| f64::from(position[i]) - box3d.location[i]);
+        let Dimensions { height, width, length } = box3d.dimensions;
+        (cos * x - sin * z).abs() < 0.48 * length
+            && (sin * x + cos * z).abs() < 0.48 * width
+            && (-0.98 * height..-0.1).contains(&y)
+    };
+    mesh.vertices.iter().filter(|v| drawn.actors.iter().any(|a| is_inside(v.position, &a.box3d))).count()
 }
 
 #[test]
@@ -254,11 +284,12 @@ fn unusable_configurations_say_why() {
         config.problem()
     };
     assert_eq!(changed(&|_| ()), None);
-    let cases: [(Change, &str); 11] = [
+    let cases: [(Change, &str); 12] = [
         (&|c| c.unusual_share = 1.5, "unusual_share is 1.5; expected a number from 0 to 1"),
         (&|c| c.density = [2.0, 1.0], "density is [2, 1]; expected two numbers from 0 to 10 in rising order"),
         (&|c| c.people_factor = -1.0, "people_factor is -1; expected a number from 0 to 20"),
         (&|c| c.heavy_factor = f64::INFINITY, "heavy_factor is inf; expected a number from 0 to 20"),
+        (&|c| c.clutter = 21.0, "clutter is 21; expected a number from 0 to 20"),
         (&|c| c.farthest_m = f64::NAN, "farthest_m is NaN; expected metres from 10 to 300"),
         (&|c| c.cameras.clear(), "cameras has no weight above 0; nothing could be drawn"),
         (&|c| c.places.city = -1.0, "places has the weight -1; expected a number that is not negative"),

@@ -24,6 +24,8 @@ pub struct WorldConfig {
     pub unusual_share: f64,
     /// Share of scenes with random shapes lying and hanging about.
     pub distractor_share: f64,
+    /// Things that stand about on pavements (bicycles, boards, café tables), on the mean for each ten metres of either side; above 0, some houses have shops, too.
+    pub clutter: f64,
     /// Share of scenes where people drive on the left.
     pub left_hand_share: f64,
     /// Share of scenes whose surfaces carry patterns that they do not have in life: blotches, stripes, tiles.
@@ -198,6 +200,7 @@ impl Default for WorldConfig {
             farthest_m: 80.0,
             unusual_share: 0.08,
             distractor_share: 0.08,
+            clutter: 0.0,
             left_hand_share: 0.08,
             textured_share: 0.0,
         }
@@ -248,6 +251,7 @@ impl WorldConfig {
             .or(density)
             .or_else(|| factor("people_factor", self.people_factor))
             .or_else(|| factor("heavy_factor", self.heavy_factor))
+            .or_else(|| factor("clutter", self.clutter))
             .or_else(|| {
                 (!(10.0..=300.0).contains(&farthest))
                     .then(|| format!("farthest_m is {farthest}; expected metres from 10 to 300"))

@@ -3,6 +3,7 @@
 //! First the place, the light and the camera are drawn; then the streets with what lines them; then the things and the traffic along them.
 
 mod background;
+mod clutter;
 pub mod config;
 pub(crate) mod ground;
 pub(crate) mod light;
@@ -61,7 +62,7 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
     };
     traffic.place_all();
     let distracting = dice.chance(config.distractor_share);
-    furnish(&mut stage, &plan, distracting, &mut dice);
+    furnish(&mut stage, &plan, distracting, config.clutter, &mut dice);
     let mut drawn = stage.into_drawn();
     if dice.chance(config.textured_share) {
         textures::spread(&mut drawn.scene.materials, &mut dice);
@@ -70,14 +71,14 @@ pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {
 }
 
 /// Builds the streets and what is beside them around the actors.
-pub(crate) fn furnish(stage: &mut Stage, plan: &Plan, distracting: bool, dice: &mut Dice) {
+pub(crate) fn furnish(stage: &mut Stage, plan: &Plan, distracting: bool, clutter: f64, dice: &mut Dice) {
     let surfaces = surfaces(stage, dice);
     for street in plan.streets() {
         street.build(stage, &surfaces, dice);
     }
     let stock = Stock::draw(stage, dice);
     let dice = dice.fork();
-    let mut surroundings = Surroundings { stage, plan, stock, dice };
+    let mut surroundings = Surroundings { stage, plan, stock, clutter, dice };
     surroundings.build_all(surfaces.grass);
     if distracting {
         surroundings.distract();

@@ -19,6 +19,8 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) stage: &'a mut Stage,
     pub(crate) plan: &'a Plan,
     pub(crate) stock: Stock,
+    /// Things on pavements, for each ten metres of a side.
+    pub(crate) clutter: f64,
     pub(crate) dice: Dice,
 }
 
@@ -44,6 +46,9 @@ impl Surroundings<'_> {
             self.background();
         }
         self.horizon();
+        if self.clutter > 0.0 {
+            self.clutter();
+        }
     }
 
     fn houses(&mut self, side: usize, lining: &Lining) {
@@ -90,6 +95,7 @@ impl Surroundings<'_> {
         let at = self.stage.over(node.beside(front), 0.0);
         self.stage.solid.place(&mesh, yaw, at);
         self.stage.take(&box3d);
+        self.maybe_shop(&box3d, node.beside(front), setback, &mut dice);
     }
 
     /// Garden walls, hedges and fences behind the pavement.

@@ -1,0 +1,426 @@
+//! What stands about on pavements and in front of shops: what people are seen against in towns.
+//!
+//! Nothing of it is labelled. Built around the people that are there already; it may hide parts of them.
+
+use farsight_core::{Box3d, Dimensions};
+
+use super::plants;
+use super::props::{self, Stock};
+use super::stage::Stage;
+use super::surroundings::Surroundings;
+use crate::actors::{Detail, bicycle};
+use crate::dice::Dice;
+use crate::palette::{any_color, grey, matte, times};
+use crate::scene::{Color, Material, MaterialId, Mesh, Pattern};
+use crate::shape::{Shape, sin_cos};
+
+/// Things stand between these distances along the street, metres.
+const ALONG_M: [f64; 2] = [4.0, 60.0];
+
+/// Share of the houses at the pavement that have a shop.
+const SHOP_SHARE: f64 = 0.6;
+
+/// A thing to be put up: it looks towards +z, its length runs along x.
+struct Thing {
+    mesh: Mesh,
+    length: f64,
+    width: f64,
+}
+
+impl Surroundings<'_> {
+    /// Puts things along both sides of the street: `self.clutter` on the mean for each ten metres of a side.
+    pub(super) fn clutter(&mut self) {
+        let mean = self.clutter * (ALONG_M[1] - ALONG_M[0]) / 10.0;
+        for side in 0..2 {
+            for _ in 0..(mean * self.dice.range(0.0, 2.0)) as usize {
+                self.put_thing(side);
+            }
+        }
+    }
+
+    fn put_thing(&mut self, side: usize) {
+        let mut dice = self.dice.fork();
+        let street = &self.plan.main;
+        let border = street.borders[side];
+        let kerb = street.edges[side].abs() + border.verge;
+        let back = street.outer(side);
+        // Against the wall, at the kerb, anywhere between.
+        let d = match dice.weighted(&[(0, 5.0), (1, 3.0), (2, 2.0)]) {
+            0 => back + dice.range(-0.5, 0.6),
+            1 => kerb + dice.range(0.2, 0.6),
+            _ => dice.range(kerb, back + 0.5),
+        };
+        let sign = if side == 0 { -1.0 } else { 1.0 };
+        let node = street.path.at(dice.log_range(ALONG_M[0], ALONG_M[1]));
+        let point = node.beside(sign * d);
+        let thing = Thing::draw(self.stage, &self.stock, &mut dice);
+        let towards_road = if side == 1 { 0.0 } else { std::f64::consts::PI };
+        let yaw = node.yaw() + towards_road + dice.normal(0.0, 0.08);
+        let dimensions = Dimensions { height: 1.0, width: thing.width, length: thing.length };
+        let location = [point[0], self.stage.ground.y(point), point[1]];
+        let room = Box3d { dimensions, location, yaw };
+        let reach = f64::midpoint(thing.length, thing.width);
+        let crosses = self.plan.side.iter().any(|other| other.covers(point, 0.3));
+        if crosses
+            || !self.stage.is_free(&room, 0.1)
+            || self.stage.hides(point, reach)
+            || !self.stage.view.sees(point, 3.0)
+        {
+            return;
+        }
+        let at = self.stage.over(point, border.kerb);
+        self.stage.solid.place(&thing.mesh, yaw, at);
+        self.stage.take(&room);
+    }
+
+    /// The ground floor of a house as a shop, in some of the houses that stand at the pavement.
+    pub(super) fn maybe_shop(&mut self, house: &Box3d, front: [f64; 2], setback: f64, dice: &mut Dice) {
+        if self.clutter <= 0.0 || setback > 2.0 || !dice.chance(SHOP_SHARE) {
+            return;
+        }
+        let mesh = shop_front(self.stage, house.dimensions.length as f32, dice);
+        let at = self.stage.over(front, 0.0);
+        self.stage.solid.place(&mesh, house.yaw, at);
+    }
+}
+
+impl Thing {
+    fn draw(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let kinds: [(fn(&mut Stage, &Stock, &mut Dice) -> Self, f64); 11] = [
+            (Self::banded_post, 2.0),
+            (Self::bicycles, 3.0),
+            (Self::planter, 2.0),
+            (Self::cafe, 1.5),
+            (Self::board, 1.5),
+            (Self::column, 0.7),
+            (Self::railing, 1.5),
+            (Self::pile, 1.5),
+            (Self::bench, 0.7),
+            (Self::clothes_rack, 1.0),
+            (Self::barrier, 0.7),
+        ];
+        dice.weighted(&kinds)(stage, stock, dice)
+    }
+
+    fn new(shape: Shape, length: f32, width: f32) -> Self {
+        Self { mesh: shape.mesh, length: f64::from(length), width: f64::from(width) }
+    }
+
+    /// A bollard or a pole with bands.
+    fn banded_post(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let height = if dice.chance(0.7) { dice.range32(0.8, 1.2) } else { dice.range32(2.0, 3.2) };
+        let radius = dice.range32(0.03, 0.09);
+        let light = stage.palette.matte(grey(dice.range32(0.4, 0.8)));
+        let colors: [Color; 3] = [[0.5, 0.02, 0.02], [0.02; 3], [0.02, 0.06, 0.3]];
+        let color = dice.pick(&colors);
+        let bands = [stage.palette.matte(color), light];
+        let plain = dice.pick(&[stock.dark, stock.metal, bands[0]]);
+        let from = height * dice.range32(0.0, 0.6);
+        shape.tube([0.0, 0.1, 0.0], [0.0, -from, 0.0], [radius; 2], 8, plain);
+        let count = dice.whole(2, 6);
+        let step = (height - from) / count as f32;
+        for k in 0..count {
+            let y = from + step * k as f32;
+            shape.tube([0.0, -y, 0.0], [0.0, -y - step, 0.0], [radius; 2], 8, bands[k % 2]);
+        }
+        shape.ball([0.0, -height, 0.0], [radius; 3], [4, 8], plain, || 0.0);
+        Self::new(shape, 2.0 * radius, 2.0 * radius)
+    }
+
+    /// Bicycles in a row, across the pavement or leaning along a wall.
+    fn bicycles(stage: &mut Stage, _: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let count = dice.whole(1, 6);
+        let pitch = dice.range32(0.35, 0.75);
+        let across = dice.chance(0.6);
+        let dark = stage.palette.matte(grey(0.02));
+        for k in 0..count {
+            let color = any_color(dice);
+            let frame = stage.palette.matte(color);
+            let mut one = Shape::default();
+            bicycle(&mut one, frame, dark, Detail::Middle);
+            let along = pitch * (k as f32 - (count - 1) as f32 / 2.0);
+            let (yaw, at) = if across {
+                (dice.pick(&[1.0, -1.0]) * (1.3 + dice.symmetric(0.3)), [along, 0.0, 0.0])
+            } else {
+                (dice.symmetric(0.1), [dice.range32(-0.4, 0.4), 0.0, along * 0.6])
+            };
+            shape.place(&one.mesh, yaw, at);
+        }
+        let row = pitch * count as f32;
+        if across { Self::new(shape, row + 0.8, 2.0) } else { Self::new(shape, 2.7, 0.6 * row + 0.8) }
+    }
+
+    /// A tub with a bush, or a row of them.
+    fn planter(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let (half, height) = (dice.range32(0.2, 0.5), dice.range32(0.3, 0.8));
+        let tub = dice.pick(&[stock.stone, stock.wood, stock.dark]);
+        let tub = if dice.chance(0.3) { surface(stage, dice) } else { tub };
+        let count = dice.whole(1, 3);
+        for k in 0..count {
+            let x = (k as f32 - (count - 1) as f32 / 2.0) * 2.4 * half;
+            shape.block([x - half, -height, -half], [x + half, 0.05, half], tub);
+            let bush = plants::bush(dice.range32(0.4, 1.5), 2.2 * half, stock, true, dice);
+            shape.place(&bush, 0.0, [x, -height, 0.0]);
+        }
+        Self::new(shape, 2.4 * half * count as f32, 2.0 * half)
+    }
+
+    /// Tables and chairs, often under a parasol.
+    fn cafe(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let wood = dice.pick(&[stock.wood, stock.metal, stock.dark]);
+        let cloth = surface(stage, dice);
+        let pole = stock.metal;
+        shape.tube([0.0, 0.0, 0.0], [0.0, -0.72, 0.0], [0.04; 2], 6, pole);
+        shape.disc([0.0, -0.73, 0.0], [0.0, -1.0, 0.0], [0.0, dice.range32(0.3, 0.6)], 10, &[wood]);
+        for k in 0..dice.whole(2, 4) {
+            let (sin, cos) = sin_cos(1.57 * k as f32 + dice.range32(-0.3, 0.3));
+            let chair = chair(if dice.chance(0.5) { wood } else { cloth }, stock.metal);
+            // The chair looks along its x, at the table.
+            let yaw = -f64::from(libm::atan2f(-sin, -cos));
+            shape.place(&chair, yaw, [0.8 * cos, 0.0, 0.8 * sin]);
+        }
+        let mut reach = 1.1;
+        if dice.chance(0.6) {
+            reach = dice.range32(1.1, 1.7);
+            parasol(&mut shape, reach, dice.range32(2.1, 2.5), cloth, pole);
+        }
+        Self::new(shape, 2.0 * reach, 2.0 * reach)
+    }
+
+    /// A board that stands on the pavement, or a poster on legs.
+    fn board(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let half = dice.range32(0.25, 0.65);
+        let height = half * dice.range32(2.4, 3.4);
+        let face = print(stage, dice);
+        let lean = dice.range32(0.05, 0.25);
+        for z in [-lean, lean] {
+            shape.quad([[-half, 0.0, z], [half, 0.0, z], [half, -height, 0.0], [-half, -height, 0.0]], face, 0);
+        }
+        let edge = 0.03;
+        for x in [-half, half] {
+            shape.block([x - edge, -height - edge, -edge], [x + edge, 0.05, edge], stock.dark);
+        }
+        let turned = dice.pick(&[0.0, 0.0, 1.57]);
+        let mut whole = Shape::default();
+        whole.place(&shape.mesh, turned, [0.0; 3]);
+        Self::new(whole, 2.0 * half, if turned > 0.0 { 2.0 * half } else { 2.0 * lean })
+    }
+
+    /// A column or a box that carries posters.
+    fn column(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let posters = print(stage, dice);
+        let (radius, height) = (dice.range32(0.3, 0.75), dice.range32(1.1, 3.2));
+        if dice.chance(0.5) {
+            shape.tube([0.0, 0.1, 0.0], [0.0, -height, 0.0], [radius; 2], 14, posters);
+            shape.disc([0.0, -height, 0.0], [0.0, -1.0, 0.0], [0.0, radius * 1.1], 14, &[stock.dark]);
+        } else {
+            shape.block([-radius, -height, -0.2], [radius, 0.05, 0.2], posters);
+        }
+        Self::new(shape, 2.0 * radius, 2.0 * radius)
+    }
+
+    /// Upright bars between two rails.
+    fn railing(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let (half, height) = (dice.range32(0.8, 2.5), dice.range32(0.8, 1.4));
+        let painted = any_color(dice);
+        let painted = stage.palette.glossy(painted, 0.3, 30.0, 0.03);
+        let bar = dice.pick(&[stock.metal, stock.dark, painted]);
+        for y in [0.12, height] {
+            shape.tube([-half, -y, 0.0], [half, -y, 0.0], [0.025; 2], 5, bar);
+        }
+        let pitch = dice.range32(0.1, 0.5);
+        let count = (2.0 * half / pitch) as usize;
+        for k in 0..=count {
+            let x = -half + 2.0 * half * k as f32 / count as f32;
+            shape.tube([x, 0.0, 0.0], [x, -height, 0.0], [0.015; 2], 4, bar);
+        }
+        Self::new(shape, 2.0 * half, 0.1)
+    }
+
+    /// Crates, cartons, bags, a cabinet.
+    fn pile(stage: &mut Stage, _: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let reach = dice.range32(0.2, 0.9);
+        for _ in 0..dice.whole(1, 7) {
+            let size = dice.range32(0.15, 0.5);
+            let mesh = props::oddment(stage, 2.0 * size, dice);
+            let at = [dice.range32(-reach, reach), -dice.range32(0.4, 1.8) * size, dice.range32(-0.3, 0.3)];
+            shape.place(&mesh, dice.range(0.0, 6.3), at);
+        }
+        if dice.chance(0.4) {
+            let material = surface(stage, dice);
+            let half = dice.range32(0.25, 0.6);
+            shape.block([-half, -dice.range32(0.8, 1.5), -0.45], [half, 0.05, -0.1], material);
+        }
+        Self::new(shape, 2.0 * reach + 1.5, 2.1)
+    }
+
+    fn bench(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let half = dice.range32(0.6, 1.0);
+        let seat = if dice.chance(0.6) { stock.wood } else { surface(stage, dice) };
+        shape.block([-half, -0.46, -0.22], [half, -0.41, 0.22], seat);
+        if dice.chance(0.6) {
+            shape.block([-half, -0.9, -0.26], [half, -0.6, -0.22], seat);
+        }
+        for x in [-0.8 * half, 0.8 * half] {
+            shape.block([x - 0.04, -0.9, -0.22], [x + 0.04, 0.05, -0.16], stock.dark);
+            shape.block([x - 0.04, -0.41, 0.14], [x + 0.04, 0.05, 0.2], stock.dark);
+        }
+        Self::new(shape, 2.0 * half, 0.5)
+    }
+
+    /// A rail with coats, or a stand with a coat and a hat: as high and as colourful as people.
+    fn clothes_rack(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let count = dice.whole(1, 9);
+        let half = 0.07 * count as f32 + 0.1;
+        let top = dice.range32(1.3, 1.8);
+        for x in [-half, half] {
+            shape.tube([x, 0.0, 0.0], [x, -top, 0.0], [0.015; 2], 5, stock.metal);
+        }
+        shape.tube([-half, -top, 0.0], [half, -top, 0.0], [0.015; 2], 5, stock.metal);
+        for k in 0..count {
+            let x = 0.14 * (k as f32 - (count - 1) as f32 / 2.0);
+            let (reach, low) = (dice.range32(0.18, 0.3), dice.range32(0.2, 0.9));
+            let cloth = surface(stage, dice);
+            shape.block([x - 0.05, -top + 0.05, -reach], [x + 0.05, -low, reach], cloth);
+        }
+        let mut whole = Shape::default();
+        whole.place(&shape.mesh, dice.pick(&[0.0, 1.57]), [0.0; 3]);
+        Self::new(whole, 2.0 * half + 0.2, 0.8)
+    }
+
+    /// Striped boards between posts, as around road works.
+    fn barrier(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
+        let mut shape = Shape::default();
+        let half = dice.range32(0.6, 1.6);
+        let red: Color = [0.55, 0.03, 0.02];
+        let stripes = Pattern::Bricks { other: red, size: [0.5, 2.0], joint: 0.25, variation: 0.0, seed: dice.seed() };
+        let board = stage.palette.add(Material { pattern: stripes, ..matte(grey(0.7)) });
+        for y in [0.35, 1.0] {
+            shape.block([-half, -y, -0.02], [half, -y + 0.22, 0.02], board);
+        }
+        for x in [-half, half] {
+            shape.block([x - 0.03, -1.05, -0.03], [x + 0.03, 0.05, 0.03], stock.dark);
+        }
+        Self::new(shape, 2.0 * half, 0.2)
+    }
+}
+
+/// A chair that looks along +x.
+fn chair(seat: MaterialId, frame: MaterialId) -> Mesh {
+    let mut shape = Shape::default();
+    shape.block([-0.2, -0.47, -0.2], [0.2, -0.43, 0.2], seat);
+    shape.block([-0.22, -0.88, -0.2], [-0.18, -0.55, 0.2], seat);
+    for (x, top) in [(-0.2, 0.88), (0.2, 0.45)] {
+        for z in [-0.19, 0.19] {
+            shape.tube([x, 0.0, z], [x, -top, z], [0.015; 2], 4, frame);
+        }
+    }
+    shape.mesh
+}
+
+fn parasol(shape: &mut Shape, radius: f32, height: f32, cloth: MaterialId, pole: MaterialId) {
+    shape.tube([0.0, 0.0, 0.0], [0.0, -height - 0.3, 0.0], [0.025; 2], 6, pole);
+    let rim = |k: usize| {
+        let (sin, cos) = sin_cos(std::f32::consts::TAU * k as f32 / 8.0);
+        [radius * cos, -height, radius * sin]
+    };
+    let top = [0.0, -height - 0.3 * radius, 0.0];
+    for k in 0..8 {
+        shape.triangle([top, rim(k), rim(k + 1)], [[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]], cloth, 0);
+    }
+}
+
+/// Panes with goods behind them, doors, a band with letters, awnings; the wall lies at z = 0 and the road towards +z.
+fn shop_front(stage: &mut Stage, width: f32, dice: &mut Dice) -> Mesh {
+    let mut shape = Shape::default();
+    let height = dice.range32(2.5, 3.0);
+    let trim = surface(stage, dice);
+    let bays = (width / dice.range32(1.5, 4.0)).round().max(1.0);
+    let bay = width / bays;
+    for k in 0..bays as usize {
+        let left = -width / 2.0 + bay * k as f32;
+        let (low, face) = match dice.weighted(&[(0, 6.0), (1, 2.0), (2, 2.0)]) {
+            0 => (dice.range32(0.05, 0.8), pane(stage, dice)),
+            // An open door: dark.
+            1 => (0.0, stage.palette.matte(grey(dice.range32(0.004, 0.03)))),
+            _ => (dice.range32(0.3, 1.2), print(stage, dice)),
+        };
+        let (from, to) = (left + 0.08, left + bay - 0.08);
+        shape.quad([[to, -low, 0.04], [from, -low, 0.04], [from, -height, 0.04], [to, -height, 0.04]], face, 0);
+        shape.block([left - 0.08, -height, 0.0], [left + 0.08, 0.1, 0.08], trim);
+        if dice.chance(0.25) {
+            let goods = pane(stage, dice);
+            // Nearer to the wall than anybody stands.
+            let reach = dice.range32(0.15, 0.28);
+            shape.block([from, -dice.range32(0.5, 1.4), 0.1], [to, 0.1, reach], goods);
+        }
+    }
+    let band = print(stage, dice);
+    shape.block([-width / 2.0, -height - dice.range32(0.3, 0.7), 0.0], [width / 2.0, -height, 0.15], band);
+    if dice.chance(0.4) {
+        let cloth = surface(stage, dice);
+        let (half, out, drop) = (width * dice.range32(0.2, 0.5), dice.range32(0.7, 1.6), dice.range32(0.2, 0.6));
+        let [y, edge] = [-height, -height + drop];
+        shape.quad([[-half, edge, out], [half, edge, out], [half, y, 0.1], [-half, y, 0.1]], cloth, 0);
+        shape.quad(
+            [[-half, edge + 0.2, out], [half, edge + 0.2, out], [half, edge, out], [-half, edge, out]],
+            cloth,
+            0,
+        );
+    }
+    shape.mesh
+}
+
+/// A shop window: goods of many colours in the dark, and what the street outside looks like.
+fn pane(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
+    let dark = times(any_color(dice), dice.log_range(0.03, 0.5) as f32);
+    let other = any_color(dice);
+    let seed = dice.seed();
+    let pattern = match dice.weighted(&[(0, 3.0), (1, 3.0), (2, 1.0)]) {
+        0 => Pattern::Noise { other, scale: dice.log_range(0.1, 1.0) as f32, amount: dice.range32(0.3, 1.0), seed },
+        1 => {
+            let pitch = [dice.log_range(0.15, 0.9) as f32, dice.log_range(0.15, 0.9) as f32];
+            let fill = [dice.range32(0.3, 0.9), dice.range32(0.3, 0.9)];
+            Pattern::Windows { other, pitch, fill, lit: 0.0, seed }
+        }
+        _ => Pattern::Plain,
+    };
+    let mirror = dice.range32(0.0, 0.4);
+    stage.palette.add(Material { pattern, gloss: 0.4, shininess: 80.0, mirror, ..matte(dark) })
+}
+
+/// Something printed: posters, letters.
+fn print(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
+    let (paper, other, seed) = (any_color(dice), any_color(dice), dice.seed());
+    let pattern = if dice.chance(0.6) {
+        let pitch = [dice.log_range(0.08, 0.7) as f32, dice.log_range(0.1, 0.7) as f32];
+        Pattern::Windows { other, pitch, fill: [dice.range32(0.3, 0.9), dice.range32(0.3, 0.9)], lit: 0.0, seed }
+    } else {
+        Pattern::Noise { other, scale: dice.log_range(0.1, 0.8) as f32, amount: 1.0, seed }
+    };
+    stage.palette.add(Material { pattern, ..matte(paper) })
+}
+
+/// Cloth, paint or plastic: mostly plain, sometimes striped.
+fn surface(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
+    let (color, other) = (any_color(dice), any_color(dice));
+    let pattern = match dice.weighted(&[(0, 3.0), (1, 1.0), (2, 2.0)]) {
+        0 => Pattern::Plain,
+        1 => Pattern::Stripes { other, period: dice.log_range(0.1, 0.6) as f32, share: dice.range32(0.2, 0.8) },
+        _ => {
+            let other = times(color, dice.range32(0.3, 0.8));
+            Pattern::Noise { other, scale: dice.log_range(0.1, 1.0) as f32, amount: 0.8, seed: dice.seed() }
+        }
+    };
+    stage.palette.add(Material { pattern, ..matte(color) })
+}
