@@ -27,6 +27,9 @@ struct Thing {
     width: f64,
 }
 
+/// Makes a kind of thing.
+type Maker = fn(&mut Stage, &Stock, &mut Dice) -> Thing;
+
 impl Surroundings<'_> {
     /// Puts things along both sides of the street: `self.clutter` on the mean for each ten metres of a side.
     pub(super) fn clutter(&mut self) {
@@ -86,7 +89,7 @@ impl Surroundings<'_> {
 
 impl Thing {
     fn draw(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
-        let kinds: [(fn(&mut Stage, &Stock, &mut Dice) -> Self, f64); 11] = [
+        let kinds: [(Maker, f64); 11] = [
             (Self::banded_post, 2.0),
             (Self::bicycles, 3.0),
             (Self::planter, 2.0),
