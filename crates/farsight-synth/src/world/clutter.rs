@@ -199,7 +199,7 @@ impl Thing {
         let mut shape = Shape::default();
         let half = dice.range32(0.25, 0.65);
         let height = half * dice.range32(2.4, 3.4);
-        let face = print(stage, dice);
+        let face = printed(stage, dice);
         let lean = dice.range32(0.05, 0.25);
         for z in [-lean, lean] {
             shape.quad([[-half, 0.0, z], [half, 0.0, z], [half, -height, 0.0], [-half, -height, 0.0]], face, 0);
@@ -217,7 +217,7 @@ impl Thing {
     /// A column or a box that carries posters.
     fn column(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
         let mut shape = Shape::default();
-        let posters = print(stage, dice);
+        let posters = printed(stage, dice);
         let (radius, height) = (dice.range32(0.3, 0.75), dice.range32(1.1, 3.2));
         if dice.chance(0.5) {
             shape.tube([0.0, 0.1, 0.0], [0.0, -height, 0.0], [radius; 2], 14, posters);
@@ -356,7 +356,7 @@ fn shop_front(stage: &mut Stage, width: f32, dice: &mut Dice) -> Mesh {
             0 => (dice.range32(0.05, 0.8), pane(stage, dice)),
             // An open door: dark.
             1 => (0.0, stage.palette.matte(grey(dice.range32(0.004, 0.03)))),
-            _ => (dice.range32(0.3, 1.2), print(stage, dice)),
+            _ => (dice.range32(0.3, 1.2), printed(stage, dice)),
         };
         let (from, to) = (left + 0.08, left + bay - 0.08);
         shape.quad([[to, -low, 0.04], [from, -low, 0.04], [from, -height, 0.04], [to, -height, 0.04]], face, 0);
@@ -368,7 +368,7 @@ fn shop_front(stage: &mut Stage, width: f32, dice: &mut Dice) -> Mesh {
             shape.block([from, -dice.range32(0.5, 1.4), 0.1], [to, 0.1, reach], goods);
         }
     }
-    let band = print(stage, dice);
+    let band = printed(stage, dice);
     shape.block([-width / 2.0, -height - dice.range32(0.3, 0.7), 0.0], [width / 2.0, -height, 0.15], band);
     if dice.chance(0.4) {
         let cloth = surface(stage, dice);
@@ -403,7 +403,7 @@ fn pane(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
 }
 
 /// Something printed: posters, letters.
-fn print(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
+fn printed(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
     let (paper, other, seed) = (any_color(dice), any_color(dice), dice.seed());
     let pattern = if dice.chance(0.6) {
         let pitch = [dice.log_range(0.08, 0.7) as f32, dice.log_range(0.1, 0.7) as f32];
