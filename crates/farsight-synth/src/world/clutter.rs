@@ -1,6 +1,6 @@
 //! What stands about on pavements and in front of shops: what people are seen against in towns.
 //!
-//! Nothing of it is labelled. Built around the people that are there already; it may hide parts of them.
+//! Nothing of it is labelled. Built last, around the people that are there already, of whom it may hide parts: a scene with it is the scene without it and more.
 
 use farsight_core::{Box3d, Dimensions};
 
