@@ -31,7 +31,7 @@ struct Thing {
 type Maker = fn(&mut Stage, &Stock, &mut Dice) -> Thing;
 
 impl Surroundings<'_> {
-    /// Puts things along both sides of the street: `self.clutter` on the mean for each ten metres of a side.
+    /// Puts things along both sides of the street: about `self.clutter` for each ten metres of a side, as far as there is room.
     pub(super) fn clutter(&mut self) {
         let mean = self.clutter * (ALONG_M[1] - ALONG_M[0]) / 10.0;
         for side in 0..2 {

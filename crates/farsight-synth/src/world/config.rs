@@ -24,7 +24,7 @@ pub struct WorldConfig {
     pub unusual_share: f64,
     /// Share of scenes with random shapes lying and hanging about.
     pub distractor_share: f64,
-    /// Things that stand about on pavements (bicycles, boards, café tables), on the mean for each ten metres of either side; above 0, some houses have shops, too.
+    /// Things that stand about on pavements (bicycles, boards, café tables): about so many for each ten metres of either side, as far as there is room. Above 0, some houses have shops, too.
     pub clutter: f64,
     /// Share of scenes where people drive on the left.
     pub left_hand_share: f64,

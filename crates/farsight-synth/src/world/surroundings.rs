@@ -19,7 +19,7 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) stage: &'a mut Stage,
     pub(crate) plan: &'a Plan,
     pub(crate) stock: Stock,
-    /// Things on pavements, for each ten metres of a side.
+    /// About so many things on pavements for each ten metres of a side.
     pub(crate) clutter: f64,
     pub(crate) dice: Dice,
 }
