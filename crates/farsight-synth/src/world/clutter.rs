@@ -1,4 +1,4 @@
-//! What stands about on pavements and in front of shops: what people are seen against in towns.
+//! What stands about on pavements: what people are seen against in towns.
 //!
 //! Nothing of it is labelled. Built last, around the people that are there already, of whom it may hide parts: a scene with it is the scene without it and more.
 
@@ -16,9 +16,6 @@ use crate::shape::{Shape, sin_cos};
 
 /// Things stand between these distances along the street, metres.
 const ALONG_M: [f64; 2] = [4.0, 60.0];
-
-/// Share of the houses at the pavement that have a shop.
-const SHOP_SHARE: f64 = 0.6;
 
 /// A thing to be put up: it looks towards +z, its length runs along x.
 struct Thing {
@@ -75,16 +72,6 @@ impl Surroundings<'_> {
         self.stage.solid.place(&thing.mesh, yaw, at);
         self.stage.take(&room);
     }
-
-    /// The ground floor of a house as a shop, in some of the houses that stand at the pavement.
-    pub(super) fn maybe_shop(&mut self, house: &Box3d, front: [f64; 2], setback: f64, dice: &mut Dice) {
-        if self.clutter <= 0.0 || setback > 2.0 || !dice.chance(SHOP_SHARE) {
-            return;
-        }
-        let mesh = shop_front(self.stage, house.dimensions.length as f32, dice);
-        let at = self.stage.over(front, 0.0);
-        self.stage.solid.place(&mesh, house.yaw, at);
-    }
 }
 
 impl Thing {
@@ -107,6 +94,13 @@ impl Thing {
 
     fn new(shape: Shape, length: f32, width: f32) -> Self {
         Self { mesh: shape.mesh, length: f64::from(length), width: f64::from(width) }
+    }
+
+    /// The same, across the street.
+    fn turned(self) -> Self {
+        let mut shape = Shape::default();
+        shape.place(&self.mesh, std::f64::consts::FRAC_PI_2, [0.0; 3]);
+        Self { mesh: shape.mesh, length: self.width, width: self.length }
     }
 
     /// A bollard or a pole with bands.
@@ -180,7 +174,7 @@ impl Thing {
         shape.tube([0.0, 0.0, 0.0], [0.0, -0.72, 0.0], [0.04; 2], 6, pole);
         shape.disc([0.0, -0.73, 0.0], [0.0, -1.0, 0.0], [0.0, dice.range32(0.3, 0.6)], 10, &[wood]);
         for k in 0..dice.whole(2, 4) {
-            let (sin, cos) = sin_cos(1.57 * k as f32 + dice.range32(-0.3, 0.3));
+            let (sin, cos) = sin_cos(std::f32::consts::FRAC_PI_2 * k as f32 + dice.range32(-0.3, 0.3));
             let chair = chair(if dice.chance(0.5) { wood } else { cloth }, stock.metal);
             // The chair looks along its x, at the table.
             let yaw = -f64::from(libm::atan2f(-sin, -cos));
@@ -208,10 +202,8 @@ impl Thing {
         for x in [-half, half] {
             shape.block([x - edge, -height - edge, -edge], [x + edge, 0.05, edge], stock.dark);
         }
-        let turned = dice.pick(&[0.0, 0.0, 1.57]);
-        let mut whole = Shape::default();
-        whole.place(&shape.mesh, turned, [0.0; 3]);
-        Self::new(whole, 2.0 * half, if turned > 0.0 { 2.0 * half } else { 2.0 * lean })
+        let thing = Self::new(shape, 2.0 * half, 2.0 * lean);
+        if dice.pick(&[false, false, true]) { thing.turned() } else { thing }
     }
 
     /// A column or a box that carries posters.
@@ -280,7 +272,7 @@ impl Thing {
         Self::new(shape, 2.0 * half, 0.5)
     }
 
-    /// A rail with coats, or a stand with a coat and a hat: as high and as colourful as people.
+    /// A rail with coats: as high and as colourful as people.
     fn clothes_rack(stage: &mut Stage, stock: &Stock, dice: &mut Dice) -> Self {
         let mut shape = Shape::default();
         let count = dice.whole(1, 9);
@@ -296,9 +288,8 @@ impl Thing {
             let cloth = surface(stage, dice);
             shape.block([x - 0.05, -top + 0.05, -reach], [x + 0.05, -low, reach], cloth);
         }
-        let mut whole = Shape::default();
-        whole.place(&shape.mesh, dice.pick(&[0.0, 1.57]), [0.0; 3]);
-        Self::new(whole, 2.0 * half + 0.2, 0.8)
+        let thing = Self::new(shape, 2.0 * half + 0.2, 0.8);
+        if dice.pick(&[false, true]) { thing.turned() } else { thing }
     }
 
     /// Striped boards between posts, as around road works.
@@ -343,67 +334,8 @@ fn parasol(shape: &mut Shape, radius: f32, height: f32, cloth: MaterialId, pole:
     }
 }
 
-/// Panes with goods behind them, doors, a band with letters, awnings; the wall lies at z = 0 and the road towards +z.
-fn shop_front(stage: &mut Stage, width: f32, dice: &mut Dice) -> Mesh {
-    let mut shape = Shape::default();
-    let height = dice.range32(2.5, 3.0);
-    let trim = surface(stage, dice);
-    let bays = (width / dice.range32(1.5, 4.0)).round().max(1.0);
-    let bay = width / bays;
-    for k in 0..bays as usize {
-        let left = -width / 2.0 + bay * k as f32;
-        let (low, face) = match dice.weighted(&[(0, 6.0), (1, 2.0), (2, 2.0)]) {
-            0 => (dice.range32(0.05, 0.8), pane(stage, dice)),
-            // An open door: dark.
-            1 => (0.0, stage.palette.matte(grey(dice.range32(0.004, 0.03)))),
-            _ => (dice.range32(0.3, 1.2), printed(stage, dice)),
-        };
-        let (from, to) = (left + 0.08, left + bay - 0.08);
-        shape.quad([[to, -low, 0.04], [from, -low, 0.04], [from, -height, 0.04], [to, -height, 0.04]], face, 0);
-        shape.block([left - 0.08, -height, 0.0], [left + 0.08, 0.1, 0.08], trim);
-        if dice.chance(0.25) {
-            let goods = pane(stage, dice);
-            // Nearer to the wall than anybody stands.
-            let reach = dice.range32(0.15, 0.28);
-            shape.block([from, -dice.range32(0.5, 1.4), 0.1], [to, 0.1, reach], goods);
-        }
-    }
-    let band = printed(stage, dice);
-    shape.block([-width / 2.0, -height - dice.range32(0.3, 0.7), 0.0], [width / 2.0, -height, 0.15], band);
-    if dice.chance(0.4) {
-        let cloth = surface(stage, dice);
-        let (half, out, drop) = (width * dice.range32(0.2, 0.5), dice.range32(0.7, 1.6), dice.range32(0.2, 0.6));
-        let [y, edge] = [-height, -height + drop];
-        shape.quad([[-half, edge, out], [half, edge, out], [half, y, 0.1], [-half, y, 0.1]], cloth, 0);
-        shape.quad(
-            [[-half, edge + 0.2, out], [half, edge + 0.2, out], [half, edge, out], [-half, edge, out]],
-            cloth,
-            0,
-        );
-    }
-    shape.mesh
-}
-
-/// A shop window: goods of many colours in the dark, and what the street outside looks like.
-fn pane(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
-    let dark = times(any_color(dice), dice.log_range(0.03, 0.5) as f32);
-    let other = any_color(dice);
-    let seed = dice.seed();
-    let pattern = match dice.weighted(&[(0, 3.0), (1, 3.0), (2, 1.0)]) {
-        0 => Pattern::Noise { other, scale: dice.log_range(0.1, 1.0) as f32, amount: dice.range32(0.3, 1.0), seed },
-        1 => {
-            let pitch = [dice.log_range(0.15, 0.9) as f32, dice.log_range(0.15, 0.9) as f32];
-            let fill = [dice.range32(0.3, 0.9), dice.range32(0.3, 0.9)];
-            Pattern::Windows { other, pitch, fill, lit: 0.0, seed }
-        }
-        _ => Pattern::Plain,
-    };
-    let mirror = dice.range32(0.0, 0.4);
-    stage.palette.add(Material { pattern, gloss: 0.4, shininess: 80.0, mirror, ..matte(dark) })
-}
-
 /// Something printed: posters, letters.
-fn printed(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
+pub(super) fn printed(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
     let (paper, other, seed) = (any_color(dice), any_color(dice), dice.seed());
     let pattern = if dice.chance(0.6) {
         let pitch = [dice.log_range(0.08, 0.7) as f32, dice.log_range(0.1, 0.7) as f32];
@@ -415,7 +347,7 @@ fn printed(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
 }
 
 /// Cloth, paint or plastic: mostly plain, sometimes striped.
-fn surface(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
+pub(super) fn surface(stage: &mut Stage, dice: &mut Dice) -> MaterialId {
     let (color, other) = (any_color(dice), any_color(dice));
     let pattern = match dice.weighted(&[(0, 3.0), (1, 1.0), (2, 2.0)]) {
         0 => Pattern::Plain,

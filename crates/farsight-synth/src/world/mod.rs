@@ -12,6 +12,7 @@ mod path;
 pub(crate) mod plan;
 mod plants;
 mod props;
+mod shops;
 pub(crate) mod stage;
 mod street;
 mod surroundings;
