@@ -3,6 +3,7 @@
 use crate::codec::{CHANNELS, DepthReference, Encoded, Regression};
 use crate::overlap::{iou_2d, iou_bev};
 use crate::peaks::{Peak, peaks};
+use crate::refine::are_alike;
 use crate::score::LEAST_PEAK;
 use crate::targets::feature_camera;
 use crate::{Box2d, Box3d, Camera, Codec, ObjectClass};
@@ -191,24 +192,47 @@ pub fn distinct(detections: Vec<Detection>) -> Vec<Detection> {
 /// Cars that hide each other are rarely told apart by boxes that overlap by more than this.
 const SAME_OBJECT_OVERLAP: f64 = 0.7;
 
-/// `detections` with scores that know that no two things stand in one place: of two that overlap as seen from above, whatever their classes, the less likely one
-/// is there only if the likelier one is not, wholly so from an overlap of a quarter. Scores are probabilities, highest first before and after.
+/// `detections` with scores that know that no two things stand in one place: of two boxes that mean one thing, the less likely one is there only if the
+/// likelier one is not. Scores are probabilities, highest first before and after.
 ///
 /// What has a lower score changes nothing for what has a higher one.
 pub fn exclusive(mut detections: Vec<Detection>) -> Vec<Detection> {
     for place in 1..detections.len() {
         let (likelier, rest) = detections.split_at_mut(place);
-        let overlap = |other: &Detection| iou_bev(&other.box3d, &rest[0].box3d);
-        let nobody_else: f64 =
-            likelier.iter().map(|other| 1.0 - other.score * (overlap(other) / ONE_PLACE_OVERLAP).min(1.0)).product();
+        let nobody_else: f64 = likelier.iter().map(|other| beside(other, &rest[0])).product();
         rest[0].score *= nobody_else;
     }
     detections.sort_by(|a, b| b.score.total_cmp(&a.score));
     detections
 }
 
-/// Boxes that overlap by more than this as seen from above are not off by their errors alone: they mean one thing.
+/// How likely `detection` is there beside `other`, which is likelier: they may stand in one place, or be seen as one.
+fn beside(other: &Detection, detection: &Detection) -> f64 {
+    let in_one_place = (iou_bev(&other.box3d, &detection.box3d) / ONE_PLACE_OVERLAP).min(1.0);
+    (1.0 - other.score * in_one_place) * (1.0 - other.score * seen_as_one(other, detection))
+}
+
+/// How surely two boxes are of one thing, 0 to 1, by how much of the image they share and how well their distances agree; 0 of classes that are not taken for
+/// one another, and where an error bar is missing.
+fn seen_as_one(a: &Detection, b: &Detection) -> f64 {
+    let (Some(sigma_a), Some(sigma_b)) = (a.range_sigma_m, b.range_sigma_m) else { return 0.0 };
+    if !are_alike(&a.class, &b.class) {
+        return 0.0;
+    }
+    let [from, to] = ONE_SIGHT_OVERLAPS;
+    let sigmas_apart = (a.box3d.depth_m() - b.box3d.depth_m()).abs() / sigma_a.hypot(sigma_b);
+    let in_sight = (iou_2d(&a.box2d, &b.box2d) - from) / (to - from);
+    in_sight.clamp(0.0, 1.0) * (1.0 - sigmas_apart / ONE_DEPTH_SIGMAS).max(0.0)
+}
+
+/// Boxes that overlap by more than this as seen from above, whatever their classes, are not off by their errors alone: they mean one thing.
 const ONE_PLACE_OVERLAP: f64 = 0.25;
+
+/// Boxes that overlap by no more than the first in the image need not be of one thing; from the second on nothing but their distances tells them apart.
+const ONE_SIGHT_OVERLAPS: [f64; 2] = [0.4, SAME_OBJECT_OVERLAP];
+
+/// Distances that differ by more joint error bars than this are two; the better they agree the likelier they are one.
+const ONE_DEPTH_SIGMAS: f64 = 2.5;
 
 /// The raw channels at `cell` of maps that hold them.
 ///

@@ -384,6 +384,40 @@ fn no_two_things_stand_in_one_place() {
 }
 
 #[test]
+fn what_is_seen_as_one_at_one_distance_is_one() {
+    let (car, van, pedestrian) = (ObjectClass::Car, ObjectClass::Van, ObjectClass::Pedestrian);
+    // Boxes 100 pixels wide and so far apart in the image; in space never in one place, so far apart in depth, with an error bar of 1 m.
+    let seen = |class: &ObjectClass, score: f64, x1: f64, z: f64| Detection {
+        class: class.clone(),
+        score,
+        box2d: Box2d::new(x1, 0.0, x1 + 100.0, 50.0),
+        box3d: box3d([0.0, 1.6, z], 0.0),
+        range_sigma_m: Some(1.0),
+    };
+    let second = |other: Detection| exclusive(vec![seen(&car, 0.8, 0.0, 20.0), other])[1].score;
+    for (x1, z) in [(0.0, 22.0), (10.0, 22.0), (30.0, 22.0), (0.0, 23.0), (30.0, 18.0)] {
+        let in_sight = (((100.0 - x1) / (100.0 + x1) - 0.4) / 0.3_f64).min(1.0);
+        let in_depth = 1.0 - (z - 20.0_f64).abs() / 2.0_f64.sqrt() / 2.5;
+        assert!(
+            in_sight * in_depth > 0.1 && iou_bev(&box3d([0.0, 1.6, 20.0], 0.0), &box3d([0.0, 1.6, z], 0.0)) < 1e-12
+        );
+        for class in [&car, &van] {
+            let score = second(seen(class, 0.5, x1, z));
+            assert!((score - 0.5 * (1.0 - 0.8 * in_sight * in_depth)).abs() < 1e-9, "{class} at {x1}, {z}: {score}");
+        }
+    }
+    // Too far apart in the image, or in space by error bars of 1.4 m together; somebody before a car; nothing known of the distance.
+    for other in [
+        seen(&car, 0.5, 50.0, 22.0),
+        seen(&car, 0.5, 0.0, 23.6),
+        seen(&pedestrian, 0.5, 0.0, 22.0),
+        Detection { range_sigma_m: None, ..seen(&car, 0.5, 0.0, 22.0) },
+    ] {
+        assert!((second(other.clone()) - 0.5).abs() < 1e-12, "{other:?}");
+    }
+}
+
+#[test]
 fn of_boxes_of_a_class_around_one_thing_the_best_stays() {
     let found = |class: ObjectClass, score: f64, x1: f64| Detection {
         class,

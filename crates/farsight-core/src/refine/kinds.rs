@@ -26,6 +26,12 @@ pub fn kind_of(class: &ObjectClass) -> Option<usize> {
     CLASSES.iter().position(|known| known == class).map(|place| place + 1)
 }
 
+/// Whether both are one class, or classes that are easily taken for one another.
+pub fn are_alike(a: &ObjectClass, b: &ObjectClass) -> bool {
+    let alike = |(a, b): (usize, usize)| group_of(a).contains(&b);
+    a == b || kind_of(a).zip(kind_of(b)).is_some_and(alike)
+}
+
 fn group_of(kind: usize) -> Range<usize> {
     GROUPS.into_iter().find(|group| group.contains(&kind)).unwrap_or(kind..kind + 1)
 }
@@ -66,6 +72,10 @@ mod tests {
         assert_eq!(kind_of(&ObjectClass::PersonSitting), kind_of(&ObjectClass::Pedestrian));
         assert_ne!(kind_of(&ObjectClass::Car), kind_of(&ObjectClass::Van));
         assert_eq!(kind_of(&ObjectClass::Tram), None);
+        assert!(are_alike(&ObjectClass::Car, &ObjectClass::Truck) && are_alike(&ObjectClass::Tram, &ObjectClass::Tram));
+        assert!(
+            !are_alike(&ObjectClass::Van, &ObjectClass::Cyclist) && !are_alike(&ObjectClass::Car, &ObjectClass::Tram)
+        );
     }
 
     #[test]
