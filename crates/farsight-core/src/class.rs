@@ -62,6 +62,21 @@ impl ObjectClass {
         }
     }
 
+    /// Whether both are one class, or classes that are easily taken for one another: cars, vans and lorries; people, however they move.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let is_vehicle = |class: &Self| matches!(class, Self::Car | Self::Van | Self::Truck);
+        let is_person = |class: &Self| matches!(class, Self::Pedestrian | Self::PersonSitting | Self::Cyclist);
+        self == other || (is_vehicle(self) && is_vehicle(other)) || (is_person(self) && is_person(other))
+    }
+
+    /// Whether this is `known`, one of KITTI's, by its name in any case: the devkit compares like that, so `car` and `dontcare` count.
+    pub fn is_in_any_case(&self, known: &Self) -> bool {
+        match self {
+            Self::Other(name) => name.eq_ignore_ascii_case(known.name()),
+            _ => self == known,
+        }
+    }
+
     /// The class called `name`, case included.
     pub fn from_name(name: &str) -> Self {
         Self::KITTI.into_iter().find(|class| class.name() == name).unwrap_or_else(|| Self::Other(name.into()))
@@ -91,5 +106,20 @@ impl From<String> for ObjectClass {
 impl From<ObjectClass> for String {
     fn from(class: ObjectClass) -> Self {
         class.name().to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ObjectClass::{Car, Cyclist, DontCare, Misc, Pedestrian, PersonSitting, Tram, Truck, Van};
+
+    #[test]
+    fn vehicles_are_like_vehicles_and_people_like_people() {
+        for (a, b) in [(Car, Truck), (Van, Car), (Cyclist, Pedestrian), (PersonSitting, Cyclist), (Tram, Tram)] {
+            assert!(a.is_like(&b) && b.is_like(&a), "{a} and {b}");
+        }
+        for (a, b) in [(Van, Cyclist), (Car, Tram), (Truck, Misc), (Pedestrian, DontCare)] {
+            assert!(!a.is_like(&b) && !b.is_like(&a), "{a} and {b}");
+        }
     }
 }

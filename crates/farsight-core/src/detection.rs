@@ -1,10 +1,8 @@
 //! From head maps to detections: the one decoder that every engine shares.
 
 use crate::codec::{CHANNELS, DepthReference, Encoded, Regression};
-use crate::overlap::{iou_2d, iou_bev};
 use crate::peaks::{Peak, peaks};
-use crate::refine::are_alike;
-use crate::score::LEAST_PEAK;
+use crate::score::{LEAST_PEAK, logistic, logit};
 use crate::targets::feature_camera;
 use crate::{Box2d, Box3d, Camera, Codec, ObjectClass};
 
@@ -19,11 +17,17 @@ pub struct Detection {
     pub box2d: Box2d,
     /// Where it is, rectified camera coordinates, metres.
     pub box3d: Box3d,
-    /// Standard deviation of its distance, metres, when the model gives one.
+    /// Standard deviation of its depth ([`Box3d::depth_m`]), metres, when the model gives one; [`Detection::sigma_of_m`] has that of other distances.
     pub range_sigma_m: Option<f64>,
 }
 
 impl Detection {
+    /// Standard deviation of another distance to it, `distance_m`: where the depth is wrong, the box lies elsewhere on its ray and is as much larger, and so all
+    /// distances are wrong by the same factor.
+    pub fn sigma_of_m(&self, distance_m: f64) -> Option<f64> {
+        Some(self.range_sigma_m? * distance_m / self.box3d.depth_m())
+    }
+
     /// Observation angle, radians.
     pub fn alpha(&self) -> f64 {
         self.box3d.alpha()
@@ -136,16 +140,16 @@ pub fn detections_at_peaks(
     view: &View,
     options: &DecodeOptions,
 ) -> Vec<Detection> {
-    // A low peak of a near object can stand for a high probability.
     let min_score = options.min_score(codec);
-    let least_peak = if is_calibrated(codec) { min_score.min(LEAST_PEAK) } else { min_score };
-    let floor = (least_peak / (1.0 - least_peak)).ln() as f32;
+    // A low peak of a near object can stand for a high probability, so peaks are not what the highest ones are chosen by then.
+    let (least_peak, most_peaks) =
+        if is_calibrated(codec) { (LEAST_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
     let camera = feature_camera(&view.input_camera);
-    let mut found: Vec<Detection> = peaks(logits, map_size, options.max_detections, floor)
+    let mut found: Vec<Detection> = peaks(logits, map_size, most_peaks, logit(least_peak) as f32)
         .into_iter()
         .filter_map(|peak| {
             let regression = Regression::from_raw(regression(peak.cell));
-            let score = (1.0 / (1.0 + (-f64::from(peak.value)).exp())).clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
+            let score = logistic(f64::from(peak.value)).clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
             let mut found = detection(codec, &peak, score, regression, &camera, view)?;
             if let Some(calibration) = &codec.classes[peak.class].score {
                 let probability = calibration.probability(score, view.input_height_px(&found.box2d));
@@ -159,80 +163,9 @@ pub fn detections_at_peaks(
         .collect();
     // Stable: peaks come highest first, and equals stay in the order of the map.
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    found.truncate(options.max_detections);
     found
 }
-
-/// `detections`, highest score first, without those that stand where a better one stands: seen from above they overlap by more than `max_overlap`
-/// (intersection over union), whatever their classes. SMOKE has no such step; two things in one place are one too many for whoever reads the answer.
-pub fn apart(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
-    let mut kept: Vec<Detection> = Vec::with_capacity(detections.len());
-    for detection in detections {
-        if kept.iter().all(|better| iou_bev(&better.box3d, &detection.box3d) <= max_overlap) {
-            kept.push(detection);
-        }
-    }
-    kept
-}
-
-/// `detections`, highest score first, without those that are a second box around what has a better one of the same class: in the image they overlap by more
-/// than 0.7.
-pub fn distinct(detections: Vec<Detection>) -> Vec<Detection> {
-    let mut kept: Vec<Detection> = Vec::with_capacity(detections.len());
-    for detection in detections {
-        let is_same = |better: &Detection| {
-            better.class == detection.class && iou_2d(&better.box2d, &detection.box2d) > SAME_OBJECT_OVERLAP
-        };
-        if !kept.iter().any(is_same) {
-            kept.push(detection);
-        }
-    }
-    kept
-}
-
-/// Cars that hide each other are rarely told apart by boxes that overlap by more than this.
-const SAME_OBJECT_OVERLAP: f64 = 0.7;
-
-/// `detections` with scores that know that no two things stand in one place: of two boxes that mean one thing, the less likely one is there only if the
-/// likelier one is not. Scores are probabilities, highest first before and after.
-///
-/// What has a lower score changes nothing for what has a higher one.
-pub fn exclusive(mut detections: Vec<Detection>) -> Vec<Detection> {
-    for place in 1..detections.len() {
-        let (likelier, rest) = detections.split_at_mut(place);
-        let nobody_else: f64 = likelier.iter().map(|other| beside(other, &rest[0])).product();
-        rest[0].score *= nobody_else;
-    }
-    detections.sort_by(|a, b| b.score.total_cmp(&a.score));
-    detections
-}
-
-/// How likely `detection` is there beside `other`, which is likelier: they may stand in one place, or be seen as one.
-fn beside(other: &Detection, detection: &Detection) -> f64 {
-    let in_one_place = (iou_bev(&other.box3d, &detection.box3d) / ONE_PLACE_OVERLAP).min(1.0);
-    (1.0 - other.score * in_one_place) * (1.0 - other.score * seen_as_one(other, detection))
-}
-
-/// How surely two boxes are of one thing, 0 to 1, by how much of the image they share and how well their distances agree; 0 of classes that are not taken for
-/// one another, and where an error bar is missing.
-fn seen_as_one(a: &Detection, b: &Detection) -> f64 {
-    let (Some(sigma_a), Some(sigma_b)) = (a.range_sigma_m, b.range_sigma_m) else { return 0.0 };
-    if !are_alike(&a.class, &b.class) {
-        return 0.0;
-    }
-    let [from, to] = ONE_SIGHT_OVERLAPS;
-    let sigmas_apart = (a.box3d.depth_m() - b.box3d.depth_m()).abs() / sigma_a.hypot(sigma_b);
-    let in_sight = (iou_2d(&a.box2d, &b.box2d) - from) / (to - from);
-    in_sight.clamp(0.0, 1.0) * (1.0 - sigmas_apart / ONE_DEPTH_SIGMAS).max(0.0)
-}
-
-/// Boxes that overlap by more than this as seen from above, whatever their classes, are not off by their errors alone: they mean one thing.
-const ONE_PLACE_OVERLAP: f64 = 0.25;
-
-/// Boxes that overlap by no more than the first in the image need not be of one thing; from the second on nothing but their distances tells them apart.
-const ONE_SIGHT_OVERLAPS: [f64; 2] = [0.4, SAME_OBJECT_OVERLAP];
-
-/// Distances that differ by more joint error bars than this are two; the better they agree the likelier they are one.
-const ONE_DEPTH_SIGMAS: f64 = 2.5;
 
 /// The raw channels at `cell` of maps that hold them.
 ///

@@ -63,19 +63,22 @@ impl HeatMapRule {
                 .then(|| format!("heat map {name} is {value}; expected a positive number"))
         };
         match *self {
-            Self::Fixed { radius } => (!(radius.is_finite() && radius >= 0.0))
-                .then(|| format!("heat map radius is {radius}; expected a number of cells from 0 up")),
+            Self::Fixed { radius } => (!(0.0..=MOST_CELLS).contains(&radius))
+                .then(|| format!("heat map radius is {radius}; expected 0 to {MOST_CELLS} cells")),
             Self::CornerNet { min_overlap } => (!(min_overlap > 0.0 && min_overlap < 1.0))
                 .then(|| format!("heat map min_overlap is {min_overlap}; expected a number between 0 and 1")),
             Self::DynamicInteger { alpha, min_radius, max_radius }
             | Self::Dynamic { alpha, min_radius, max_radius } => positive("alpha", alpha).or_else(|| {
-                (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius.is_finite())).then(|| {
-                    format!("heat map radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius")
+                (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius <= MOST_CELLS)).then(|| {
+                    format!("heat map radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius <= {MOST_CELLS}")
                 })
             }),
         }
     }
 }
+
+/// A larger radius than any map has cells a side.
+const MOST_CELLS: f64 = 1e4;
 
 /// The largest radius by which both corners of a box can move and keep an overlap of `t`, cells (the corrected formula).
 pub fn cornernet_radius(width: f64, height: f64, t: f64) -> f64 {

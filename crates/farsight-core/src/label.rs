@@ -1,5 +1,6 @@
 //! One row of ground truth.
 
+use crate::overlap::{covered_share_2d, iou_2d};
 use crate::{Box2d, Box3d, ObjectClass};
 
 /// One labelled object of a frame, as KITTI writes it.
@@ -19,4 +20,16 @@ pub struct Label {
     pub box2d: Box2d,
     /// Annotated box in rectified camera coordinates, metres.
     pub box3d: Box3d,
+}
+
+impl Label {
+    /// How much of `box2d`, pixels of the original image, lies on this: of a region that was not labelled the share that it covers, as in the devkit, of an
+    /// object intersection over union.
+    pub fn overlap_2d(&self, box2d: &Box2d) -> f64 {
+        if self.class.is_in_any_case(&ObjectClass::DontCare) {
+            covered_share_2d(box2d, &self.box2d)
+        } else {
+            iou_2d(box2d, &self.box2d)
+        }
+    }
 }

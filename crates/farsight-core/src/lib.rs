@@ -15,6 +15,7 @@ pub mod classic;
 pub mod codec;
 pub mod corner_loss;
 pub mod detection;
+pub mod duplicates;
 pub mod heatmap;
 pub mod input;
 pub mod label;

@@ -10,7 +10,7 @@ mod scores;
 
 use std::f64::consts::SQRT_2;
 
-pub use kinds::{KINDS, NOTHING, are_alike, kind_of};
+pub use kinds::{KINDS, NOTHING, kind_of};
 pub use looks::{LooksExample, TwoLooks};
 pub use scores::{Evidence, LooksScore, LooksScores, ScoredLooks};
 

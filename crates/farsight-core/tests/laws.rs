@@ -6,7 +6,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use farsight_core::codec::{CHANNELS, DepthReference};
 use farsight_core::corner_loss::corner_loss;
-use farsight_core::detection::{DecodeOptions, View, apart, detections, distinct, exclusive};
+use farsight_core::detection::{DecodeOptions, View, detections};
+use farsight_core::duplicates::{apart, distinct, exclusive};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::overlap::iou_bev;
 use farsight_core::peaks::peaks;

@@ -52,14 +52,14 @@ impl EvaluatedClass {
 
     /// The evaluated class that `class` is, if any.
     pub fn of(class: &ObjectClass) -> Option<Self> {
-        Self::ALL.into_iter().find(|evaluated| is_named(class, &evaluated.object_class()))
+        Self::ALL.into_iter().find(|evaluated| class.is_in_any_case(&evaluated.object_class()))
     }
 
     /// What an object of `class` is to this class.
     pub fn role(self, class: &ObjectClass) -> Role {
-        if is_named(class, &self.object_class()) {
+        if class.is_in_any_case(&self.object_class()) {
             Role::Own
-        } else if self.neighbour().is_some_and(|neighbour| is_named(class, &neighbour)) {
+        } else if self.neighbour().is_some_and(|neighbour| class.is_in_any_case(&neighbour)) {
             Role::Neighbour
         } else {
             Role::Other
@@ -81,19 +81,6 @@ impl fmt::Display for EvaluatedClass {
     }
 }
 
-/// Whether `class` is a region that was not labelled.
-pub fn is_dont_care(class: &ObjectClass) -> bool {
-    is_named(class, &ObjectClass::DontCare)
-}
-
-/// The devkit compares names in any case, so `car` and `dontcare` count.
-fn is_named(class: &ObjectClass, wanted: &ObjectClass) -> bool {
-    match class {
-        ObjectClass::Other(name) => name.eq_ignore_ascii_case(wanted.name()),
-        known => known == wanted,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,7 +90,7 @@ mod tests {
         for name in ["Car", "car", "CAR"] {
             assert_eq!(EvaluatedClass::of(&ObjectClass::from_name(name)), Some(EvaluatedClass::Car), "{name}");
         }
-        assert!(is_dont_care(&ObjectClass::from_name("dontcare")));
+        assert!(ObjectClass::from_name("dontcare").is_in_any_case(&ObjectClass::DontCare));
     }
 
     #[test]

@@ -2,10 +2,11 @@
 
 use std::fmt;
 
+use farsight_core::ObjectClass;
 use farsight_core::overlap::{Block, iou_2d};
 
 use crate::ap::{Fate, Matching, Metric, OverlapSet, Scene, SceneSet, fates};
-use crate::class::{Role, is_dont_care};
+use crate::class::Role;
 use crate::difficulty::Ignored;
 use crate::{Difficulty, EvaluatedClass, Frame};
 
@@ -116,8 +117,8 @@ pub fn explain(frame: &Frame, view: &View) -> Explanation {
     explanation
 }
 
-fn unmatched_object(class: &farsight_core::ObjectClass) -> ObjectFate {
-    if is_dont_care(class) { ObjectFate::DontCare } else { ObjectFate::NotEvaluated }
+fn unmatched_object(class: &ObjectClass) -> ObjectFate {
+    if class.is_in_any_case(&ObjectClass::DontCare) { ObjectFate::DontCare } else { ObjectFate::NotEvaluated }
 }
 
 /// One frame for one class and difficulty.

@@ -1,6 +1,6 @@
 //! The second look at what was found ([`farsight_core::refine`]), on the built-in engine.
 
-use farsight_core::detection::{distinct, exclusive};
+use farsight_core::duplicates::{distinct, exclusive};
 use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use farsight_core::{Box2d, Camera, ClassReference, Detection};
 use farsight_data::network_input_into;

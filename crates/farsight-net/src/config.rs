@@ -31,6 +31,16 @@ const MSFE_WIDTHS: [(Msfe, usize); 3] = [(Msfe::A, 128), (Msfe::B, 128), (Msfe::
 /// Widths are multiples of this, so that group normalisation always has its groups.
 const WIDTH_STEP: usize = 16;
 
+/// The widest layer; like [`LARGEST_SIDE`], because a description may come from a stranger.
+const LARGEST_WIDTH: usize = 4096;
+
+/// What widths may be, for messages.
+const WIDTHS: &str = "multiples of 16 from 16 to 4096";
+
+fn is_width(channels: usize) -> bool {
+    (WIDTH_STEP..=LARGEST_WIDTH).contains(&channels) && channels.is_multiple_of(WIDTH_STEP)
+}
+
 /// Which multi-scale feature enhancement the network has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -154,14 +164,14 @@ impl ModelConfig {
             return error("width", format!("is {}; expected a factor above 0 and at most 8", self.width));
         }
         if let Some(channels) = self.level_channels
-            && channels.iter().any(|c| *c == 0 || !c.is_multiple_of(WIDTH_STEP))
+            && !channels.iter().all(|c| is_width(*c))
         {
-            return error("level_channels", format!("is {channels:?}; expected six multiples of {WIDTH_STEP}"));
+            return error("level_channels", format!("is {channels:?}; expected six {WIDTHS}"));
         }
         if let Some(channels) = self.head_channels
-            && (channels == 0 || !channels.is_multiple_of(WIDTH_STEP))
+            && !is_width(channels)
         {
-            return error("head_channels", format!("is {channels}; expected a multiple of {WIDTH_STEP}"));
+            return error("head_channels", format!("is {channels}; expected one of the {WIDTHS}"));
         }
         if let Some(problem) = self.heat_map.problem() {
             return error("heat_map", problem);
@@ -228,6 +238,14 @@ impl ModelConfig {
     /// Whether scores or error bars were fitted on labelled frames; such answers belong to the size of the input.
     pub fn has_fitted_answers(&self) -> bool {
         self.depth.error.is_some() || self.classes.iter().any(|class| class.score.is_some())
+    }
+
+    /// Without answers fitted on labelled frames: those of another network are none of this one's.
+    #[must_use]
+    pub fn without_fitted_answers(mut self) -> Self {
+        self.depth.error = None;
+        self.classes.iter_mut().for_each(|class| class.score = None);
+        self
     }
 
     /// Encode and decode.

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use safetensors::Dtype;
 use safetensors::tensor::{Metadata, TensorInfo};
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 pub(crate) use element::Element;
@@ -216,6 +217,16 @@ impl Weights {
             }
             Some(tensor) => Ok(tensor),
         }
+    }
+
+    /// SHA-256 of names, shapes and values (as `f32`, little-endian) in the order of the names, hexadecimal: the same in whatever file they are.
+    pub fn sha256(&self) -> String {
+        let mut hash = Sha256::new();
+        for (name, tensor) in &self.tensors {
+            hash.update(format!("{name} {:?}\n", tensor.shape));
+            tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
+        }
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// The header as JSON, padded with spaces so that the data starts at a multiple of eight bytes.

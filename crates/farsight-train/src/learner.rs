@@ -36,6 +36,17 @@ pub(crate) struct Learner {
     adam: Adam,
     averages: Option<Averages>,
     clip_norm: f64,
+    /// What it started from, when that was a file.
+    pub(crate) taken: Option<Taken>,
+}
+
+/// How much of a network came from the file that it started from; the rest starts at random.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Taken {
+    /// Tensors that had a place in the network.
+    pub tensors: usize,
+    /// Tensors that the network has.
+    pub of: usize,
 }
 
 impl Learner {
@@ -48,15 +59,21 @@ impl Learner {
         device: Device,
     ) -> Result<(Self, Progress), TrainError> {
         let stored = checkpoint.map(|path| checkpoint::read(path, identity)).transpose()?;
-        let start = match (&stored, &settings.start_from) {
-            (Some((weights, _)), _) => weights.clone(),
-            (None, Some(path)) => overlaid(initial_weights(&graph, settings.seed), Weights::read(path)?),
-            (None, None) => initial_weights(&graph, settings.seed),
+        let (start, taken) = match (&stored, &settings.start_from) {
+            (Some((weights, _)), _) => (weights.clone(), None),
+            (None, Some(path)) => {
+                let (weights, taken) = overlaid(initial_weights(&graph, settings.seed), Weights::read(path)?);
+                if taken.tensors == 0 {
+                    return Err(TrainError::NothingFits(path.clone()));
+                }
+                (weights, Some(taken))
+            }
+            (None, None) => (initial_weights(&graph, settings.seed), None),
         };
         let network = Network::new(graph, &start, device, settings.precision)?;
         let adam = Adam::new(settings.adam, network.learnt());
         let averages = settings.ema_decay.map(|decay| Averages::new(decay, &network));
-        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm };
+        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, taken };
         let mut progress = Progress::default();
         if let (Some(path), Some((weights, come_to))) = (checkpoint, stored) {
             let missing = |name| CheckpointError::Tensor { path: path.into(), name };
@@ -113,14 +130,16 @@ impl Learner {
     }
 }
 
-/// `fresh` with the tensors of `loaded` that have a place and the right shape in it.
-fn overlaid(mut fresh: Weights, loaded: Weights) -> Weights {
+/// `fresh` with the tensors of `loaded` that have a place and the right shape in it, and how many those are.
+fn overlaid(mut fresh: Weights, loaded: Weights) -> (Weights, Taken) {
+    let mut taken = Taken { tensors: 0, of: fresh.tensors.len() };
     for (name, tensor) in loaded.tensors {
         if let Some(place) = fresh.tensors.get_mut(&name)
             && place.shape == tensor.shape
         {
             *place = tensor;
+            taken.tensors += 1;
         }
     }
-    fresh
+    (fresh, taken)
 }

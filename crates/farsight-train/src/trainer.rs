@@ -29,6 +29,8 @@ use crate::metrics::{MetricsWriter, Record};
 use crate::samples::{Sampler, TrainBatch, TrainSample};
 use crate::sources::{FrameSource, KittiSource, RenderedSource};
 
+pub use crate::learner::Taken;
+
 /// Name of the checkpoint in a run's folder.
 pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
 
@@ -67,6 +69,9 @@ pub enum TrainError {
     /// The start weights could not be read.
     #[error(transparent)]
     Weights(#[from] WeightsError),
+    /// The start weights are those of another network.
+    #[error("{}: train.start_from: none of its tensors has a place in the network; expected weights of the same kind of network", .0.display())]
+    NothingFits(PathBuf),
     /// The weights do not fit the network.
     #[error(transparent)]
     Network(#[from] ExecutorError),
@@ -112,10 +117,21 @@ pub enum TrainError {
     },
 }
 
+/// Where a run starts, or goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Beginning {
+    /// Steps that are done.
+    pub done: u64,
+    /// Steps in all.
+    pub total: u64,
+    /// How much came from `train.start_from`; none of a run without, and of one that goes on.
+    pub taken: Option<Taken>,
+}
+
 /// Told how a run goes.
 pub trait Observer {
-    /// The run starts, or goes on, after `done` of `total` steps.
-    fn begin(&mut self, done: u64, total: u64);
+    /// The run starts, or goes on.
+    fn begin(&mut self, beginning: Beginning);
     /// A step is done; the numbers are its own.
     fn step(&mut self, record: &Record);
 }
@@ -153,7 +169,7 @@ pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainErr
     let batches_per_epoch = loader.batches_per_epoch();
     let total = batches_per_epoch * epochs;
     let mut metrics = metrics(&job.out, progress.steps)?;
-    observer.begin(progress.steps, total);
+    observer.begin(Beginning { done: progress.steps, total, taken: trainer.learner.taken });
 
     let mut progress = progress;
     let mut window = Window::new();

@@ -187,9 +187,9 @@ impl Panel<'_> {
 
     /// One standard deviation to both sides along the ray from the camera, with a short bar across each end.
     fn error_bar(&mut self, detection: &Detection) {
-        let Some(sigma) = detection.range_sigma_m else { return };
         let [x, _, z] = detection.box3d.location;
         let distance = x.hypot(z).max(f64::MIN_POSITIVE);
+        let Some(sigma) = detection.sigma_of_m(distance) else { return };
         let cap = 0.25 * self.text_px / self.map.px_per_m / distance;
         let pen = Pen::solid(WHITE.faded(0.95), 0.8 * self.line_px);
         let ends = [-sigma, sigma].map(|by| [x, z].map(|v| v * (1.0 + by / distance)));

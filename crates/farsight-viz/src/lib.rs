@@ -21,6 +21,7 @@ use farsight_core::{Box3d, Camera, Detection, Label};
 
 pub use annotate::{annotate, annotate_named};
 pub use birds_eye::birds_eye;
+pub use palette::distance_text;
 pub use picture::picture;
 
 /// What there is to draw.

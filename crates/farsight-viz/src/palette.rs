@@ -77,12 +77,15 @@ impl DrawOptions {
         (self.distance_m)(object)
     }
 
-    /// `23.4 m`, or `23.4 ±1.2 m` when the detection knows its error.
     pub(crate) fn distance_text(&self, detection: &Detection) -> String {
-        let distance = self.distance_of(&detection.box3d);
-        match detection.range_sigma_m {
-            Some(sigma) => format!("{distance:.1} ±{sigma:.1} m"),
-            None => format!("{distance:.1} m"),
-        }
+        distance_text(detection, self.distance_of(&detection.box3d))
+    }
+}
+
+/// `23.4 m`, or `23.4 ±1.2 m` when the detection knows its error; `distance_m` is the distance to it that is asked for.
+pub fn distance_text(detection: &Detection, distance_m: f64) -> String {
+    match detection.sigma_of_m(distance_m) {
+        Some(sigma_m) => format!("{distance_m:.1} ±{sigma_m:.1} m"),
+        None => format!("{distance_m:.1} m"),
     }
 }

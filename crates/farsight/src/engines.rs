@@ -8,7 +8,7 @@ use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, Refiner, RtenEngine};
 use farsight_net::config::ModelConfig;
-use farsight_net::onnx::{OnnxModel, PeaksOnly, Target};
+use farsight_net::onnx::{OnnxModel, PeaksOnly, Target, key};
 use farsight_net::refiner::RefinerModel;
 
 use crate::libraries::{Found, Library};
@@ -48,17 +48,17 @@ pub(crate) struct EngineArgs {
 /// What looks again at what was found.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub(crate) struct RefinerArgs {
-    /// Refiner that `farsight train` wrote, for a second look at each object, or none [default: the one that comes with the program, if the model does too]
+    /// Refiner that `farsight train` wrote, for a second look at each object, or none [default: the one that comes with the program, if the model's weights do too]
     #[arg(long, value_name = "FILE|none")]
     refiner: Option<PathBuf>,
 }
 
 impl RefinerArgs {
-    /// The refiner to use beside the model at `model`, or the shipped one.
-    fn read(&self, model: Option<&Path>) -> Result<Option<RefinerModel>> {
-        match (self.refiner.as_deref(), model) {
-            (Some(word), _) if word == Path::new("none") => Ok(None),
-            (Some(path), _) => {
+    /// The refiner to use; `is_shipped` is whether the detector is the shipped one.
+    fn read(&self, is_shipped: bool) -> Result<Option<RefinerModel>> {
+        match self.refiner.as_deref() {
+            Some(word) if word == Path::new("none") => Ok(None),
+            Some(path) => {
                 ensure!(
                     path.is_file(),
                     "{}: no such file; expected a refiner that `farsight train` wrote, or none",
@@ -66,14 +66,14 @@ impl RefinerArgs {
                 );
                 Ok(Some(RefinerModel::read(path)?))
             }
-            (None, None) => shipped::refiner().map(Some),
-            (None, Some(_)) => Ok(None),
+            None if is_shipped => shipped::refiner().map(Some),
+            None => Ok(None),
         }
     }
 
-    /// `detector`, of the model at `model`, or the shipped one, with the second look that there is to be.
-    fn beside(&self, detector: Detector, args: &EngineArgs, model: Option<&Path>) -> Result<Detector> {
-        Ok(match self.read(model)? {
+    /// The detector with the second look that there is to be.
+    fn beside(&self, Opened { detector, is_shipped }: Opened, args: &EngineArgs) -> Result<Detector> {
+        Ok(match self.read(is_shipped)? {
             Some(refiner) => detector.with_refiner(Refiner::new(&refiner, args.threads)?),
             None => detector,
         })
@@ -84,7 +84,7 @@ impl RefinerArgs {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub(crate) struct RoadArgs {
     /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it is not known, or "none" for each object
-    /// by itself [default: any for the model that comes with the program, none for others]
+    /// by itself [default: any for the weights that come with the program, none for others]
     #[arg(long, value_name = "METRES|any|none", value_parser = road)]
     above_road: Option<Road>,
 }
@@ -94,9 +94,9 @@ impl RoadArgs {
         self.above_road.is_some_and(|road| road != Road::Ignored)
     }
 
-    /// The road for the model at `model`, or the shipped one.
-    fn under(self, model: Option<&Path>) -> Road {
-        let usual = if model.is_none() { Road::Below } else { Road::Ignored };
+    /// The road to use; `is_shipped` is whether the detector is the shipped one.
+    fn under(self, is_shipped: bool) -> Road {
+        let usual = if is_shipped { Road::Below } else { Road::Ignored };
         self.above_road.unwrap_or(usual)
     }
 }
@@ -140,26 +140,47 @@ pub(crate) fn open_whole(
     path: Option<&Path>,
     options: DecodeOptions,
 ) -> Result<Detector> {
-    let detector = refiner.beside(open_detector(args, path, options)?, args, path)?;
+    let opened = open(args, path, options)?;
+    let road_under_it = road.under(opened.is_shipped);
+    let detector = refiner.beside(opened, args)?;
     ensure!(
         detector.has_error_bars() || !road.is_asked_for(),
         "{}: a model without error bars, which --above-road goes by; `farsight export --fit-on` fits them",
         path.unwrap_or(Path::new(shipped::NAME)).display()
     );
-    Ok(detector.with_road(road.under(path)))
+    Ok(detector.with_road(road_under_it))
 }
 
-/// The model at `path`, or the shipped one, ready to look at images. Its regression head is only computed where it is needed, if it is of that kind.
-pub(crate) fn open_detector(args: &EngineArgs, path: Option<&Path>, options: DecodeOptions) -> Result<Detector> {
+/// The shipped model, ready to look at images, with nothing to follow its first look.
+pub(crate) fn open_shipped(args: &EngineArgs, options: DecodeOptions) -> Result<Detector> {
+    Ok(open(args, None, options)?.detector)
+}
+
+/// A model ready to look at images.
+struct Opened {
+    detector: Detector,
+    /// Whether its weights are those that come with the program, in whatever file they are: the refiner and the road are made for them.
+    is_shipped: bool,
+}
+
+/// The model at `path`, or the shipped one. Its regression head is only computed where it is needed, if it is of that kind.
+fn open(args: &EngineArgs, path: Option<&Path>, options: DecodeOptions) -> Result<Opened> {
     if args.engine == EngineName::Libtorch {
-        let (engine, config) = libtorch(path)?;
-        return Ok(Detector::new(engine, DetectorSpec::new(&config, options)));
+        let (engine, config, weights) = libtorch(path)?;
+        let detector = Detector::new(engine, DetectorSpec::new(&config, options));
+        return Ok(Opened { detector, is_shipped: shipped::has_weights(&weights)? });
     }
     let model = read(args.engine, path)?;
-    detector_of(args, model, path.unwrap_or(Path::new(shipped::NAME)), options)
+    let is_shipped = has_shipped_weights(&model)?;
+    let detector = detector_of(args, model, path.unwrap_or(Path::new(shipped::NAME)), options)?;
+    Ok(Opened { detector, is_shipped })
 }
 
-/// As [`open_detector`], for a model in memory; `path` is only what errors call it.
+fn has_shipped_weights(model: &OnnxModel) -> Result<bool> {
+    model.facts().get(key::WEIGHTS_SHA256).map_or(Ok(false), shipped::has_weights)
+}
+
+/// A model in memory, ready to look at images; `path` is only what errors call it.
 pub(crate) fn detector_of(
     args: &EngineArgs,
     model: OnnxModel,
@@ -186,17 +207,17 @@ pub(crate) fn open_to_time(
     path: Option<&Path>,
     timing: Timing,
 ) -> Result<Detector> {
-    refiner.beside(first_look_to_time(args, path, timing)?, args, path)
+    refiner.beside(first_look_to_time(args, path, timing)?, args)
 }
 
-fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Detector> {
+fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Opened> {
     let is_config = path.is_some_and(untrained::is_config);
     if args.engine == EngineName::Libtorch {
         ensure!(
             !is_config && timing.input.is_none(),
             "the engine libtorch is timed with a model and its own input only"
         );
-        return open_detector(args, path, DecodeOptions::default());
+        return open(args, path, DecodeOptions::default());
     }
     let model = match path {
         Some(path) if is_config => OnnxModel::from_model(&untrained::model(path)?, target(args.engine), path)?,
@@ -209,10 +230,12 @@ fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) ->
         spec.focal_range_px = None;
     }
     let source = path.unwrap_or(Path::new(shipped::NAME));
-    if timing.dense_head {
-        return Ok(Detector::new(start(args, model, source)?, spec));
-    }
-    detector(args, model, source, spec)
+    let is_shipped = has_shipped_weights(&model)?;
+    let detector = match timing.dense_head {
+        true => Detector::new(start(args, model, source)?, spec),
+        false => detector(args, model, source, spec)?,
+    };
+    Ok(Opened { detector, is_shipped })
 }
 
 fn detector(args: &EngineArgs, model: OnnxModel, source: &Path, spec: DetectorSpec) -> Result<Detector> {
@@ -305,9 +328,9 @@ fn openvino(_: &Path, _: OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
     bail!("this farsight was built without the engine openvino (cargo feature \"openvino\")")
 }
 
-/// libtorch runs our own model files, and no ONNX.
+/// Engine, config and the hash of the weights: libtorch runs our own model files, and no ONNX.
 #[cfg(feature = "train")]
-fn libtorch(path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig)> {
+fn libtorch(path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
     let model = match path {
         None => shipped::model()?,
         Some(path) => {
@@ -315,12 +338,12 @@ fn libtorch(path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig)> {
             farsight_net::model::Model::read(path)?
         }
     };
-    let config = model.config.clone();
-    Ok((Box::new(farsight_train::engine::TorchEngine::on_any_device(model)?), config))
+    let (config, weights) = (model.config.clone(), model.weights.sha256());
+    Ok((Box::new(farsight_train::engine::TorchEngine::on_any_device(model)?), config, weights))
 }
 
 #[cfg(not(feature = "train"))]
-fn libtorch(_: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig)> {
+fn libtorch(_: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
     bail!(
         "this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it"
     )

@@ -28,6 +28,7 @@ struct DetectionJson {
     rotation_y: f64,
     alpha: f64,
     range_m: f64,
+    /// Standard deviation of `range_m`.
     range_sigma_m: Option<f64>,
 }
 
@@ -45,7 +46,8 @@ impl ImageJson {
 
 impl DetectionJson {
     fn new(detection: &Detection, range_m: fn(&Box3d) -> f64) -> Self {
-        let Detection { class, score, box2d, box3d, range_sigma_m } = detection;
+        let Detection { class, score, box2d, box3d, range_sigma_m: _ } = detection;
+        let range_m = range_m(box3d);
         let size = box3d.dimensions;
         Self {
             class: class.to_string(),
@@ -55,8 +57,8 @@ impl DetectionJson {
             location: box3d.location,
             rotation_y: box3d.yaw,
             alpha: detection.alpha(),
-            range_m: range_m(box3d),
-            range_sigma_m: *range_sigma_m,
+            range_m,
+            range_sigma_m: detection.sigma_of_m(range_m),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The table that `range` prints: one row a vehicle.
 
 use farsight_core::{Box2d, Box3d, Detection};
+use farsight_viz::distance_text;
 
 /// Columns of the table; the first is as wide as the longest name.
 pub(crate) struct RangeTable {
@@ -29,11 +30,7 @@ impl RangeTable {
     }
 
     fn detection(&self, name: &str, detection: &Detection) -> String {
-        let distance = (self.range_m)(&detection.box3d);
-        let distance = match detection.range_sigma_m {
-            Some(sigma) => format!("{distance:.1} ±{sigma:.1} m"),
-            None => format!("{distance:.1} m"),
-        };
+        let distance = distance_text(detection, (self.range_m)(&detection.box3d));
         let score = format!("{:.2}", detection.score);
         let x = format!("{:.1} m", detection.box3d.location[0]);
         let Box2d { x1, y1, x2, y2 } = detection.box2d;
@@ -54,9 +51,8 @@ mod tests {
 
     use super::RangeTable;
 
-    #[test]
-    fn columns_line_up() {
-        let car = Detection {
+    fn car() -> Detection {
+        Detection {
             class: ObjectClass::Car,
             score: 0.913,
             box2d: Box2d::new(853.6, 185.2, 1015.0, 337.9),
@@ -66,7 +62,22 @@ mod tests {
                 yaw: 0.0,
             },
             range_sigma_m: None,
-        };
+        }
+    }
+
+    #[test]
+    fn an_error_bar_is_that_of_the_distance_that_is_given() {
+        let aside = Detection { range_sigma_m: Some(1.0), ..car() };
+        let text = |range_m: fn(&Box3d) -> f64| RangeTable::new(&[], range_m).rows("aside", &[aside.clone()]).concat();
+        assert!(text(Box3d::depth_m).contains("8.6 ±1.0 m"), "{}", text(Box3d::depth_m));
+        // As far off as the depth: sqrt(12.31² + 1.65² + 8.62²) / 8.62.
+        let euclidean = |object: &Box3d| object.location.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert!(text(euclidean).contains("15.1 ±1.8 m"), "{}", text(euclidean));
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let car = car();
         let far = Detection { range_sigma_m: Some(1.26), class: ObjectClass::Pedestrian, ..car.clone() };
         let table = RangeTable::new(&["000032".to_owned()], Box3d::depth_m);
         let mut lines = vec![table.heading()];

@@ -36,6 +36,11 @@ pub(crate) fn model() -> Result<Model> {
     Ok(Model::from_safetensors(MODEL, Path::new(NAME))?)
 }
 
+/// Whether `sha256`, of a model's weights, is that of the model that comes with the program.
+pub(crate) fn has_weights(sha256: &str) -> Result<bool> {
+    Ok(model()?.weights.sha256() == sha256)
+}
+
 /// The refiner that comes with the program.
 pub(crate) fn refiner() -> Result<RefinerModel> {
     Ok(RefinerModel::from_safetensors(REFINER, Path::new(REFINER_NAME))?)

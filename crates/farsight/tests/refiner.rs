@@ -7,6 +7,8 @@ mod program;
 use std::fs;
 use std::path::Path;
 
+use farsight_net::graph::Role;
+use farsight_net::model::Model;
 use program::{done, farsight, root};
 use serde_json::Value;
 
@@ -21,6 +23,15 @@ fn found(folder: &Path, more: &[&str]) -> Vec<[f64; 3]> {
     let number = |value: &Value| value.as_f64().unwrap();
     let objects = json[0]["detections"].as_array().unwrap().iter();
     objects.map(|d| [number(&d["location"][2]), number(&d["range_sigma_m"]), number(&d["score"])]).collect()
+}
+
+/// A copy of the model at `shipped` with other weights and the same answers: what no forward pass reads is changed.
+fn with_other_weights(shipped: &str, folder: &Path) -> String {
+    let mut model = Model::read(Path::new(shipped)).unwrap();
+    let unused = model.graph.parameters.iter().find(|parameter| parameter.role == Role::Unused).unwrap();
+    model.weights.tensors.get_mut(&unused.name).unwrap().values[0] += 1.0;
+    model.write(&folder.join("other.safetensors")).unwrap();
+    "other.safetensors".to_owned()
 }
 
 fn told(folder: &Path, arguments: &[&str]) -> String {
@@ -49,8 +60,11 @@ fn the_second_look_moves_boxes_and_says_how_sure_it_is() {
     let moved =
         |place: fn(&[f64; 3]) -> f64| both.iter().filter(|d| (place(d) - place(&nearest(d[0]))).abs() > 1e-6).count();
     assert!(moved(|d| d[0]) > 0 && moved(|d| d[2]) > 0, "nothing changed");
-    // A model of the user's own is looked at as it is, unless a refiner or a road is named.
-    let model = root().join("models/farsight-s.safetensors").display().to_string();
+    // The shipped weights get all that they get in the program from whatever file they are read; other weights are used as they are, unless a refiner or a road is named.
+    let shipped = root().join("models/farsight-s.safetensors").display().to_string();
+    done(folder, &["export", "--model", &shipped, "--out", "shipped.onnx"]);
+    assert_eq!(found(folder, &[&all[..], &["--model", "shipped.onnx"]].concat()), both);
+    let model = with_other_weights(&shipped, folder);
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
     let own = |more: &[&str]| found(folder, &[&all[..], &["--model", &model], more].concat());
     assert_eq!(own(&[]), found(folder, &[&all[..], &["--refiner", "none", "--above-road", "none"]].concat()));

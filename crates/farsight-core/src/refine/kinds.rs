@@ -1,7 +1,5 @@
 //! What the second look takes a cut-out for.
 
-use std::ops::Range;
-
 use crate::ObjectClass;
 
 /// How many kinds are told apart.
@@ -17,31 +15,22 @@ const CLASSES: [ObjectClass; 5] =
 /// Log odds beyond this, either way, count as this: a network can be surer than it has reason to be.
 const MOST_LOG_ODDS: f64 = 8.0;
 
-/// Kinds that are easily taken for one another: whichever of them it is, there is somebody.
-const GROUPS: [Range<usize>; 2] = [1..4, 4..6];
-
 /// The kind of an object of `class`; none of a class that is not told from others.
 pub fn kind_of(class: &ObjectClass) -> Option<usize> {
     let class = if *class == ObjectClass::PersonSitting { &ObjectClass::Pedestrian } else { class };
     CLASSES.iter().position(|known| known == class).map(|place| place + 1)
 }
 
-/// Whether both are one class, or classes that are easily taken for one another.
-pub fn are_alike(a: &ObjectClass, b: &ObjectClass) -> bool {
-    let alike = |(a, b): (usize, usize)| group_of(a).contains(&b);
-    a == b || kind_of(a).zip(kind_of(b)).is_some_and(alike)
-}
-
-fn group_of(kind: usize) -> Range<usize> {
-    GROUPS.into_iter().find(|group| group.contains(&kind)).unwrap_or(kind..kind + 1)
+/// Whether both kinds are one, or of classes that are easily taken for one another: whichever of them it is, there is somebody.
+fn are_alike(a: usize, b: usize) -> bool {
+    a == b || (a != NOTHING && b != NOTHING && CLASSES[a - 1].is_like(&CLASSES[b - 1]))
 }
 
 /// The log odds, by the logits of all kinds, that something is of this kind or of one that is easily taken for it; 0 where they are no numbers.
 pub(super) fn log_odds(logits: &[f64; KINDS], kind: usize) -> f64 {
-    let group = group_of(kind);
     let highest = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let sum = |inside: bool| {
-        let logits = logits.iter().enumerate().filter(|(kind, _)| group.contains(kind) == inside);
+        let logits = logits.iter().enumerate().filter(|(other, _)| are_alike(*other, kind) == inside);
         logits.map(|(_, logit)| (logit - highest).exp()).sum::<f64>()
     };
     let odds = (sum(true) / sum(false)).ln();
@@ -51,7 +40,8 @@ pub(super) fn log_odds(logits: &[f64; KINDS], kind: usize) -> f64 {
 /// `class`, or the class that it is easily taken for and that is likelier.
 pub(super) fn likeliest(logits: &[f64; KINDS], class: &ObjectClass) -> ObjectClass {
     let Some(kind) = kind_of(class) else { return class.clone() };
-    let best = group_of(kind).max_by(|&a, &b| logits[a].total_cmp(&logits[b]));
+    let alike = (0..KINDS).filter(|other| are_alike(*other, kind));
+    let best = alike.max_by(|&a, &b| logits[a].total_cmp(&logits[b]));
     match best.filter(|best| logits[*best] > logits[kind]) {
         Some(best) => CLASSES[best - 1].clone(),
         None => class.clone(),
@@ -72,16 +62,12 @@ mod tests {
         assert_eq!(kind_of(&ObjectClass::PersonSitting), kind_of(&ObjectClass::Pedestrian));
         assert_ne!(kind_of(&ObjectClass::Car), kind_of(&ObjectClass::Van));
         assert_eq!(kind_of(&ObjectClass::Tram), None);
-        assert!(are_alike(&ObjectClass::Car, &ObjectClass::Truck) && are_alike(&ObjectClass::Tram, &ObjectClass::Tram));
-        assert!(
-            !are_alike(&ObjectClass::Van, &ObjectClass::Cyclist) && !are_alike(&ObjectClass::Car, &ObjectClass::Tram)
-        );
     }
 
     #[test]
     fn log_odds_are_those_of_softmax_for_all_that_could_be_meant() {
         let logits: [f64; KINDS] = [0.3, 2.0, -1.0, 0.5, 1.5, -4.0];
-        let sum = |kinds: Range<usize>| kinds.map(|kind| logits[kind].exp()).sum::<f64>();
+        let sum = |kinds: std::ops::Range<usize>| kinds.map(|kind| logits[kind].exp()).sum::<f64>();
         for (kind, meant) in [(NOTHING, 0..1), (1, 1..4), (3, 1..4), (5, 4..6)] {
             let share = sum(meant) / sum(0..KINDS);
             assert!((logistic(log_odds(&logits, kind)) - share).abs() < 1e-12, "kind {kind}");

@@ -1,7 +1,8 @@
 //! Reading label and result files as the official devkit does, and telling what it would have done silently.
 //!
 //! The devkit reads with `fscanf`: a stream of words in which line ends mean nothing (spec kitti-eval.md, section 2, rules 1 to 3). Ordinary
-//! rows go through the parser that all readers share; from the first row that is not ordinary, `stream` follows the devkit word by word.
+//! rows go through the parser that all readers share; from a row that is not ordinary to the next one that starts a line, `stream` follows the devkit word by
+//! word.
 
 mod oddity;
 mod stream;
@@ -12,7 +13,7 @@ pub use oddity::Oddity;
 
 use farsight_core::ObjectClass;
 
-use super::fields::{Row, RowKind, row_and_problem};
+use super::fields::{Row, RowKind, row_and_problem, sigma_from_field};
 use stream::Stream;
 
 /// Larger numbers are read as they are, and told: no distance in metres or pixel of an image comes near.
@@ -43,16 +44,16 @@ pub struct DevkitRows {
 /// One kind of oddity is no reading at all: see [`Oddity::is_fatal`].
 pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
     let mut read = DevkitRows::default();
-    let mut start = 0;
+    let (mut rest, mut number) = (text, 1);
     let mut words = Vec::with_capacity(kind.columns() + 1);
-    for (line, number) in text.split_inclusive('\n').zip(1..) {
+    while let Some(line) = rest.split_inclusive('\n').next() {
         words.clear();
         words.extend(line.split_ascii_whitespace());
-        if !words.is_empty() && !read.push_ordinary(&words, kind, number) {
-            Stream::new(&text[start..], number).read(kind, &mut read);
-            break;
-        }
-        start += line.len();
+        (rest, number) = if words.is_empty() || read.push_ordinary(&words, kind, number) {
+            (&rest[line.len()..], number + 1)
+        } else {
+            Stream::new(rest, number).read(kind, &mut read)
+        };
     }
     if let Some(position) = text.find('\r') {
         read.oddities.push((1 + text[..position].matches('\n').count(), Oddity::CarriageReturn));
@@ -63,15 +64,18 @@ pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
 impl DevkitRows {
     /// Takes a line that holds one whole row and nothing that two readers could read differently; false for any other line.
     fn push_ordinary(&mut self, words: &[&str], kind: RowKind, line: usize) -> bool {
-        let (words, range_sigma_m) = match (kind, words.split_at_checked(kind.columns())) {
-            (RowKind::Result, Some((row, [sigma]))) => match sigma.parse() {
-                Ok(sigma) => (row, Some(sigma)),
-                Err(_) => return false,
-            },
+        let (words, sigma) = match (kind, words.split_at_checked(kind.columns())) {
+            (RowKind::Result, Some((row, [sigma]))) if sigma.parse::<f64>().is_ok() => (row, Some(sigma)),
             _ => (words, None),
         };
         let Ok((row, problem)) = row_and_problem(words, kind) else { return false };
-        self.oddities.extend(problem.map(|problem| (line, Oddity::OutOfRange(problem))));
+        // The devkit reads past the 17th column whatever number it holds.
+        let (range_sigma_m, no_error_bar) = match sigma.map(|sigma| sigma_from_field(sigma)).transpose() {
+            Ok(sigma) => (sigma, None),
+            Err(problem) => (None, Some(problem)),
+        };
+        let problems = problem.into_iter().chain(no_error_bar);
+        self.oddities.extend(problems.map(|problem| (line, Oddity::OutOfRange(problem))));
         self.push(DevkitRow { line, row, range_sigma_m });
         true
     }

@@ -45,15 +45,6 @@ impl RowKind {
     }
 }
 
-/// How much of a row is checked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Checks {
-    /// Every field is a finite number: what an evaluator needs that must take what the official devkit takes.
-    Numbers,
-    /// Numbers, and each in the range of its meaning.
-    Ranges,
-}
-
 /// One row: what a label holds and, in result files, a score.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
@@ -119,13 +110,21 @@ pub enum RowError {
 /// Reads one row from its `fields` (the words of the line, without white space).
 ///
 /// # Errors
-/// When the number of fields is not that of `kind`, a field is no finite number, or a value fails `checks`.
-pub fn row_from_fields(fields: &[&str], kind: RowKind, checks: Checks) -> Result<Row, RowError> {
+/// When the number of fields is not that of `kind`, a field is no finite number, or a value is not in the range of its meaning.
+pub fn row_from_fields(fields: &[&str], kind: RowKind) -> Result<Row, RowError> {
     let (row, problem) = row_and_problem(fields, kind)?;
-    match problem {
-        Some(problem) if checks == Checks::Ranges => Err(problem),
-        _ => Ok(row),
-    }
+    problem.map_or(Ok(row), Err)
+}
+
+/// The error bar of the distance, metres, in the 17th column of a result.
+pub(super) fn sigma_from_field(field: &str) -> Result<f64, RowError> {
+    let sigma = field.parse().ok().filter(|sigma: &f64| sigma.is_finite() && *sigma >= 0.0);
+    sigma.ok_or_else(|| RowError::Field {
+        number: RowKind::Result.columns() + 1,
+        name: "range_sigma_m",
+        found: field.to_owned(),
+        expected: "the error bar of the distance, metres, or nothing",
+    })
 }
 
 /// The row, and the first value in it that is out of its range.

@@ -14,7 +14,7 @@ pub mod split;
 pub use calibration::{Calibration, CalibrationError};
 pub use dataset::{DatasetError, KittiDataset};
 pub use devkit::{DevkitRow, Oddity, rows_as_devkit};
-pub use fields::{Checks, Row, RowKind, row_from_fields};
+pub use fields::{Row, RowKind, row_from_fields};
 pub use rows::{
     LineError, RowsError, Skipped, read_labels, read_results, read_rows, read_rows_lenient, text_from_labels,
     text_from_results, write_labels, write_results,

@@ -8,7 +8,7 @@ use farsight_core::{Detection, Label, ObjectClass};
 use farsight_files::write_quickly;
 use thiserror::Error;
 
-use super::fields::{Checks, Row, RowError, RowKind, row_from_fields};
+use super::fields::{Row, RowError, RowKind, row_from_fields, sigma_from_field};
 
 /// What a result row says where a label has truncation and occlusion: KITTI's mark for "not given".
 ///
@@ -197,17 +197,7 @@ fn row_and_sigma(words: &[&str], kind: RowKind) -> Result<(Row, Option<f64>), Ro
         (RowKind::Result, Some((row, [sigma]))) => (row, Some(sigma_from_field(sigma)?)),
         _ => (words, None),
     };
-    Ok((row_from_fields(words, kind, Checks::Ranges)?, sigma))
-}
-
-fn sigma_from_field(field: &str) -> Result<f64, RowError> {
-    let sigma = field.parse().ok().filter(|sigma: &f64| sigma.is_finite() && *sigma >= 0.0);
-    sigma.ok_or_else(|| RowError::Field {
-        number: RowKind::Result.columns() + 1,
-        name: "range_sigma_m",
-        found: field.to_owned(),
-        expected: "the error bar of the distance, metres, or nothing",
-    })
+    Ok((row_from_fields(words, kind)?, sigma))
 }
 
 fn read_text(path: &Path) -> Result<String, RowsError> {

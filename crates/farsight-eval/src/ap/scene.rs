@@ -1,10 +1,10 @@
 //! What one frame comes down to for one class.
 
-use farsight_core::Label;
 use farsight_core::overlap::{Block, covered_share_2d, iou_2d};
+use farsight_core::{Label, ObjectClass};
 
 use super::{Metric, Overlaps};
-use crate::class::{Role, is_dont_care};
+use crate::class::Role;
 use crate::{Claim, Difficulty, EvaluatedClass, Frame};
 
 /// The objects that matter to a class in one frame, and the detections that overlap them.
@@ -108,7 +108,7 @@ impl<'a> Prepared<'a> {
             label_blocks: frame.labels.iter().map(|label| Block::new(&label.box3d)).collect(),
             claim_blocks: frame.claims.iter().map(|claim| Block::new(&claim.detection.box3d)).collect(),
             claim_sizes: frame.claims.iter().map(size).collect(),
-            dont_care: labels.filter(|(_, label)| is_dont_care(&label.class)).map(|(index, _)| index).collect(),
+            dont_care: labels.filter(|(_, label)| label.class.is_in_any_case(&ObjectClass::DontCare)).map(|(index, _)| index).collect(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Who found what: the greedy matching of the ranging protocol.
 
-use farsight_core::overlap::{covered_share_2d, iou_2d};
-use farsight_core::{Detection, Label, ObjectClass};
+use farsight_core::overlap::iou_2d;
+use farsight_core::{Detection, Label};
 
 use super::RangingOptions;
 use crate::{Claim, Difficulty, EvaluatedClass, Frame};
@@ -93,12 +93,8 @@ pub fn matched(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<Targ
 /// Whether a detection that took no object is no false alarm all the same.
 fn is_excused(detection: &Detection, class: EvaluatedClass, frame: &Frame, options: &RangingOptions) -> bool {
     let is_other = |label: &Label| EvaluatedClass::of(&label.class) != Some(class);
-    let lies_on = |label: &Label| match label.class {
-        ObjectClass::DontCare => covered_share_2d(&detection.box2d, &label.box2d),
-        _ => iou_2d(&detection.box2d, &label.box2d),
-    };
     Difficulty::Moderate.ignores_detection(&detection.box2d)
-        || frame.labels.iter().any(|label| is_other(label) && lies_on(label) >= options.min_iou)
+        || frame.labels.iter().any(|label| is_other(label) && label.overlap_2d(&detection.box2d) >= options.min_iou)
 }
 
 /// Claims that take part, highest score first, in file order where scores are equal.

@@ -1,15 +1,12 @@
 //! What a file says about its model.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
 use serde_json::json;
-use sha2::{Digest, Sha256};
 
 use super::Target;
 use crate::model::Model;
-use crate::weights::Weights;
 
 /// Keys of the facts.
 pub mod key {
@@ -23,7 +20,7 @@ pub mod key {
     pub const NORMALISATION: &str = "farsight.normalisation";
     /// Reference depth and reference sizes that the regression is relative to, JSON.
     pub const REFERENCE: &str = "farsight.reference";
-    /// SHA-256 of the weights as they were trained: names, shapes and values in the order of the names. The last of the keys, and so of the
+    /// [`crate::weights::Weights::sha256`] of the weights as they were trained. The last of the keys, and so of the
     /// file: what lacks it has been cut short.
     pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
     /// Where the regression head lies that can be computed at single cells, JSON; see [`crate::onnx::PeaksOnly`].
@@ -67,7 +64,7 @@ impl Facts {
         let normalisation = json!({"order": config.quirks.channels, "mean": CHANNEL_MEAN, "std": CHANNEL_STD});
         facts.set(key::NORMALISATION, normalisation.to_string());
         facts.set(key::REFERENCE, json!({"depth": config.depth, "classes": config.classes}).to_string());
-        facts.set(key::WEIGHTS_SHA256, weights_sha256(&model.weights));
+        facts.set(key::WEIGHTS_SHA256, model.weights.sha256());
         facts.set(key::TARGET, target.name().to_owned());
         facts
     }
@@ -92,16 +89,4 @@ impl FromIterator<(String, String)> for Facts {
     fn from_iter<I: IntoIterator<Item = (String, String)>>(entries: I) -> Self {
         Self { entries: entries.into_iter().collect() }
     }
-}
-
-fn weights_sha256(weights: &Weights) -> String {
-    let mut hash = Sha256::new();
-    for (name, tensor) in &weights.tensors {
-        hash.update(format!("{name} {:?}\n", tensor.shape));
-        tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
-    }
-    hash.finalize().iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

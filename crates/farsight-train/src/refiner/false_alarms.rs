@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use farsight_core::overlap::{covered_share_2d, iou_2d};
-use farsight_core::{Box3d, Detection, Label, ObjectClass};
+use farsight_core::{Box3d, Detection, Label};
 use farsight_data::Frame;
 use farsight_data::kitti::{DatasetError, read_results};
 
@@ -22,9 +21,5 @@ pub(super) fn false_alarms(folder: &Path, frame: &Frame, least_height_px: f64) -
 }
 
 fn is_on_nothing(detection: &Detection, labels: &[Label]) -> bool {
-    let overlap = |label: &Label| match label.class {
-        ObjectClass::DontCare => covered_share_2d(&detection.box2d, &label.box2d),
-        _ => iou_2d(&detection.box2d, &label.box2d),
-    };
-    labels.iter().all(|label| overlap(label) <= MOST_OVERLAP)
+    labels.iter().all(|label| label.overlap_2d(&detection.box2d) <= MOST_OVERLAP)
 }

@@ -18,7 +18,7 @@ use super::samples::{CropBatch, CropSampler, FrameCrops};
 use crate::checkpoint::Progress;
 use crate::executor::{ExecutorError, Mode};
 use crate::learner::Learner;
-use crate::trainer::{
+use crate::trainer::{Beginning, 
     CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, prepare_folder, source,
 };
 
@@ -61,8 +61,8 @@ pub struct RefinerRecord {
 
 /// Told how a run goes.
 pub trait RefinerObserver {
-    /// The run starts, or goes on, after `done` of `total` steps.
-    fn begin(&mut self, done: u64, total: u64);
+    /// The run starts, or goes on.
+    fn begin(&mut self, beginning: Beginning);
     /// So many steps are done; the numbers are means over some of them.
     fn record(&mut self, record: &RefinerRecord);
 }
@@ -86,7 +86,7 @@ pub fn train(job: &RefinerJob, observer: &mut dyn RefinerObserver) -> Result<Pat
     let batches = loader.batches_per_epoch();
     let total = batches * settings.epochs;
     let mut metrics = metrics(out, progress.steps)?;
-    observer.begin(progress.steps, total);
+    observer.begin(Beginning { done: progress.steps, total, taken: trainer.learner.taken });
     let mut window = Window::new();
     for batch in loader {
         let Batch { position, items } = batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;

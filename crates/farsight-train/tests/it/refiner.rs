@@ -13,7 +13,7 @@ use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
 use farsight_train::config::DataConfig;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
 use farsight_train::refiner::{RefinerJob, RefinerObserver, RefinerRecord, RefinerRun, train};
-use farsight_train::trainer::TrainError;
+use farsight_train::trainer::{Beginning, TrainError};
 use image::{Rgb, RgbImage};
 use tch::{Device, Tensor, no_grad};
 
@@ -25,7 +25,7 @@ struct Kept {
 }
 
 impl RefinerObserver for Kept {
-    fn begin(&mut self, _: u64, _: u64) {}
+    fn begin(&mut self, _: Beginning) {}
 
     fn record(&mut self, record: &RefinerRecord) {
         self.records.push(*record);
@@ -161,7 +161,7 @@ struct Stopper {
 }
 
 impl RefinerObserver for Stopper {
-    fn begin(&mut self, _: u64, _: u64) {}
+    fn begin(&mut self, _: Beginning) {}
 
     fn record(&mut self, _: &RefinerRecord) {
         self.seen += 1;

@@ -10,7 +10,7 @@ use farsight_data::kitti::{Calibration, write_labels};
 use farsight_net::config::{ModelConfig, NeckKind, NormKind};
 use farsight_train::config::{DataConfig, RunConfig, TrainConfig};
 use farsight_train::metrics::Record;
-use farsight_train::trainer::Observer;
+use farsight_train::trainer::{Beginning, Observer};
 use image::{Rgb, RgbImage};
 
 const IMAGE_SIZE: [u32; 2] = [200, 64];
@@ -22,7 +22,7 @@ pub(crate) struct Silent {
 }
 
 impl Observer for Silent {
-    fn begin(&mut self, _: u64, _: u64) {}
+    fn begin(&mut self, _: Beginning) {}
 
     fn step(&mut self, record: &Record) {
         self.losses.push(record.loss);

@@ -14,7 +14,7 @@ use farsight_train::config::RenderedConfig;
 use farsight_train::executor::{Precision, values_from_tensor};
 use farsight_train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
 use farsight_train::metrics::Record;
-use farsight_train::trainer::{CHECKPOINT_FILE, Job, Observer, TrainError, train};
+use farsight_train::trainer::{Beginning, CHECKPOINT_FILE, Job, Observer, TrainError, train};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -252,7 +252,7 @@ struct Course {
 }
 
 impl Observer for Course {
-    fn begin(&mut self, _: u64, _: u64) {}
+    fn begin(&mut self, _: Beginning) {}
 
     fn step(&mut self, record: &Record) {
         // Told before the step's own checkpoint is written, so the one that is there is of the step before.

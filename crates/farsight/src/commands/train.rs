@@ -82,7 +82,7 @@ mod progress {
 
     use farsight_train::metrics::Record;
     use farsight_train::refiner::{RefinerObserver, RefinerRecord};
-    use farsight_train::trainer::Observer;
+    use farsight_train::trainer::{Beginning, Observer, Taken};
     use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
     use crate::printer::Printer;
@@ -110,7 +110,10 @@ mod progress {
     }
 
     impl Progress<'_> {
-        fn begin(&mut self, done: u64, total: u64) {
+        fn begin(&mut self, Beginning { done, total, taken }: Beginning) {
+            if let Some(Taken { tensors, of }) = taken {
+                self.printer.status(&format!("starts from {tensors} of its {of} tensors; the others are random"));
+            }
             self.bar.set_length(total);
             self.bar.set_position(done);
             self.bar.reset_eta();
@@ -129,8 +132,8 @@ mod progress {
     }
 
     impl Observer for Progress<'_> {
-        fn begin(&mut self, done: u64, total: u64) {
-            Self::begin(self, done, total);
+        fn begin(&mut self, beginning: Beginning) {
+            Self::begin(self, beginning);
         }
 
         fn step(&mut self, record: &Record) {
@@ -139,8 +142,8 @@ mod progress {
     }
 
     impl RefinerObserver for Progress<'_> {
-        fn begin(&mut self, done: u64, total: u64) {
-            Self::begin(self, done, total);
+        fn begin(&mut self, beginning: Beginning) {
+            Self::begin(self, beginning);
         }
 
         fn record(&mut self, record: &RefinerRecord) {

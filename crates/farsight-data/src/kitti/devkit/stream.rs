@@ -13,6 +13,7 @@ const MAX_NUMBER_LENGTH: usize = 400;
 
 /// The part of a file that is not read yet.
 pub(super) struct Stream<'a> {
+    text: &'a str,
     rest: &'a str,
     line: usize,
 }
@@ -34,20 +35,21 @@ struct Partial {
 }
 
 impl<'a> Stream<'a> {
-    /// The stream of `rest`, which starts on line number `line`.
-    pub(super) fn new(rest: &'a str, line: usize) -> Self {
-        Self { rest, line }
+    /// The stream of `text`, which starts on line number `line`.
+    pub(super) fn new(text: &'a str, line: usize) -> Self {
+        Self { text, rest: text, line }
     }
 
-    /// Reads rows to the end of the file.
-    pub(super) fn read(mut self, kind: RowKind, read: &mut DevkitRows) {
+    /// Reads rows, at least one, until the next starts a line: there the devkit is where it is at the start of a file. Returns what is left, and the number of
+    /// that line.
+    pub(super) fn read(mut self, kind: RowKind, read: &mut DevkitRows) -> (&'a str, usize) {
         // Whether the last row read was whole, and the line where it ended.
         let mut whole_row_end = None;
+        self.skip_blanks();
         loop {
-            self.skip_blanks();
             let line = self.line;
             match self.row(kind, &mut read.oddities) {
-                Outcome::End => return,
+                Outcome::End => return ("", self.line),
                 Outcome::Row(row) => {
                     if self.line != line {
                         read.oddities.push((line, Oddity::SplitRow));
@@ -65,7 +67,17 @@ impl<'a> Stream<'a> {
                     whole_row_end = None;
                 }
             }
+            self.skip_blanks();
+            if self.starts_line() {
+                return (self.rest, self.line);
+            }
         }
+    }
+
+    /// Whether nothing but blanks stands before the rest on its line.
+    fn starts_line(&self) -> bool {
+        let before = &self.text[..self.text.len() - self.rest.len()];
+        before.rsplit('\n').next().unwrap_or_default().chars().all(is_blank)
     }
 
     fn row(&mut self, kind: RowKind, oddities: &mut Vec<(usize, Oddity)>) -> Outcome {

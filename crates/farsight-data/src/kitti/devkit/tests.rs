@@ -27,6 +27,8 @@ fn odd_files_are_read_as_the_devkit_reads_them() {
         ),
         ("an error bar", with(RESULT, "0.9\n", "0.9 0.5\n").repeat(2), result, 2, vec![]),
         ("18 fields", with(RESULT, "0.9\n", "0.9 0.5 7\n") + RESULT, result, 2, vec![(1, "rows with extra fields")]),
+        ("an error bar that is none", with(RESULT, "0.9\n", "0.9 nan\n"), result, 1, vec![(1, "values out of range")]),
+        ("a negative error bar", with(RESULT, "0.9\n", "0.9 -0.5\n"), result, 1, vec![(1, "values out of range")]),
         (
             "a score in a label file",
             RESULT.replace("-1 -1 ", "0 0 ") + LABEL,
@@ -74,6 +76,17 @@ fn odd_files_are_read_as_the_devkit_reads_them() {
         })
         .collect();
     assert!(failed.is_empty(), "{failed:#?}");
+}
+
+#[test]
+fn rows_after_an_odd_one_keep_their_error_bars() {
+    let with_bar = RESULT.replacen("0.9\n", "0.9 0.5\n", 1);
+    for odd in [RESULT.replacen("13.60", "far", 1), RESULT.replacen(" 1.52 ", "\n1.52 ", 1), LABEL.to_owned()] {
+        let read = rows_as_devkit(&format!("{with_bar}{odd}{with_bar}{with_bar}"), RowKind::Result);
+        let bars = read.rows.iter().filter(|row| row.range_sigma_m == Some(0.5)).count();
+        assert_eq!((bars, read.rows.last().map(|row| row.line)), (3, Some(3 + odd.lines().count())), "{odd}{read:?}");
+        assert!(kinds(&read).iter().all(|(line, _)| (2..=3).contains(line)), "{odd}{read:?}");
+    }
 }
 
 #[test]

@@ -16,7 +16,7 @@ use indicatif::ProgressBar;
 
 use super::fit::{is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::engines::{EngineArgs, open_detector};
+use crate::engines::{EngineArgs, open_shipped};
 use crate::printer::Printer;
 
 /// Fits the refiner and writes it.
@@ -122,7 +122,7 @@ impl SeenTwice {
 fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<ObjectClass>)> {
     let dataset = KittiDataset::open(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let mut detector = open_detector(&EngineArgs::default(), None, options)?;
+    let mut detector = open_shipped(&EngineArgs::default(), options)?;
     let codec = &detector.spec().codec;
     ensure!(
         codec.depth.error.is_some(),

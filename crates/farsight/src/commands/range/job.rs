@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_core::detection::apart;
+use farsight_core::duplicates::apart;
 use farsight_core::{Box3d, Camera, Detection};
 use farsight_data::kitti::write_results;
 use farsight_data::read_image;
