@@ -1,6 +1,6 @@
 //! Writing a file so that nobody ever sees half of it.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -9,6 +9,9 @@ use thiserror::Error;
 
 /// How often another scratch name is tried when the first one is taken by what a killed process left behind.
 const NAME_ATTEMPTS: u32 = 64;
+
+/// Links that are followed one after the other; Linux gives up at as many.
+const LONGEST_CHAIN: u32 = 40;
 
 /// Why a file could not be written. The target is then as it was before.
 #[derive(Debug, Error)]
@@ -28,6 +31,8 @@ pub struct DurableError {
 /// then the folder is synced. An existing target is replaced only when all of it went well; after an error it is
 /// unchanged and the scratch file is gone.
 ///
+/// A link stays, and what it points to is replaced. Pipes and devices cannot be replaced: they are written to as they are.
+///
 /// # Errors
 /// [`DurableError`] names the target, the step and the system's answer; an error of `write` is passed on in it.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), DurableError> {
@@ -42,13 +47,32 @@ pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resu
     write_through(path, false, write)
 }
 
+/// Whether [`write_atomically`] could write to `path` now: a scratch file is made beside the target and removed again.
+///
+/// For work that takes long: better told before it than after.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn check_writable(path: &Path) -> Result<(), DurableError> {
+    let failed = |step| move |source| DurableError { path: path.to_path_buf(), step, source };
+    match Place::of(path).map_err(failed("write it"))? {
+        Place::File(target) => Scratch::beside(&target).map(drop).map_err(failed("create a scratch file beside it")),
+        // Opening a pipe waits for its reader.
+        Place::Stream => Ok(()),
+    }
+}
+
 fn write_through(
     path: &Path,
     sync: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), DurableError> {
     let failed = |step| move |source| DurableError { path: path.to_path_buf(), step, source };
-    let (scratch, file) = Scratch::beside(path).map_err(failed("create a scratch file beside it"))?;
+    let target = match Place::of(path).map_err(failed("write it"))? {
+        Place::File(target) => target,
+        Place::Stream => return write_to_stream(path, write).map_err(failed("write to it")),
+    };
+    let (scratch, file) = Scratch::beside(&target).map_err(failed("create a scratch file beside it"))?;
     let mut buffered = BufWriter::new(file);
     write(&mut buffered).map_err(failed("write it"))?;
     let file = buffered.into_inner().map_err(io::IntoInnerError::into_error).map_err(failed("write it"))?;
@@ -57,8 +81,49 @@ fn write_through(
     }
     // Some systems refuse to rename a file that is still open.
     drop(file);
-    scratch.become_file(path).map_err(failed("rename its scratch file"))?;
-    if sync { sync_folder(folder_of(path)).map_err(failed("sync its folder")) } else { Ok(()) }
+    scratch.become_file(&target).map_err(failed("rename its scratch file"))?;
+    if sync { sync_folder(folder_of(&target)).map_err(failed("sync its folder")) } else { Ok(()) }
+}
+
+fn write_to_stream(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut buffered = BufWriter::new(OpenOptions::new().write(true).open(path)?);
+    write(&mut buffered)?;
+    buffered.flush()
+}
+
+/// Where the bytes of a file go.
+#[derive(Debug, PartialEq, Eq)]
+enum Place {
+    /// A file that is replaced, or made: what the path leads to through all links.
+    File(PathBuf),
+    /// A pipe or a device.
+    Stream,
+}
+
+impl Place {
+    fn of(path: &Path) -> io::Result<Self> {
+        // The system follows links by itself, also those in /proc, which lead to no path.
+        match fs::metadata(path) {
+            Ok(there) if there.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory)),
+            Ok(there) if !there.is_file() => Ok(Self::Stream),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            // A file, or nothing yet.
+            _ => end_of_links(path).map(Self::File),
+        }
+    }
+}
+
+/// What `path` leads to, whether it is there or not.
+fn end_of_links(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_path_buf();
+    for _ in 0..LONGEST_CHAIN {
+        match fs::read_link(&path) {
+            Ok(target) => path = folder_of(&path).join(target),
+            // No link.
+            Err(_) => return Ok(path),
+        }
+    }
+    Err(io::Error::other("too many links"))
 }
 
 /// A scratch file, removed when dropped unless it became the target.
@@ -152,6 +217,57 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for target in [folder.path().join("nowhere/weights.bin"), folder.path().to_path_buf(), PathBuf::from("/")] {
             assert!(write_atomically(&target, |out| out.write_all(b"new")).is_err(), "{}", target.display());
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_and_what_they_lead_to_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("elsewhere")).unwrap();
+        std::os::unix::fs::symlink("elsewhere/weights.bin", at("near")).unwrap();
+        std::os::unix::fs::symlink("near", at("far")).unwrap();
+        for content in [b"the first, through a link to nothing".as_slice(), b"another"] {
+            check_writable(&at("far")).unwrap();
+            write_atomically(&at("far"), |out| out.write_all(content)).unwrap();
+            assert_eq!(fs::read(at("elsewhere/weights.bin")).unwrap(), content);
+        }
+        assert!(["near", "far"].iter().all(|name| fs::symlink_metadata(at(name)).unwrap().is_symlink()));
+        assert_eq!(names(&at("elsewhere")), ["weights.bin"]);
+        std::os::unix::fs::symlink("round", at("round")).unwrap();
+        assert!(write_quickly(&at("round"), |out| out.write_all(b"new")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_written_to_and_stays() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        if !made.is_ok_and(|status| status.success()) {
+            println!("skipped: no mkfifo");
+            return;
+        }
+        check_writable(&pipe).unwrap();
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read(pipe).unwrap()
+        });
+        write_quickly(&pipe, |out| out.write_all(b"through the pipe")).unwrap();
+        assert_eq!(reader.join().unwrap(), b"through the pipe");
+        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        assert_eq!(names(folder.path()), ["pipe"]);
+    }
+
+    #[test]
+    fn what_can_be_written_is_known_before() {
+        let folder = tempfile::tempdir().unwrap();
+        check_writable(&folder.path().join("weights.bin")).unwrap();
+        assert!(names(folder.path()).is_empty());
+        for target in [folder.path().join("nowhere/weights.bin"), folder.path().to_path_buf()] {
+            assert!(check_writable(&target).is_err(), "{}", target.display());
         }
     }
 }
