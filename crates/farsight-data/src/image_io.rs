@@ -13,6 +13,21 @@ pub const MAX_PIXELS: u64 = 200_000_000;
 /// Memory that a decoder may take: the largest image with four channels of 16 bits.
 const MAX_DECODER_BYTES: u64 = MAX_PIXELS * 8;
 
+/// Extensions of images, in the order in which they are looked for; upper case will do.
+const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// Whether `path` is called like an image: its extension is .png, .jpg or .jpeg, in upper or lower case.
+pub fn has_image_extension(path: &Path) -> bool {
+    path.extension().is_some_and(|found| EXTENSIONS.iter().any(|known| found.eq_ignore_ascii_case(known)))
+}
+
+/// The image called `name` in `folder`, with any of the extensions.
+pub fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
+    let cases = [str::to_owned, str::to_ascii_uppercase as fn(&str) -> String];
+    let extensions = cases.into_iter().flat_map(|case| EXTENSIONS.map(case));
+    extensions.map(|extension| folder.join(format!("{name}.{extension}"))).find(|path| path.is_file())
+}
+
 /// An image that could not be read.
 #[derive(Debug, Error)]
 pub enum ImageError {

@@ -20,7 +20,7 @@ pub mod warp;
 pub use augment::AugmentationConfig;
 pub use detail::Detail;
 pub use frame::Frame;
-pub use image_io::{ImageError, read_image};
+pub use image_io::{ImageError, has_image_extension, image_named, read_image};
 pub use jitter::ColorJitter;
 pub use kitti::KittiDataset;
 pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};

@@ -4,8 +4,7 @@ use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Extensions of the images that folders and globs are searched for; a file that is named itself is read whatever it is called.
-const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+use farsight_data::has_image_extension;
 
 /// Images, and what was wrong with arguments that gave none.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -64,9 +63,9 @@ fn folder_images(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(images)
 }
 
+/// What folders and globs are searched for; a file that is named itself is read whatever it is called.
 fn is_image(path: &Path) -> bool {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-    extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str())) && path.is_file()
+    has_image_extension(path) && path.is_file()
 }
 
 /// The same for all names of one file.

@@ -10,10 +10,7 @@ use super::calibration::{Calibration, CalibrationError};
 use super::rows::{RowsError, read_labels};
 use super::split::{SplitError, is_id, read_split};
 use crate::Frame;
-use crate::image_io::{ImageError, read_image};
-
-/// Extensions of images, in the order in which they are looked for.
-const IMAGE_EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+use crate::image_io::{ImageError, has_image_extension, image_named, read_image};
 
 /// Frames with images, calibrations and labels.
 ///
@@ -160,9 +157,8 @@ impl KittiDataset {
 
     /// The image file of frame number `index`.
     pub fn image_path(&self, index: usize) -> PathBuf {
-        let candidates = IMAGE_EXTENSIONS.map(|extension| self.path("image_2", index, extension));
-        let found = candidates.iter().position(|path| path.is_file()).unwrap_or(0);
-        candidates[found].clone()
+        let found = image_named(&self.folder.join("image_2"), &self.ids[index]);
+        found.unwrap_or_else(|| self.path("image_2", index, "png"))
     }
 
     fn path(&self, folder: &str, index: usize, extension: &str) -> PathBuf {
@@ -205,8 +201,7 @@ fn ids_with_image(folder: &Path) -> Result<Vec<String>, DatasetError> {
     let mut ids = Vec::new();
     for entry in fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        let is_image = path.extension().is_some_and(|e| IMAGE_EXTENSIONS.iter().any(|known| e == *known));
-        let id = path.file_stem().and_then(|stem| stem.to_str()).filter(|id| is_image && is_id(id));
+        let id = path.file_stem().and_then(|stem| stem.to_str()).filter(|id| has_image_extension(&path) && is_id(id));
         ids.extend(id.map(str::to_owned));
     }
     ids.sort();

@@ -86,7 +86,7 @@ impl Row {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RowError {
     /// Fields are missing or there are too many.
-    #[error("{found} fields; expected {expected}")]
+    #[error("{found} {}; expected {expected}", if *found == 1 { "field" } else { "fields" })]
     Columns {
         /// How many the row has.
         found: usize,

@@ -46,7 +46,7 @@ fn malformed_labels_are_told_with_file_line_and_field() {
         (with_field(CAR, 1, "\u{feff}Car"), "field 1 \"type\" is \"\u{feff}Car\"; expected the name of a class"),
         (with_field(CAR, 1, "0.5"), r#"field 1 "type" is "0.5"; expected the name of a class"#),
         (format!("{CAR} 0.9"), "16 fields; expected 15"),
-        ("Car".to_owned(), "1 fields; expected 15"),
+        ("Car".to_owned(), "1 field; expected 15"),
     ];
     for (row, expected) in cases {
         let expected =

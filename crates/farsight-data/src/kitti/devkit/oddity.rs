@@ -21,7 +21,7 @@ pub enum Oddity {
         expected: usize,
     },
     /// More fields than a row has, a score in a label file for instance.
-    #[error("{extra} fields after the row's {expected}; the devkit reads past them")]
+    #[error("{extra} {} after the row's {expected}; the devkit reads past that", if *extra == 1 { "field" } else { "fields" })]
     ExtraFields {
         /// How many.
         extra: usize,

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use farsight_core::Detection;
 use farsight_data::kitti::Calibration;
-use farsight_data::read_image;
+use farsight_data::{image_named, read_image};
 use farsight_eval::page::{ShownFrame, WorstFrame, worst_frames};
 use farsight_eval::{Evaluation, Findings, Frame, FrameFiles};
 use farsight_viz::{DrawOptions, Names, Scene, annotate_named};
@@ -39,10 +39,9 @@ pub(super) fn worst(
 /// The frame's image with its detections and labels, named as `--explain` names them.
 fn drawn(images: &Path, frame: &Frame, worst: &WorstFrame) -> Result<RgbImage> {
     let id = &frame.id;
-    let found = ["png", "jpg", "jpeg"].map(|extension| images.join(format!("{id}.{extension}")));
-    let path = found.iter().find(|path| path.is_file());
+    let path = image_named(images, id);
     let path = path.with_context(|| format!("{}: no image of frame {id}; expected {id}.png", images.display()))?;
-    let image = read_image(path)?;
+    let image = read_image(&path)?;
     let calibration = images.parent().unwrap_or(images).join("calib").join(format!("{id}.txt"));
     let camera = Calibration::read(&calibration)?.camera();
 
