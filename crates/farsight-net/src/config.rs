@@ -7,6 +7,7 @@ use farsight_core::Camera;
 use farsight_core::codec::{ClassReference, Codec, DepthReference};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::range_error::RangeError;
 use farsight_core::targets::{HeatMapBox, TargetRules};
 
 pub use crate::build::NeckKind;
@@ -177,7 +178,9 @@ impl ModelConfig {
             return error("heat_map", problem);
         }
         if !(self.depth.std_m > 0.0 && self.depth.std_m.is_finite() && self.depth.mean_m.is_finite()) {
-            return error("depth", format!("is {:?}; expected a finite mean and a positive deviation", self.depth));
+            let DepthReference { mean_m, std_m, .. } = self.depth;
+            let found = format!("has a mean of {mean_m} m and a deviation of {std_m} m");
+            return error("depth", format!("{found}; expected a finite mean and a positive deviation"));
         }
         if let Some(focal_px) = self.depth.focal_px
             && !(focal_px.is_finite() && focal_px > 0.0)
@@ -185,7 +188,9 @@ impl ModelConfig {
             return error("depth.focal_px", format!("is {focal_px}; expected a positive number of pixels"));
         }
         if let Some(fit) = self.depth.error.filter(|fit| !fit.is_usable()) {
-            return error("depth.error", format!("is {fit:?}; expected the numbers of a fit"));
+            let RangeError { bias, depth, score, cut } = fit;
+            let found = format!("has bias {bias}, depth {depth}, score {score} and cut {cut}");
+            return error("depth.error", format!("{found}; expected the numbers of a fit"));
         }
         if let Some([low, high]) = self.focal_range_px
             && !(low > 0.0 && low <= high && high.is_finite())

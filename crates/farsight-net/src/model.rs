@@ -14,7 +14,7 @@ use crate::weights::{WeightTensor, Weights, WeightsError};
 pub(crate) const CONFIG_KEY: &str = "farsight.model";
 
 /// Key of the header that says that the tensors, not the config, decide how wide the layers are.
-const NARROWED_KEY: &str = "farsight.narrowed";
+pub(crate) const NARROWED_KEY: &str = "farsight.narrowed";
 
 /// A network with its weights and its description.
 #[derive(Debug, Clone)]

@@ -123,7 +123,7 @@ pub enum RefinerError {
 impl RefinerModel {
     /// Whether the file at `path` says that it is a refiner.
     pub fn is_one(path: &Path) -> bool {
-        Weights::read(path).is_ok_and(|weights| weights.metadata.contains_key(CONFIG_KEY))
+        Weights::read_metadata(path).is_ok_and(|metadata| metadata.contains_key(CONFIG_KEY))
     }
 
     /// Reads a file.

@@ -6,7 +6,8 @@
 mod element;
 
 use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use safetensors::Dtype;
@@ -143,6 +144,32 @@ impl Weights {
         Self::from_safetensors(&bytes, path)
     }
 
+    /// The facts in the header of a safetensors file; its tensors are not read, nor looked at.
+    ///
+    /// # Errors
+    /// As [`Weights::read`].
+    pub fn read_metadata(path: &Path) -> Result<BTreeMap<String, String>, WeightsError> {
+        let failed = |source| WeightsError::Read { path: path.to_path_buf(), source };
+        let mut file = File::open(path).map_err(failed)?;
+        let found = usize::try_from(file.metadata().map_err(failed)?.len()).unwrap_or(usize::MAX);
+        let wrong_length = |expected| WeightsError::Length { path: path.to_path_buf(), found, expected };
+        if found < LENGTH_BYTES {
+            return Err(wrong_length(LENGTH_BYTES));
+        }
+        let mut length = [0; LENGTH_BYTES];
+        file.read_exact(&mut length).map_err(failed)?;
+        let expected = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX).saturating_add(LENGTH_BYTES);
+        // Nothing is made room for that is not there.
+        if expected > found {
+            return Err(wrong_length(expected));
+        }
+        let mut header = vec![0; expected - LENGTH_BYTES];
+        file.read_exact(&mut header).map_err(failed)?;
+        let header: Metadata = serde_json::from_slice(&header)
+            .map_err(|source| WeightsError::Header { path: path.to_path_buf(), source })?;
+        Ok(header.metadata().clone().unwrap_or_default().into_iter().collect())
+    }
+
     /// Reads a safetensors file that is in memory already; `source` is only what errors call it.
     ///
     /// # Errors
@@ -226,7 +253,7 @@ impl Weights {
             hash.update(format!("{name} {:?}\n", tensor.shape));
             tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hash.finalize().iter().fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
     }
 
     /// The header as JSON, padded with spaces so that the data starts at a multiple of eight bytes.

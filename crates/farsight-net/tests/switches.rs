@@ -80,7 +80,10 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
     let table = [
         (ModelConfig { input: [1280, 380], ..base() }, "model.input is 1280x380; expected multiples of 32 pixels"),
         (ModelConfig { width: 0.0, ..base() }, "model.width is 0; expected a factor above 0 and at most 8"),
-        (ModelConfig { head_channels: Some(20), ..base() }, "model.head_channels is 20; expected a multiple of 16"),
+        (
+            ModelConfig { head_channels: Some(20), ..base() },
+            "model.head_channels is 20; expected one of the multiples of 16 from 16 to 4096",
+        ),
         (ModelConfig { classes: vec![], ..base() }, "model.classes is empty; expected at least one class"),
         (ModelConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
         (
@@ -88,8 +91,12 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
             "model.classes has Car with scores that no fit gives: ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px: [20.0, 10.0] }",
         ),
         (
+            ModelConfig { depth: DepthReference { std_m: 0.0, ..base().depth }, ..base() },
+            "model.depth has a mean of 28.01 m and a deviation of 0 m; expected a finite mean and a positive deviation",
+        ),
+        (
             ModelConfig { depth: DepthReference { error: Some(no_fit), ..base().depth }, ..base() },
-            "model.depth.error is RangeError { bias: inf, depth: 1.0, score: 0.0, cut: 0.0 }; expected the numbers of a fit",
+            "model.depth.error has bias inf, depth 1, score 0 and cut 0; expected the numbers of a fit",
         ),
         (
             ModelConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },

@@ -23,6 +23,28 @@ fn bytes_of(weights: &Weights) -> Vec<u8> {
 }
 
 #[test]
+fn facts_are_read_without_the_tensors() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let metadata = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        Weights::read_metadata(&path).map_err(|error| error.to_string())
+    };
+    // The tensor is not there.
+    let header = r#"{"__metadata__":{"a":"b"},"t":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}}"#;
+    assert_eq!(metadata(&file(header, b"")).unwrap(), BTreeMap::from([("a".to_owned(), "b".to_owned())]));
+    assert!(metadata(&file("{}", b"")).unwrap().is_empty());
+    for (bytes, told) in [
+        (b"short".as_slice(), "not a whole safetensors file: 5 bytes; expected 8"),
+        (&[0xff; 9], "not a whole safetensors file: 9 bytes; expected 18446744073709551615"),
+        (&file("{", b""), "safetensors header: EOF"),
+    ] {
+        let error = metadata(bytes).unwrap_err();
+        assert!(error.contains(told), "{error}");
+    }
+}
+
+#[test]
 fn each_refusal_names_the_file_and_the_place() {
     let rows: [(&[u8], &str); 7] = [
         (b"", "model.safetensors: not a whole safetensors file: 0 bytes; expected 8"),

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Key of the header under which the progress stands as JSON.
-const PROGRESS_KEY: &str = "farsight.progress";
+const PROGRESS_KEY: &str = farsight_net::onnx::key::PROGRESS;
 
 /// Key of the header under which the run's config stands as JSON.
 const RUN_KEY: &str = "farsight.run";

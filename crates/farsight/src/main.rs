@@ -7,7 +7,9 @@ mod commands;
 mod engines;
 mod inputs;
 mod libraries;
+mod model_files;
 mod names;
+mod outputs;
 mod printer;
 mod range_json;
 mod range_table;
@@ -33,7 +35,8 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     report_no_caught_panics();
     let mut printer = Printer::new();
-    match cli.command.run(&mut printer) {
+    let ended = cli.command.run(&mut printer).and_then(|outcome| printer.finish().map(|()| outcome));
+    match ended {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Told) => ExitCode::from(1),
         Err(error) => {

@@ -1,7 +1,9 @@
 //! The only place that prints: results to standard output, everything about them to standard error.
 
 use std::env;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
+
+use anyhow::{Context, Result};
 
 /// Writes lines; styled on a terminal, plain elsewhere.
 pub(crate) struct Printer {
@@ -12,6 +14,8 @@ pub(crate) struct Printer {
 struct Stream {
     writer: Box<dyn Write>,
     styled: bool,
+    /// Why there are no more lines.
+    failure: Option<io::Error>,
 }
 
 /// How a piece of text stands out: the parameters of an ANSI escape sequence.
@@ -29,15 +33,31 @@ impl Printer {
         // https://no-color.org
         let colors = env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
         Self {
-            out: Stream { styled: colors && io::stdout().is_terminal(), writer: Box::new(io::stdout()) },
-            err: Stream { styled: colors && io::stderr().is_terminal(), writer: Box::new(io::stderr()) },
+            out: Stream::new(Box::new(io::stdout()), colors && io::stdout().is_terminal()),
+            err: Stream::new(Box::new(io::stderr()), colors && io::stderr().is_terminal()),
         }
     }
 
     /// Prints to these writers, plain.
     #[cfg(test)]
     pub(crate) fn to(out: Box<dyn Write>, err: Box<dyn Write>) -> Self {
-        Self { out: Stream { writer: out, styled: false }, err: Stream { writer: err, styled: false } }
+        Self { out: Stream::new(out, false), err: Stream::new(err, false) }
+    }
+
+    /// Whether whoever read the results has gone away (`farsight range ... | head`) and wants no more of them.
+    pub(crate) fn reader_is_gone(&self) -> bool {
+        self.out.failure.as_ref().is_some_and(|failure| failure.kind() == ErrorKind::BrokenPipe)
+    }
+
+    /// Whether all results were printed, as far as somebody wanted them; what is about them may get lost.
+    pub(crate) fn finish(&mut self) -> Result<()> {
+        self.out.try_to(|writer| writer.flush());
+        match self.out.failure.take() {
+            Some(failure) if failure.kind() != ErrorKind::BrokenPipe => {
+                Err(failure).context("standard output: cannot be written")
+            }
+            _ => Ok(()),
+        }
     }
 
     /// A line of the result.
@@ -83,9 +103,19 @@ impl Printer {
 }
 
 impl Stream {
+    fn new(writer: Box<dyn Write>, styled: bool) -> Self {
+        Self { writer, styled, failure: None }
+    }
+
     fn line(&mut self, text: &str) {
-        // A reader that has gone away (`farsight range ... | head`) wants no more lines, and needs no message.
-        let _ = writeln!(self.writer, "{text}");
+        self.try_to(|writer| writeln!(writer, "{text}"));
+    }
+
+    /// Nothing more is tried after a failure: a line that came through behind a lost one would hide it.
+    fn try_to(&mut self, step: impl FnOnce(&mut dyn Write) -> io::Result<()>) {
+        if self.failure.is_none() {
+            self.failure = step(&mut *self.writer).err();
+        }
     }
 
     fn styled(&self, text: &str, style: Style) -> String {
@@ -99,6 +129,11 @@ impl Stream {
     }
 }
 
+/// `1 image`, `2 images`.
+pub(crate) fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
 /// The error and its causes in one line; a cause that the text before it tells already is not told again.
 fn with_causes(error: &anyhow::Error) -> String {
     error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
@@ -110,11 +145,39 @@ fn with_causes(error: &anyhow::Error) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::io;
+    use std::io::{self, ErrorKind, Write};
 
     use anyhow::{Context, Error};
 
-    use super::with_causes;
+    use super::{Printer, with_causes};
+
+    /// Takes the first so many writes.
+    struct Full(usize, ErrorKind);
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0 = self.0.checked_sub(1).ok_or(self.1)?;
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn results_that_cannot_be_printed_are_an_error_unless_nobody_reads_them() {
+        let ended = |room, kind| {
+            let mut printer = Printer::to(Box::new(Full(room, kind)), Box::new(Full(0, ErrorKind::Other)));
+            printer.note("lost, and no matter");
+            (0..3).for_each(|_| printer.line("a result"));
+            (printer.reader_is_gone(), printer.finish().map_err(|error| with_causes(&error)))
+        };
+        assert_eq!(ended(99, ErrorKind::Other), (false, Ok(())));
+        assert_eq!(ended(1, ErrorKind::BrokenPipe), (true, Ok(())));
+        let told = "standard output: cannot be written: no storage space".to_owned();
+        assert_eq!(ended(1, ErrorKind::StorageFull), (false, Err(told)));
+    }
 
     #[test]
     fn causes_are_told_once() {

@@ -31,6 +31,10 @@ pub mod key {
     pub const TARGET: &str = "farsight.target";
     /// Steps, epochs and frames of the training, JSON.
     pub const TRAINING: &str = "farsight.training";
+    /// That the layers are narrower than the description says; only in files of pruned models.
+    pub const NARROWED: &str = crate::model::NARROWED_KEY;
+    /// How far a training has come, JSON; only in checkpoints, which are no models.
+    pub const PROGRESS: &str = "farsight.progress";
     /// Projection of the camera of training, 12 numbers row by row, JSON.
     pub const CAMERA: &str = "farsight.camera";
     /// What the model was trained on.
