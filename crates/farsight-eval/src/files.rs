@@ -38,6 +38,8 @@ pub struct FrameFiles {
     left_out: Findings,
     /// Whether to tell what is odd about the labels.
     tell_labels: bool,
+    /// Whether to tell of detections whose class plays no part.
+    tell_classes: bool,
     scores: Scores,
 }
 
@@ -170,13 +172,20 @@ impl FrameFiles {
         if ids.is_empty() {
             return Err(FilesError::NothingInCommon { labels, results });
         }
-        Self { labels, results, ids, left_out, tell_labels: true, scores: Scores::AsGiven }.checked()
+        Self { labels, results, ids, left_out, tell_labels: true, tell_classes: true, scores: Scores::AsGiven }
+            .checked()
     }
 
     /// The same files, the scores taken for this.
     #[must_use]
     pub fn with_scores(self, scores: Scores) -> Self {
         Self { scores, ..self }
+    }
+
+    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it has learnt to.
+    #[must_use]
+    pub fn with_any_classes(self) -> Self {
+        Self { tell_classes: false, ..self }
     }
 
     /// The same frames with other results, to compare the two; what is odd about the labels is not told again.
@@ -187,7 +196,7 @@ impl FrameFiles {
         let result_ids = ids_in(results, "result")?;
         require_all(&self.ids, &result_ids, ["comparison", "result"], results)?;
         let left_out = others(NOT_COMPARED, &result_ids, &self.ids, results);
-        Self { results: results.to_owned(), left_out, tell_labels: false, ..self.clone() }.checked()
+        Self { results: results.to_owned(), left_out, tell_labels: false, tell_classes: true, ..self.clone() }.checked()
     }
 
     fn checked(self) -> Result<Self, FilesError> {
@@ -211,7 +220,7 @@ impl FrameFiles {
         }
         let claims = rows(&self.results, id, RowKind::Result, &mut findings)?;
         for read in &claims {
-            if EvaluatedClass::of(&read.row.label.class).is_none() {
+            if self.tell_classes && EvaluatedClass::of(&read.row.label.class).is_none() {
                 let place = || format!("{}:{}: {:?}", file(&self.results, id), read.line, read.row.label.class.name());
                 findings.add("detections of classes that KITTI does not evaluate", place);
             }

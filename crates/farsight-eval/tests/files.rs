@@ -96,6 +96,17 @@ fn what_the_devkit_does_silently_is_told_by_kind() {
 }
 
 #[test]
+fn what_a_model_has_learnt_beyond_kittis_classes_need_not_be_told() {
+    let van = RESULT.replace("Car", "Van");
+    let files = [("000000.txt", van.as_str())];
+    let (_kept, labels, results) = folders(&[("000000.txt", LABEL)], &files);
+    let told = |files: &FrameFiles| files.read("000000").unwrap().1.iter().count();
+    let plain = FrameFiles::open(&labels, &results, None).unwrap();
+    let own = plain.clone().with_any_classes();
+    assert_eq!([told(&plain), told(&own), told(&own.with_results(&results).unwrap())], [1, 0, 1]);
+}
+
+#[test]
 fn a_split_chooses_frames_and_demands_their_files() {
     let both = [("000000.txt", ""), ("000001.txt", "")];
     let (_kept, labels, results) = folders(&both, &both);
