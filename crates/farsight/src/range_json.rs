@@ -1,6 +1,6 @@
 //! The JSON that `range` writes: an array with one object for each image that was done, in the order of the input.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 use farsight_core::{Box3d, Detection};
@@ -10,7 +10,8 @@ use serde::Serialize;
 /// One image.
 #[derive(Debug, Serialize)]
 pub(crate) struct ImageJson {
-    image: PathBuf,
+    /// The path; what of it is no text is replaced, as JSON has no other way.
+    image: String,
     width: u32,
     height: u32,
     detections: Vec<DetectionJson>,
@@ -40,7 +41,7 @@ impl ImageJson {
         range_m: fn(&Box3d) -> f64,
     ) -> Self {
         let detections = detections.iter().map(|detection| DetectionJson::new(detection, range_m)).collect();
-        Self { image: image.to_owned(), width, height, detections }
+        Self { image: image.to_string_lossy().into_owned(), width, height, detections }
     }
 }
 

@@ -46,10 +46,10 @@ pub(crate) struct RangeArgs {
     #[arg(long, value_enum, default_value_t = RangeKind::Depth)]
     range: RangeKind,
     /// Leave out what has a lower score [default: 0.25, or 0.5 for a model whose scores are probabilities]
-    #[arg(long, value_name = "SCORE", value_parser = score)]
+    #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
     /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does
-    #[arg(long, value_name = "IOU", default_value_t = MAX_OVERLAP, value_parser = super::eval::overlap_from_text)]
+    #[arg(long, value_name = "IOU", default_value_t = MAX_OVERLAP, value_parser = super::eval::overlap_from_text, allow_negative_numbers = true)]
     max_overlap: f64,
     /// End with status 1 when an image fails
     #[arg(long)]

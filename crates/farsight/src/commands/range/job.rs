@@ -1,6 +1,6 @@
 //! The images of one call, one after the other; what fails is told and the others are still done.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,8 @@ use super::RangeArgs;
 use crate::camera_source::CameraSource;
 use crate::inputs::identity;
 use crate::names::output_names;
-use crate::printer::Printer;
+use crate::outputs;
+use crate::printer::{Printer, counted};
 use crate::range_json::{self, ImageJson};
 use crate::range_table::RangeTable;
 
@@ -49,17 +50,36 @@ impl<'a> Job<'a> {
             printer.note("cameras from the calibration files of KITTI's layout (folder calib beside image_2)");
         }
         let names = output_names(&images);
-        for folder in [&args.out, &args.kitti].into_iter().flatten() {
-            fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        }
         let job = Self { args, images, names, cameras, range_m: args.range.measure() };
-        job.check_outputs(printer)?;
+        let inputs: Vec<PathBuf> = job.images.iter().map(|image| identity(image)).collect();
+        job.check_folders(&inputs)?;
+        job.check_json(&inputs)?;
+        job.check_names(&inputs, printer)?;
+        [&args.out, &args.kitti].into_iter().flatten().try_for_each(|folder| outputs::make_folder(folder))?;
         Ok(job)
     }
 
+    /// No labels, calibrations or images become results.
+    fn check_folders(&self, inputs: &[PathBuf]) -> Result<()> {
+        let folders: BTreeSet<&Path> = inputs.iter().filter_map(|image| image.parent()).collect();
+        let layouts = folders.into_iter().filter(|folder| folder.ends_with("image_2"));
+        let mut folders: Vec<PathBuf> = layouts.flat_map(outputs::layout_folders).collect();
+        folders.extend(self.args.camera.calib.clone());
+        if let Some(out) = &self.args.out {
+            outputs::check_no_input(out, &folders)?;
+        }
+        self.args.kitti.as_ref().map_or(Ok(()), |kitti| outputs::check_results(kitti, &self.names, &folders))
+    }
+
+    fn check_json(&self, inputs: &[PathBuf]) -> Result<()> {
+        let RangeArgs { json, model, refiner, camera, .. } = self.args;
+        let Some(json) = json else { return Ok(()) };
+        let others = [model.as_deref(), refiner.file(), camera.calib.as_deref()];
+        outputs::check_json(json, inputs.iter().map(PathBuf::as_path).chain(others.into_iter().flatten()))
+    }
+
     /// Pictures must not replace the images they are made from; outputs that were renamed are worth a word.
-    fn check_outputs(&self, printer: &mut Printer) -> Result<()> {
-        let inputs: Vec<PathBuf> = self.images.iter().map(|image| identity(image)).collect();
+    fn check_names(&self, inputs: &[PathBuf], printer: &mut Printer) -> Result<()> {
         for (image, name) in self.images.iter().zip(&self.names) {
             if let Some(picture) = self.picture_path(name) {
                 let replaces = picture.exists() && inputs.contains(&identity(&picture));
@@ -76,6 +96,15 @@ impl<'a> Job<'a> {
         self.args.out.as_ref().map(|folder| folder.join(format!("{name}.png")))
     }
 
+    fn rows_path(&self, name: &str) -> Option<PathBuf> {
+        self.args.kitti.as_ref().map(|folder| folder.join(format!("{name}.txt")))
+    }
+
+    /// Whether anything is left of the work when nobody reads what is printed.
+    fn writes_files(&self) -> bool {
+        [&self.args.out, &self.args.kitti, &self.args.json].into_iter().any(Option::is_some)
+    }
+
     /// Looks at every image and returns how many failed.
     ///
     /// An error when none could be done, or the JSON file could not be written.
@@ -87,7 +116,7 @@ impl<'a> Job<'a> {
         } else {
             ProgressBar::new(self.images.len() as u64)
         };
-        let (mut done, mut found, mut warnings) = (Vec::new(), 0, BTreeMap::new());
+        let (mut done, mut found, mut failed, mut warnings) = (Vec::new(), 0, 0, BTreeMap::new());
         for (image, name) in self.images.iter().zip(&self.names) {
             match self.image(image, name, detector) {
                 Ok((size, detections, unfamiliar)) => {
@@ -98,19 +127,27 @@ impl<'a> Job<'a> {
                     found += detections.len();
                     done.push(ImageJson::new(image, size, &detections, self.range_m));
                 }
-                Err(error) => bar.suspend(|| printer.failure(&error)),
+                Err(error) => {
+                    failed += 1;
+                    bar.suspend(|| {
+                        printer.failure(&error);
+                        self.remove_outputs(name, printer);
+                    });
+                }
             }
             bar.inc(1);
+            if printer.reader_is_gone() && !self.writes_files() {
+                break;
+            }
         }
         bar.finish_and_clear();
         for (warning, images) in warnings {
             printer.warning(&format!("{warning} ({})", counted(images, "image")));
         }
-        self.finish(&done, found, printer)
+        self.finish(&done, found, failed, printer)
     }
 
-    fn finish(&self, done: &[ImageJson], found: usize, printer: &mut Printer) -> Result<usize> {
-        let failed = self.images.len() - done.len();
+    fn finish(&self, done: &[ImageJson], found: usize, failed: usize, printer: &mut Printer) -> Result<usize> {
         if done.is_empty() {
             bail!("nothing was done: {} failed", counted(failed, "image"));
         }
@@ -132,10 +169,23 @@ impl<'a> Job<'a> {
         if let Some(target) = self.picture_path(name) {
             self.write_picture(&target, &image, &camera, &detections)?;
         }
-        if let Some(folder) = &self.args.kitti {
-            write_results(&folder.join(format!("{name}.txt")), &detections)?;
+        if let Some(target) = self.rows_path(name) {
+            write_results(&target, &detections)?;
         }
         Ok((image.dimensions(), detections, detector.spec().unfamiliar(size, &camera)))
+    }
+
+    /// What an earlier run found in an image must not be taken for an answer of this one, in which it failed.
+    fn remove_outputs(&self, name: &str, printer: &mut Printer) {
+        let outputs = [self.picture_path(name), self.rows_path(name)].into_iter().flatten();
+        for path in outputs.filter(|path| path.is_file()) {
+            match fs::remove_file(&path) {
+                Ok(()) => printer.note(&format!("{}: removed, as its image failed", path.display())),
+                Err(error) => {
+                    printer.error(&format!("{}: not of this run, cannot be removed: {error}", path.display()));
+                }
+            }
+        }
     }
 
     fn write_picture(&self, target: &Path, image: &RgbImage, camera: &Camera, detections: &[Detection]) -> Result<()> {
@@ -143,9 +193,4 @@ impl<'a> Job<'a> {
         let drawn = picture(image, &Scene { camera, detections, truth: &[] }, &options);
         Ok(write_atomically(target, |out| drawn.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?)
     }
-}
-
-/// `1 image`, `2 images`.
-fn counted(count: usize, what: &str) -> String {
-    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }

@@ -68,17 +68,20 @@ struct Answer {
 
 /// Runs `farsight range` with these arguments on the engine above.
 fn range(arguments: &[&Path]) -> Answer {
+    let (out, err) = (Page::default(), Page::default());
+    let result = run(arguments, Printer::to(Box::new(out.clone()), Box::new(err.clone())));
+    Answer { result, out: out.text(), err: err.text() }
+}
+
+fn run(arguments: &[&Path], mut printer: Printer) -> anyhow::Result<usize> {
     let words =
         [Path::new("range")].into_iter().chain(arguments.iter().copied()).map(|word| word.as_os_str().to_owned());
     let fixed = ["--hfov", "80", "--model", "none"].map(Into::into);
     let args = TestCli::try_parse_from(words.chain(fixed)).unwrap().args;
-    let (out, err) = (Page::default(), Page::default());
-    let mut printer = Printer::to(Box::new(out.clone()), Box::new(err.clone()));
     let spec = DetectorSpec::new(&ModelConfig::default(), DecodeOptions::default());
     let mut detector = Detector::new(Box::new(OneCar), spec);
-    let result = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)
-        .and_then(|job| job.run(&mut detector, &mut printer));
-    Answer { result, out: out.text(), err: err.text() }
+    let job = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)?;
+    job.run(&mut detector, &mut printer)
 }
 
 fn image_file(path: PathBuf) -> PathBuf {
@@ -156,6 +159,96 @@ fn an_image_is_not_replaced_by_its_picture() {
     let expected = format!("{}: would be replaced by its picture; give another --out", image.display());
     assert_eq!(answer.result.unwrap_err().to_string(), expected);
     assert_eq!(fs::read(&image).unwrap(), before);
+}
+
+#[test]
+fn an_image_that_fails_has_no_outputs_of_an_earlier_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let images = ["bad.png", "good.png"].map(|name| image_file(at(name)));
+    let run = || range(&[&images[0], &images[1], Path::new("--out"), &at("drawn"), Path::new("--kitti"), &at("rows")]);
+    assert_eq!(run().result.unwrap(), 0);
+    let outputs = || ["drawn/bad.png", "rows/bad.txt", "drawn/good.png", "rows/good.txt"].map(|path| at(path).exists());
+    assert_eq!(outputs(), [true; 4]);
+    fs::write(&images[0], "no image any more").unwrap();
+    let answer = run();
+    assert_eq!((answer.result.unwrap(), outputs()), (1, [false, false, true, true]));
+    assert!(answer.err.contains("bad.txt: removed, as its image failed"), "{}", answer.err);
+}
+
+#[test]
+fn results_go_nowhere_where_labels_images_or_calibrations_lie() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for name in ["image_2", "label_2", "calib", "rows"] {
+        fs::create_dir(at(name)).unwrap();
+    }
+    let label = "Car 0.00 0 1.50 600.00 170.00 700.00 230.00 1.50 1.60 4.00 1.00 1.70 20.00 1.60\n";
+    for name in ["label_2/1.txt", "rows/1.txt"] {
+        fs::write(at(name), label).unwrap();
+    }
+    let image = image_file(at("image_2/1.png"));
+    for (option, target, expected) in [
+        ("--kitti", "label_2", "inputs come from this folder"),
+        ("--kitti", "calib", "inputs come from this folder"),
+        ("--out", "image_2", "inputs come from this folder"),
+        ("--kitti", "rows", "1.txt: there already and no result file"),
+        ("--json", "label_2/1.txt", "there already and no JSON"),
+        ("--json", "image_2/1.png", "an input"),
+        ("--json", "nowhere/all.json", "expected one that is there"),
+    ] {
+        let told = range(&[&image, Path::new(option), &at(target)]).result.unwrap_err().to_string();
+        assert!(told.contains(expected), "{option} {target}: {told}");
+    }
+    assert!(["label_2/1.txt", "rows/1.txt"].iter().all(|name| fs::read_to_string(at(name)).unwrap() == label));
+    // Beside photos that lie in no layout there is room.
+    let photo = image_file(at("photo.png"));
+    for _ in 0..2 {
+        assert_eq!(range(&[&photo, Path::new("--kitti"), folder.path()]).result.unwrap(), 0);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_that_is_no_text_costs_no_results() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let image = image_file(folder.path().join("plain.png"));
+    let named = folder.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9.png"));
+    if fs::rename(image, &named).is_err() {
+        // Not every file system has such names.
+        return;
+    }
+    let json = folder.path().join("all.json");
+    assert_eq!(range(&[&named, Path::new("--json"), &json]).result.unwrap(), 0);
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(json).unwrap()).unwrap();
+    assert!(json[0]["image"].as_str().unwrap().ends_with("caf\u{fffd}.png"), "{json}");
+}
+
+#[test]
+fn nobody_is_waited_for_who_reads_no_more() {
+    struct Gone;
+    impl Write for Gone {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::BrokenPipe.into())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["1.png", "2.png"] {
+        image_file(folder.path().join(name));
+    }
+    let told = |more: &[&Path]| {
+        let err = Page::default();
+        let printer = Printer::to(Box::new(Gone), Box::new(err.clone()));
+        run(&[&[folder.path()], more].concat(), printer).unwrap();
+        err.text()
+    };
+    assert_eq!(told(&[]), "1 object found in 1 image\n");
+    // Files are still wanted.
+    assert_eq!(told(&[Path::new("--out"), &folder.path().join("drawn")]), "2 objects found in 2 images\n");
 }
 
 #[test]
