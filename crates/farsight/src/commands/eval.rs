@@ -19,10 +19,14 @@ use serde::Serialize;
 
 use super::Outcome;
 use crate::engines::{EngineArgs, RefinerArgs, RoadArgs};
+use crate::outputs;
 use crate::printer::Printer;
 use crate::shipped;
 use modelled::Files;
 pub(super) use modelled::{MIN_SCORE, write_results_of};
+
+/// Frames drawn anew more often than this make no interval better, and each draw takes memory.
+const MOST_RESAMPLES: usize = 100_000;
 
 /// Arguments of `farsight eval`.
 #[derive(Debug, Args)]
@@ -49,7 +53,7 @@ pub(crate) struct EvalArgs {
     refiner: RefinerArgs,
     #[command(flatten)]
     road: RoadArgs,
-    /// Frames to evaluate, one id a line [default: all that have a result file; with --data, all that have an image]
+    /// FILE with the frames to evaluate, one id a line, or with --data a name in its `ImageSets` [default: all that have a result file; with --data, all that have an image]
     #[arg(long, value_name = "FILE")]
     split: Option<PathBuf>,
     /// Write all figures as JSON
@@ -80,22 +84,22 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "DIR", requires = "classic")]
     calib: Option<PathBuf>,
     /// Height of the camera above the ground, metres, for --classic
-    #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M)]
+    #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M, value_parser = height_from_text, allow_negative_numbers = true)]
     camera_height: f64,
     /// What is taken for the scores, in everything that goes by them
     #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]
     scores: ScoresName,
     /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
-    #[arg(long, value_name = "SCORE")]
+    #[arg(long, value_name = "SCORE", value_parser = score_from_text, allow_negative_numbers = true)]
     min_score: Option<f64>,
     /// Smallest 2D overlap at which a detection counts as having found an object, in the ranging errors
-    #[arg(long, value_name = "IOU", default_value_t = MATCH_IOU, value_parser = overlap_from_text)]
+    #[arg(long, value_name = "IOU", default_value_t = MATCH_IOU, value_parser = overlap_from_text, allow_negative_numbers = true)]
     ranging_overlap: f64,
     /// Take everything odd about the files for an error: each is told with file and line, nothing is evaluated, exit status 1
     #[arg(long)]
     strict: bool,
     /// How often frames are drawn anew for the intervals; 0 leaves them out
-    #[arg(long, value_name = "N", default_value_t = Bootstrap::default().resamples)]
+    #[arg(long, value_name = "N", default_value_t = Bootstrap::default().resamples, value_parser = resamples_from_text, allow_negative_numbers = true)]
     resamples: usize,
     /// Seed of the intervals
     #[arg(long, value_name = "S", default_value_t = Bootstrap::default().seed)]
@@ -138,8 +142,10 @@ struct Answer<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
+    args.check_outputs()?;
     let mut source = Files::new(args, printer)?;
     let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?.with_scores(args.scores.scores());
+    let files = if source.by_model { files.with_any_classes() } else { files };
     if let Some(id) = &args.explain {
         return explained::run(args, &files, id, printer);
     }
@@ -190,6 +196,22 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 impl EvalArgs {
+    /// Hours of evaluation must not be lost for want of a folder.
+    fn check_outputs(&self) -> Result<()> {
+        if let Some(json) = &self.json {
+            outputs::check_json(json, [self.model.as_deref(), self.refiner.file()].into_iter().flatten())?;
+        }
+        self.report.as_deref().map_or(Ok(()), outputs::make_folder)
+    }
+
+    /// Whether anything is asked of a model that looks at images.
+    fn names_what_looks(&self) -> bool {
+        self.model.is_some()
+            || self.engine != EngineArgs::default()
+            || self.refiner != RefinerArgs::default()
+            || self.road != RoadArgs::default()
+    }
+
     /// What is being judged.
     fn title(&self) -> String {
         let model =
@@ -226,6 +248,21 @@ impl ScoresName {
 pub(super) fn overlap_from_text(text: &str) -> Result<f64, String> {
     let overlap = text.parse().ok().filter(|overlap| *overlap > 0.0 && *overlap <= 1.0);
     overlap.ok_or_else(|| "expected a number above 0 and at most 1".to_owned())
+}
+
+/// Any score: those of others need not be probabilities.
+fn score_from_text(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|score: &f64| score.is_finite()).ok_or_else(|| "expected a finite number".to_owned())
+}
+
+fn height_from_text(text: &str) -> Result<f64, String> {
+    let height_m = text.parse().ok().filter(|height_m: &f64| height_m.is_finite() && *height_m > 0.0);
+    height_m.ok_or_else(|| "expected a positive number of metres".to_owned())
+}
+
+fn resamples_from_text(text: &str) -> Result<usize, String> {
+    let resamples = text.parse().ok().filter(|resamples| *resamples <= MOST_RESAMPLES);
+    resamples.ok_or_else(|| format!("expected a number from 0 to {MOST_RESAMPLES}"))
 }
 
 /// Tells what is odd: a warning a kind, or with `--strict` an error a place, which is an outcome of its own.

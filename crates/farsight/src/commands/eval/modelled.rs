@@ -1,20 +1,20 @@
 //! `farsight eval --model`: the model's own result files, then evaluated like any others.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
-use farsight_data::kitti::write_results;
+use farsight_data::kitti::{read_split, write_results};
 use farsight_data::read_image;
 use farsight_infer::Detector;
 use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
-use crate::engines::{RefinerArgs, RoadArgs, open_whole};
-use crate::printer::Printer;
+use crate::engines::open_whole;
+use crate::outputs;
+use crate::printer::{Printer, counted};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
@@ -24,6 +24,8 @@ pub(super) struct Files {
     pub(super) labels: PathBuf,
     pub(super) results: PathBuf,
     pub(super) ids: Option<Vec<String>>,
+    /// Whether a model has made the results just now.
+    pub(super) by_model: bool,
     /// Removed when the evaluation is over.
     _folder: Option<TempDir>,
 }
@@ -34,11 +36,11 @@ impl Files {
         match (&args.labels, &args.results, &args.data) {
             (Some(labels), Some(results), None) => {
                 ensure!(
-                    args.refiner == RefinerArgs::default() && args.road == RoadArgs::default(),
-                    "--refiner and --above-road are for a model that looks at images first; expected --data"
+                    !args.names_what_looks(),
+                    "--model, --engine and what belongs to them, --refiner and --above-road are for a model that looks at images first; expected --data"
                 );
-                let ids = args.split.as_deref().map(farsight_data::kitti::read_split).transpose()?;
-                Ok(Self { labels: labels.clone(), results: results.clone(), ids, _folder: None })
+                let ids = args.split.as_deref().map(split_of_files).transpose()?;
+                Ok(Self { labels: labels.clone(), results: results.clone(), ids, by_model: false, _folder: None })
             }
             (None, results, Some(data)) => modelled(args, results.as_deref(), data, printer),
             _ => bail!("expected --labels and --results, or --data (and --model)"),
@@ -46,10 +48,17 @@ impl Files {
     }
 }
 
+/// Ids from a file; names of splits need a data set that has them.
+fn split_of_files(split: &Path) -> Result<Vec<String>> {
+    ensure!(split.is_file(), "{}: no such file; a bare name such as val is for --data", split.display());
+    Ok(read_split(split)?)
+}
+
 fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut Printer) -> Result<Files> {
     let dataset = KittiDataset::open(data, args.split.as_deref())?;
     let (results, folder) = if let Some(kept) = results {
-        fs::create_dir_all(kept).with_context(|| format!("{}: cannot be made", kept.display()))?;
+        outputs::check_results(kept, dataset.ids(), &outputs::layout_folders(&dataset.label_folder()))?;
+        outputs::make_folder(kept)?;
         (kept.to_owned(), None)
     } else {
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
@@ -58,8 +67,14 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     let mut detector = open_whole(&args.engine, &args.refiner, args.road, args.model.as_deref(), options)?;
     write_results_of(&mut detector, &dataset, &results)?;
-    printer.status(&format!("{} frames looked at by {}", dataset.len(), detector.engine_name()));
-    Ok(Files { labels: dataset.label_folder(), results, ids: Some(dataset.ids().to_vec()), _folder: folder })
+    printer.status(&format!("{} looked at by {}", counted(dataset.len(), "frame"), detector.engine_name()));
+    Ok(Files {
+        labels: dataset.label_folder(),
+        results,
+        ids: Some(dataset.ids().to_vec()),
+        by_model: true,
+        _folder: folder,
+    })
 }
 
 /// Writes a result file for each frame of `dataset` to the folder `results`.
