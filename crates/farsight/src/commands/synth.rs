@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use farsight_data::Frame;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
@@ -18,7 +18,7 @@ use indicatif::{ParallelProgressIterator, ProgressBar};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::Outcome;
-use crate::printer::Printer;
+use crate::printer::{Printer, counted};
 
 /// Arguments of `farsight synth`.
 #[derive(Debug, Args)]
@@ -27,7 +27,7 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// How many scenes; with --layout, the first so many of its label files [default: 100, or all label files]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = frames_from_text, allow_negative_numbers = true)]
     frames: Option<usize>,
     /// Decides about everything that is random
     #[arg(long, value_name = "S", default_value_t = 0)]
@@ -47,6 +47,13 @@ pub(crate) struct SynthArgs {
     /// The cameras of the label files
     #[arg(long, value_name = "DIR", requires = "layout")]
     calib_dir: Option<PathBuf>,
+}
+
+/// Frames to try things on.
+const DEFAULT_FRAMES: usize = 100;
+
+fn frames_from_text(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|frames| *frames > 0).ok_or_else(|| "expected a whole number, at least 1".to_owned())
 }
 
 /// Runs the command.
@@ -71,7 +78,7 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
         return Err(error);
     }
     folder.write_split(&ids)?;
-    printer.status(&format!("{} rendered frames in {}", ids.len(), args.out.display()));
+    printer.status(&format!("{} in {}", counted(ids.len(), "rendered frame"), args.out.display()));
     Ok(Outcome::Done)
 }
 
@@ -87,13 +94,13 @@ impl Source {
     fn new(args: &SynthArgs) -> Result<Self> {
         let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
             let world = args.world.as_deref().map_or_else(|| Ok(WorldConfig::default()), read_world)?;
-            let frames = args.frames.unwrap_or(100);
-            ensure!(frames > 0, "--frames is 0; expected at least one");
+            let frames = args.frames.unwrap_or(DEFAULT_FRAMES);
             return Ok(Self::Stream { stream: SceneStream { world, seed: args.seed }, frames });
         };
         let mut ids = args.split.as_deref().map_or_else(|| label_ids(labels), |split| Ok(read_split(split)?))?;
         ensure!(!ids.is_empty(), "{}: no label files; expected files such as 000000.txt", labels.display());
         ids.truncate(args.frames.unwrap_or(ids.len()));
+        check_files([labels.as_path(), calibrations.as_path()], &ids)?;
         Ok(Self::Layout { labels: labels.clone(), calibrations: calibrations.clone(), ids })
     }
 
@@ -118,11 +125,20 @@ impl Source {
     }
 }
 
+/// Whether each frame has its files, before hours are spent on those that have.
+fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
+    let files = ids.iter().flat_map(|id| folders.map(|folder| folder.join(format!("{id}.txt"))));
+    let mut missing = files.filter(|file| !file.is_file());
+    let Some(first) = missing.next() else { return Ok(()) };
+    let count = 1 + missing.count();
+    bail!("{}: no such file; {} missing in all", first.display(), counted(count, "file"))
+}
+
 fn read_world(path: &Path) -> Result<WorldConfig> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let world: WorldConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
     match world.problem() {
-        Some(problem) => anyhow::bail!("{}: {problem}", path.display()),
+        Some(problem) => bail!("{}: {problem}", path.display()),
         None => Ok(world),
     }
 }
@@ -140,6 +156,19 @@ fn label_ids(folder: &Path) -> Result<Vec<String>> {
     Ok(ids)
 }
 
+/// The folders of a data set; the last one stays empty until all frames are written.
+const FOLDERS: [&str; 4] = ["training/image_2", "training/label_2", "training/calib", "ImageSets"];
+
+/// What to say of a folder that has some of [`FOLDERS`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
+fn there_already(root: &Path) -> &'static str {
+    let is_interrupted = fs::read_dir(root.join("ImageSets")).is_ok_and(|mut splits| splits.next().is_none());
+    if is_interrupted {
+        "there is an interrupted data set here, without a split in ImageSets; remove it or name another --out"
+    } else {
+        "there is a data set here already; name another --out"
+    }
+}
+
 /// A data set being written.
 struct Folder {
     root: PathBuf,
@@ -148,11 +177,11 @@ struct Folder {
 
 impl Folder {
     fn new(root: &Path, jpeg: Option<u8>) -> Result<Self> {
-        let images = root.join("training/image_2");
-        ensure!(!images.exists(), "{}: there is a data set here already; name another --out", root.display());
-        for folder in
-            ["training/image_2", "training/label_2", "training/calib", "ImageSets"].map(|name| root.join(name))
-        {
+        let folders = FOLDERS.map(|name| root.join(name));
+        if folders.iter().any(|folder| folder.exists()) {
+            bail!("{}: {}", root.display(), there_already(root));
+        }
+        for folder in folders {
             fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
         }
         Ok(Self { root: root.to_owned(), jpeg })
