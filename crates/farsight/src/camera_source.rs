@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use farsight_core::Camera;
 use farsight_data::kitti::Calibration;
 
 use crate::names::stem;
+
+/// Cameras that have all their numbers already. `requires` alone lets them pass, as clap asks for nothing that conflicts with what is there.
+const NO_INTRINSICS: [&str; 2] = ["calib", "hfov"];
 
 /// The camera options, of which one is needed for images that do not lie in KITTI's layout.
 #[derive(Debug, Clone, Default, Args)]
@@ -20,13 +23,13 @@ pub(crate) struct CameraArgs {
     #[arg(long, value_name = "F", conflicts_with = "hfov", value_parser = focal, allow_negative_numbers = true)]
     pub(crate) fx: Option<f64>,
     /// Vertical focal length, pixels [default: the horizontal one]
-    #[arg(long, value_name = "F", requires = "fx", value_parser = focal, allow_negative_numbers = true)]
+    #[arg(long, value_name = "F", requires = "fx", conflicts_with_all = NO_INTRINSICS, value_parser = focal, allow_negative_numbers = true)]
     pub(crate) fy: Option<f64>,
     /// Column of the principal point, pixels [default: the middle of the image]
-    #[arg(long, value_name = "X", requires = "fx", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", requires = "fx", conflicts_with_all = NO_INTRINSICS, value_parser = finite, allow_negative_numbers = true)]
     pub(crate) cx: Option<f64>,
     /// Row of the principal point, pixels [default: the middle of the image]
-    #[arg(long, value_name = "Y", requires = "fx", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "Y", requires = "fx", conflicts_with_all = NO_INTRINSICS, value_parser = finite, allow_negative_numbers = true)]
     pub(crate) cy: Option<f64>,
     /// Horizontal field of view of the whole image, degrees
     #[arg(long, value_name = "DEG", value_parser = field_of_view, allow_negative_numbers = true)]
@@ -85,6 +88,9 @@ impl CameraSource {
         if let Some(cameras) = Self::of_layout(images) {
             return Ok(cameras);
         }
+        if let Some((image, calibration)) = images.iter().find_map(|image| Some((image, in_layout(image)?))) {
+            bail!("{}", missing(image, &calibration));
+        }
         bail!("no camera: distances need its focal length; {HINT} (images in KITTI's layout bring their own)")
     }
 
@@ -99,8 +105,9 @@ impl CameraSource {
             Self::Same(camera) => Ok(*camera),
             Self::Folder(folder) => read(&folder.join(format!("{}.txt", stem(path)))),
             Self::Kitti => {
-                let file = kitti_calibration(path)
+                let file = in_layout(path)
                     .with_context(|| format!("{}: no camera, and no calibration beside it; {HINT}", path.display()))?;
+                ensure!(file.is_file(), missing(path, &file));
                 read(&file)
             }
             Self::Intrinsics { fx, fy, cx, cy } => {
@@ -117,13 +124,22 @@ fn read(path: &Path) -> Result<Camera> {
     Ok(Calibration::read(path)?.camera())
 }
 
-/// `calib/ID.txt` beside the folder `image_2` of `image`, when both are there.
+fn missing(image: &Path, calibration: &Path) -> String {
+    format!("{}: no camera; expected its calibration {}, or {HINT}", image.display(), calibration.display())
+}
+
+/// The calibration of an image in KITTI's layout, when it is there.
 fn kitti_calibration(image: &Path) -> Option<PathBuf> {
+    in_layout(image).filter(|file| file.is_file())
+}
+
+/// `calib/ID.txt` beside the folder `image_2` of `image`, when both folders are there.
+fn in_layout(image: &Path) -> Option<PathBuf> {
     // A relative path such as `000001.png` has its folder's name only after this.
     let image = image.canonicalize().ok()?;
     let folder = image.parent().filter(|folder| folder.ends_with("image_2"))?;
-    let file = folder.with_file_name("calib").join(format!("{}.txt", stem(&image)));
-    file.is_file().then_some(file)
+    let calibrations = Some(folder.with_file_name("calib")).filter(|folder| folder.is_dir())?;
+    Some(calibrations.join(format!("{}.txt", stem(&image))))
 }
 
 #[cfg(test)]
@@ -155,10 +171,13 @@ mod tests {
         let other = folder.path().join("image_2/000008.png");
         fs::write(&other, "").unwrap();
         let error = found.camera(&other, [1242, 375]).unwrap_err().to_string();
-        assert!(error.ends_with(
-            "000008.png: no camera, and no calibration beside it; give one of --calib FILE, --fx PIXELS or --hfov DEGREES"
-        ));
-        assert!(source(&CameraArgs::default(), &[&other]).is_err());
+        let expected = "calib/000008.txt, or give one of --calib FILE, --fx PIXELS or --hfov DEGREES";
+        assert!(error.contains("000008.png: no camera; expected its calibration ") && error.ends_with(expected));
+        let error = source(&CameraArgs::default(), &[&other]).unwrap_err().to_string();
+        assert!(error.contains("000008.png: no camera; expected its calibration ") && error.ends_with(expected));
+        let elsewhere = folder.path().join("000009.png");
+        let error = found.camera(&elsewhere, [1242, 375]).unwrap_err().to_string();
+        assert!(error.contains("000009.png: no camera, and no calibration beside it; give one of"), "{error}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use farsight_net::onnx::{OnnxModel, PeaksOnly, Target, key};
 use farsight_net::refiner::RefinerModel;
 
 use crate::libraries::{Found, Library};
-use crate::{shipped, untrained};
+use crate::{model_files, shipped, untrained};
 
 /// What runs the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -45,6 +45,22 @@ pub(crate) struct EngineArgs {
     pub(crate) precision: Precision,
 }
 
+impl EngineArgs {
+    /// Options of another engine than the one that is asked for would be ignored without a word.
+    fn check(&self) -> Result<()> {
+        let has_library = matches!(self.engine, EngineName::Onnxruntime | EngineName::Openvino);
+        ensure!(
+            has_library || self.engine_path.is_none(),
+            "--engine-path is for onnxruntime and openvino; expected one of them as --engine"
+        );
+        ensure!(
+            self.engine == EngineName::Openvino || self.precision == Precision::F32,
+            "--precision is for openvino; expected --engine openvino beside it"
+        );
+        Ok(())
+    }
+}
+
 /// What looks again at what was found.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub(crate) struct RefinerArgs {
@@ -54,16 +70,17 @@ pub(crate) struct RefinerArgs {
 }
 
 impl RefinerArgs {
+    /// The file of a refiner, if one is named.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        self.refiner.as_deref().filter(|word| *word != Path::new("none"))
+    }
+
     /// The refiner to use; `is_shipped` is whether the detector is the shipped one.
     fn read(&self, is_shipped: bool) -> Result<Option<RefinerModel>> {
         match self.refiner.as_deref() {
             Some(word) if word == Path::new("none") => Ok(None),
             Some(path) => {
-                ensure!(
-                    path.is_file(),
-                    "{}: no such file; expected a refiner that `farsight train` wrote, or none",
-                    path.display()
-                );
+                model_files::check(path, "a refiner that `farsight train` wrote, or none")?;
                 Ok(Some(RefinerModel::read(path)?))
             }
             None if is_shipped => shipped::refiner().map(Some),
@@ -85,7 +102,7 @@ impl RefinerArgs {
 pub(crate) struct RoadArgs {
     /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it is not known, or "none" for each object
     /// by itself [default: any for the weights that come with the program, none for others]
-    #[arg(long, value_name = "METRES|any|none", value_parser = road)]
+    #[arg(long, value_name = "METRES|any|none", value_parser = road, allow_negative_numbers = true)]
     above_road: Option<Road>,
 }
 
@@ -165,8 +182,9 @@ struct Opened {
 
 /// The model at `path`, or the shipped one. Its regression head is only computed where it is needed, if it is of that kind.
 fn open(args: &EngineArgs, path: Option<&Path>, options: DecodeOptions) -> Result<Opened> {
+    args.check()?;
     if args.engine == EngineName::Libtorch {
-        let (engine, config, weights) = libtorch(path)?;
+        let (engine, config, weights) = libtorch(args, path)?;
         let detector = Detector::new(engine, DetectorSpec::new(&config, options));
         return Ok(Opened { detector, is_shipped: shipped::has_weights(&weights)? });
     }
@@ -187,6 +205,7 @@ pub(crate) fn detector_of(
     path: &Path,
     options: DecodeOptions,
 ) -> Result<Detector> {
+    args.check()?;
     let spec = DetectorSpec::new(model.config(), options);
     detector(args, model, path, spec)
 }
@@ -211,6 +230,7 @@ pub(crate) fn open_to_time(
 }
 
 fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Opened> {
+    args.check()?;
     let is_config = path.is_some_and(untrained::is_config);
     if args.engine == EngineName::Libtorch {
         ensure!(
@@ -231,9 +251,10 @@ fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) ->
     }
     let source = path.unwrap_or(Path::new(shipped::NAME));
     let is_shipped = has_shipped_weights(&model)?;
-    let detector = match timing.dense_head {
-        true => Detector::new(start(args, model, source)?, spec),
-        false => detector(args, model, source, spec)?,
+    let detector = if timing.dense_head {
+        Detector::new(start(args, model, source)?, spec)
+    } else {
+        detector(args, model, source, spec)?
     };
     Ok(Opened { detector, is_shipped })
 }
@@ -250,8 +271,9 @@ fn detector(args: &EngineArgs, model: OnnxModel, source: &Path, spec: DetectorSp
 
 /// The whole network of the model at `path`, every head map as it is.
 pub(crate) fn open_engine(args: &EngineArgs, path: &Path) -> Result<Box<dyn Engine>> {
+    args.check()?;
     match args.engine {
-        EngineName::Libtorch => Ok(libtorch(Some(path))?.0),
+        EngineName::Libtorch => Ok(libtorch(args, Some(path))?.0),
         engine => start(args, read(engine, Some(path))?, path),
     }
 }
@@ -262,7 +284,7 @@ fn read(engine: EngineName, path: Option<&Path>) -> Result<OnnxModel> {
     let Some(path) = path else {
         return Ok(OnnxModel::from_model(&shipped::model()?, target, Path::new(shipped::NAME))?);
     };
-    check_there(path)?;
+    model_files::check_detector(path)?;
     Ok(OnnxModel::read_any(path, target)?)
 }
 
@@ -271,15 +293,6 @@ fn target(engine: EngineName) -> Target {
         EngineName::Onnxruntime => Target::OnnxRuntime,
         _ => Target::Portable,
     }
-}
-
-fn check_there(path: &Path) -> Result<()> {
-    ensure!(
-        path.is_file(),
-        "{}: no such file; expected a model that `farsight train`, `farsight import` or `farsight export` wrote",
-        path.display()
-    );
-    Ok(())
 }
 
 /// A model in memory on an engine that runs ONNX; `source` is only what errors call it.
@@ -330,11 +343,12 @@ fn openvino(_: &Path, _: OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
 
 /// Engine, config and the hash of the weights: libtorch runs our own model files, and no ONNX.
 #[cfg(feature = "train")]
-fn libtorch(path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
+fn libtorch(args: &EngineArgs, path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
+    farsight_train::set_threads(args.threads);
     let model = match path {
         None => shipped::model()?,
         Some(path) => {
-            check_there(path)?;
+            model_files::check_detector(path)?;
             farsight_net::model::Model::read(path)?
         }
     };
@@ -343,7 +357,7 @@ fn libtorch(path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String
 }
 
 #[cfg(not(feature = "train"))]
-fn libtorch(_: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
+fn libtorch(_: &EngineArgs, _: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
     bail!(
         "this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it"
     )

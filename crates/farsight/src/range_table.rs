@@ -68,7 +68,9 @@ mod tests {
     #[test]
     fn an_error_bar_is_that_of_the_distance_that_is_given() {
         let aside = Detection { range_sigma_m: Some(1.0), ..car() };
-        let text = |range_m: fn(&Box3d) -> f64| RangeTable::new(&[], range_m).rows("aside", &[aside.clone()]).concat();
+        let text = |range_m: fn(&Box3d) -> f64| {
+            RangeTable::new(&[], range_m).rows("aside", std::slice::from_ref(&aside)).concat()
+        };
         assert!(text(Box3d::depth_m).contains("8.6 ±1.0 m"), "{}", text(Box3d::depth_m));
         // As far off as the depth: sqrt(12.31² + 1.65² + 8.62²) / 8.62.
         let euclidean = |object: &Box3d| object.location.iter().map(|v| v * v).sum::<f64>().sqrt();
