@@ -17,7 +17,8 @@ use serde::Serialize;
 
 use super::Outcome;
 use crate::engines::{EngineArgs, RefinerArgs, Timing, open_to_time};
-use crate::printer::Printer;
+use crate::outputs;
+use crate::printer::{Printer, counted};
 use crate::shipped;
 
 /// Runs before the clock counts: engines plan and allocate in the first ones.
@@ -91,6 +92,10 @@ struct Pass {
 pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     ensure!(args.runs > 0, "--runs is 0; expected at least one");
     ensure!((1..=LARGEST_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {LARGEST_BATCH}", args.batch);
+    if let Some(json) = &args.json {
+        let inputs = [args.model.as_deref(), args.image.as_deref(), args.refiner.file()];
+        outputs::check_json(json, inputs.into_iter().flatten())?;
+    }
     let folder = tempfile::tempdir().context("no folder for the scene")?;
     let image = match &args.image {
         Some(image) => image.clone(),
@@ -160,7 +165,8 @@ fn print(figures: &Figures, printer: &mut Printer) {
     let Figures { engine, model, image: [width, height], input: [input_width, input_height], batch, runs, .. } =
         figures;
     printer.heading(&format!(
-        "{model} on {engine}: image {width}x{height}, input {input_width}x{input_height}, batch {batch}, {runs} runs, milliseconds"
+        "{model} on {engine}: image {width}x{height}, input {input_width}x{input_height}, batch {batch}, {}, milliseconds",
+        counted(*runs, "run")
     ));
     let row = |name: &str, spread: &Spread| {
         let [low, high] = spread.quartiles_ms;

@@ -3,11 +3,14 @@
 mod machine;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use farsight_net::onnx::{OnnxModel, Target};
+use farsight_net::model::Model;
+use farsight_net::onnx::{OnnxModel, key};
+use farsight_net::refiner::RefinerModel;
+use farsight_net::weights::Weights;
 use serde::Serialize;
 
 use super::Outcome;
@@ -47,9 +50,19 @@ struct EngineState {
 
 #[derive(Debug, Serialize)]
 struct ModelState {
-    path: PathBuf,
+    /// What of the path is no text is replaced, as JSON has no other way.
+    path: String,
+    kind: ModelKind,
     /// What is wrong with it; null for a good one.
     problem: Option<String>,
+}
+
+/// What a file in a folder of models is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum ModelKind {
+    Detector,
+    Refiner,
 }
 
 /// Runs the command.
@@ -87,12 +100,9 @@ fn print(diagnosis: &Diagnosis, printer: &mut Printer) {
     if models.is_empty() {
         printer.line("  none here, in ./models or in your data folder");
     }
-    for ModelState { path, problem } in models {
-        printer.line(&format!(
-            "  {}{}",
-            path.display(),
-            problem.as_ref().map_or_else(String::new, |p| format!(": {p}"))
-        ));
+    for ModelState { path, kind, problem } in models {
+        let kind = if *kind == ModelKind::Refiner { " (a refiner)" } else { "" };
+        printer.line(&format!("  {path}{kind}{}", problem.as_ref().map_or_else(String::new, |p| format!(": {p}"))));
     }
     for line in advice {
         printer.note(line);
@@ -147,11 +157,24 @@ fn models() -> Vec<ModelState> {
         .collect();
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "onnx" || extension == "safetensors"));
     paths.sort();
-    let state = |path: PathBuf| {
-        let problem = OnnxModel::read_any(&path, Target::default()).err().map(|error| error.to_string());
-        ModelState { path, problem }
+    paths.iter().filter_map(|path| model_state(path)).collect()
+}
+
+/// Nothing of a checkpoint, which goes on with a training and is no model.
+fn model_state(path: &Path) -> Option<ModelState> {
+    // What is no safetensors file has no such facts, and its reader says what is wrong with it.
+    let facts = Weights::read_metadata(path).unwrap_or_default();
+    if facts.contains_key(key::PROGRESS) {
+        return None;
+    }
+    let (kind, read) = if RefinerModel::is_one(path) {
+        (ModelKind::Refiner, RefinerModel::read(path).map(drop).map_err(anyhow::Error::from))
+    } else if path.extension().is_some_and(|extension| extension == "onnx") {
+        (ModelKind::Detector, OnnxModel::read(path).map(drop).map_err(anyhow::Error::from))
+    } else {
+        (ModelKind::Detector, Model::read(path).map(drop).map_err(anyhow::Error::from))
     };
-    paths.into_iter().map(state).collect()
+    Some(ModelState { path: path.display().to_string(), kind, problem: read.err().map(|error| error.to_string()) })
 }
 
 fn advice(engines: &[EngineState], machine: &Machine) -> Vec<String> {

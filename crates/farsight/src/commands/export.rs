@@ -23,6 +23,8 @@ use super::Outcome;
 use crate::engines::{self, EngineArgs, EngineName};
 #[cfg(not(feature = "train"))]
 use crate::libraries::Library;
+use crate::model_files::read_own;
+use crate::outputs;
 use crate::printer::Printer;
 use int8::Int8Args;
 
@@ -77,8 +79,28 @@ enum TargetName {
     Onnxruntime,
 }
 
+impl ExportArgs {
+    /// Before anything is computed, and so that no file is called what it is not.
+    fn check_out(&self) -> Result<()> {
+        if self.half {
+            outputs::check_kind(&self.out, "onnx", "a name ending in .safetensors, as --half writes a model of our own")
+        } else {
+            outputs::check_kind(
+                &self.out,
+                "safetensors",
+                "a name ending in .onnx, or --half, which writes a model of our own",
+            )
+        }
+    }
+
+    fn tells_facts(&self) -> bool {
+        self.training_data.is_some() || self.training_data_licence.is_some() || self.evaluation.is_some()
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+    args.check_out()?;
     let target = match args.target {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
@@ -86,7 +108,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if RefinerModel::is_one(&args.model) {
         return refiner::run(args, printer);
     }
-    let mut model = read(&args.model)?;
+    let mut model = read_own(&args.model)?;
     if let Some(size) = args.input {
         resize_input(&mut model, size, args, printer)?;
     }
@@ -95,7 +117,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         fit::fit(&mut model, &args.model, data, printer)?;
     }
     if args.half {
-        return half(&model, args, printer);
+        return half(model, args, printer);
     }
     if args.int8.int8 {
         return int8::run(&model, args, target, printer);
@@ -118,16 +140,6 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
     printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
     Ok(Outcome::Done)
-}
-
-/// The model; what `export` itself wrote is none, and worth a word of its own.
-fn read(path: &Path) -> Result<Model> {
-    Model::read(path).or_else(|error| match OnnxModel::read(path) {
-        Ok(_) => {
-            bail!("{}: an ONNX file already; expected the model that it was made from (.safetensors)", path.display())
-        }
-        Err(_) => Err(error.into()),
-    })
 }
 
 /// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless its depths are virtual.
@@ -162,7 +174,8 @@ fn focal_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.
-fn half(model: &Model, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+fn half(mut model: Model, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+    model.weights.metadata.extend(told(args)?.into_iter().map(|(key, fact)| (key.to_owned(), fact)));
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
@@ -170,19 +183,21 @@ fn half(model: &Model, args: &ExportArgs, printer: &mut Printer) -> Result<Outco
 
 fn facts(args: &ExportArgs, model: &Model, target: Target) -> Result<Facts> {
     let mut facts = Facts::new(model, target);
-    let told = [(key::TRAINING_DATA, &args.training_data), (key::TRAINING_DATA_LICENCE, &args.training_data_licence)];
-    for (key, text) in told {
-        if let Some(text) = text {
-            facts.set(key, text.clone());
-        }
-    }
+    told(args)?.into_iter().for_each(|(key, fact)| facts.set(key, fact));
+    Ok(facts)
+}
+
+/// What only the one who exports knows about the model.
+fn told(args: &ExportArgs) -> Result<Vec<(&'static str, String)>> {
+    let texts = [(key::TRAINING_DATA, &args.training_data), (key::TRAINING_DATA_LICENCE, &args.training_data_licence)];
+    let mut told: Vec<_> = texts.into_iter().filter_map(|(key, text)| Some((key, text.clone()?))).collect();
     if let Some(path) = &args.evaluation {
         let text = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         let figures: serde_json::Value =
             serde_json::from_slice(&text).with_context(|| format!("{}: no JSON", path.display()))?;
-        facts.set(key::EVALUATION, figures.to_string());
+        told.push((key::EVALUATION, figures.to_string()));
     }
-    Ok(facts)
+    Ok(told)
 }
 
 /// How far the head maps of the file are from those of the model on a fixed input of noise.

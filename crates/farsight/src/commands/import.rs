@@ -8,6 +8,7 @@ use farsight_net::checkpoint::{ImportOptions, import};
 use farsight_net::model::Model;
 
 use super::Outcome;
+use crate::outputs;
 use crate::printer::Printer;
 
 /// Arguments of `farsight import`.
@@ -22,6 +23,7 @@ pub(crate) struct ImportArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
+    outputs::check_kind(&args.out, "onnx", "a name ending in .safetensors")?;
     let imported = import(&args.checkpoint, ImportOptions::default())?;
     let tensors = imported.weights.tensors.len();
     printer.line(&format!("{}: {}, {tensors} tensors", args.checkpoint.display(), imported.layout.name()));

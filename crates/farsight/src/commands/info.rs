@@ -15,7 +15,7 @@ use farsight_net::refiner::{RefinerConfig, RefinerModel};
 
 use super::Outcome;
 use crate::printer::Printer;
-use crate::untrained;
+use crate::{model_files, untrained};
 
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
@@ -65,6 +65,7 @@ fn read(path: &Path) -> Result<Described> {
         let config = untrained::read_config(path)?;
         return Ok(Described::new(&config, network(&config), Vec::new()));
     }
+    model_files::check(path, "a model, a refiner or the config of a training (.toml)")?;
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
         if RefinerModel::is_one(path) {
             let RefinerModel { config, weights } = RefinerModel::read(path)?;
@@ -76,7 +77,12 @@ fn read(path: &Path) -> Result<Described> {
         return Ok(Described::new(&model.config, model.graph, told));
     }
     let file = OnnxModel::read(path)?;
-    Ok(Described::new(file.config(), network(file.config()), told(file.facts())))
+    let mut told = told(file.facts());
+    if file.facts().get(key::NARROWED).is_some() {
+        // How wide the layers are stands in the file's constants alone.
+        told.push(("pruned", "yes; these are the counts of the network before pruning".to_owned()));
+    }
+    Ok(Described::new(file.config(), network(file.config()), told))
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {

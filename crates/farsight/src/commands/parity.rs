@@ -15,6 +15,7 @@ use serde::Serialize;
 use super::Outcome;
 use super::export::TOLERANCE;
 use crate::engines::{self, EngineArgs};
+use crate::outputs;
 use crate::printer::Printer;
 
 /// Name of the input among the reference tensors.
@@ -30,7 +31,7 @@ pub(crate) struct ParityArgs {
     #[arg(long, value_name = "FILE.safetensors")]
     golden: PathBuf,
     /// The largest difference that counts as the same
-    #[arg(long, value_name = "X", default_value_t = TOLERANCE)]
+    #[arg(long, value_name = "X", default_value_t = TOLERANCE, value_parser = tolerance, allow_negative_numbers = true)]
     tolerance: f32,
     /// Write the differences to FILE
     #[arg(long, value_name = "FILE")]
@@ -60,8 +61,16 @@ struct Output {
     within: bool,
 }
 
+fn tolerance(text: &str) -> Result<f32, String> {
+    let tolerance = text.parse().ok().filter(|tolerance: &f32| tolerance.is_finite() && *tolerance >= 0.0);
+    tolerance.ok_or_else(|| "expected 0 or a positive number".to_owned())
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
+    if let Some(json) = &args.json {
+        outputs::check_json(json, [args.model.as_path(), &args.golden])?;
+    }
     let golden = Weights::read(&args.golden)?;
     let mut engine = engines::open_engine(&args.engine, &args.model)?;
     let parity = compare(args, &golden, &mut *engine).with_context(|| args.golden.display().to_string())?;
@@ -80,8 +89,11 @@ pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
 
 fn compare(args: &ParityArgs, golden: &Weights, engine: &mut dyn Engine) -> Result<Parity> {
     let input = golden.tensors.get(INPUT).with_context(|| format!("no tensor \"{INPUT}\""))?;
-    let &[batch, 3, height, width] = &input.shape[..] else {
-        bail!("tensor \"{INPUT}\" has the shape {:?}; expected [batch, 3, height, width]", input.shape)
+    let &[batch @ 1..=usize::MAX, 3, height, width] = &input.shape[..] else {
+        bail!(
+            "tensor \"{INPUT}\" has the shape {:?}; expected [batch, 3, height, width], at least one image",
+            input.shape
+        )
     };
     let answers = (0..batch)
         .map(|item| Ok(engine.head_maps(part(input, item, batch), [width, height])?))

@@ -9,6 +9,8 @@ use farsight_net::model::Model;
 use farsight_net::prune::prune;
 
 use super::Outcome;
+use crate::model_files::read_own;
+use crate::outputs;
 use crate::printer::Printer;
 
 /// Arguments of `farsight prune`.
@@ -18,16 +20,22 @@ pub(crate) struct PruneArgs {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Share of the channels of every layer to keep, above 0 and at most 1
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = share, allow_negative_numbers = true)]
     keep: f64,
     /// Where to write the pruned model (.safetensors)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| *share > 0.0 && *share <= 1.0);
+    share.ok_or_else(|| "expected a share above 0 and at most 1".to_owned())
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &PruneArgs, printer: &mut Printer) -> Result<Outcome> {
-    let model = Model::read(&args.model)?;
+    outputs::check_kind(&args.out, "onnx", "a name ending in .safetensors; `farsight export` makes ONNX of that")?;
+    let model = read_own(&args.model)?;
     let pruned = prune(&model, args.keep)?;
     let [width, height] = model.config.input;
     let costs = |model: &Model| count(&model.graph, width, height).map(|stages| total(&stages));

@@ -29,6 +29,11 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         "{}: a refiner; --input and --focal-range are of detectors",
         args.model.display()
     );
+    ensure!(
+        !args.tells_facts(),
+        "{}: a refiner; --training-data, --training-data-licence and --evaluation are of detectors",
+        args.model.display()
+    );
     let mut model = RefinerModel::read(&args.model)?;
     let (seen, classes) = seen_twice(&model, data)?;
     model.config.looks = fitted_depths(&seen, printer).with_context(|| data.display().to_string())?;

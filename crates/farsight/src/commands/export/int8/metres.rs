@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 use super::super::ExportArgs;
 use crate::commands::eval::{MIN_SCORE, write_results_of};
 use crate::engines::detector_of;
-use crate::printer::Printer;
+use crate::printer::{Printer, counted};
 
 /// Figures of Moderate cars, by the network in float and by it in 8 bits.
 pub(super) struct Metres {
@@ -60,7 +60,7 @@ impl Metres {
         };
         let (float, engine) = judged(float)?;
         let (int8, _) = judged(int8)?;
-        printer.status(&format!("{} frames looked at twice by {engine}", dataset.len()));
+        printer.status(&format!("{} looked at twice by {engine}", counted(dataset.len(), "frame")));
         let paired = RangingComparison::new(int8.targets(), float.targets(), dataset.len(), &Bootstrap::default())
             .with_context(|| format!("{}: the labels changed while they were read", data.display()))?;
         let row = paired.rows.iter().find(|row| {
