@@ -95,7 +95,7 @@ fn benchmarks_tell_every_stage() {
     let words = ["bench", "--model", "run.toml", "--runs", "1", "--input", "64x32", "--batch", "3", "--dense-head"];
     let answer = text(farsight(&words, folder.path()).stdout);
     assert!(
-        answer.starts_with("run.toml on rten: image 1242x375, input 64x32, batch 3, 1 runs, milliseconds\n"),
+        answer.starts_with("run.toml on rten: image 1242x375, input 64x32, batch 3, 1 run, milliseconds\n"),
         "{answer}"
     );
 }

@@ -226,6 +226,14 @@ fn parity_tells_by_its_status() {
     let arguments = ["parity", "--model", "m.safetensors", "--golden", "reference.safetensors", "--json", "p.json"];
     assert!(done(folder, &arguments).contains("same"));
 
+    let mut none = Weights::default();
+    none.tensors.insert("input".to_owned(), WeightTensor::new(vec![0, 3, 32, 32], Vec::new()).unwrap());
+    none.tensors.insert("cls_logits".to_owned(), WeightTensor::new(vec![0, 3, 8, 8], Vec::new()).unwrap());
+    none.write(&folder.join("none.safetensors")).unwrap();
+    let output = farsight(folder, &["parity", "--model", "m.safetensors", "--golden", "none.safetensors"]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && told.contains("has the shape [0, 3, 32, 32]; expected"), "{told}");
+
     let mut wrong = Weights::read(&reference).unwrap();
     wrong.tensors.get_mut("reg_raw").unwrap().values[5] += 0.01;
     wrong.write(&reference).unwrap();

@@ -132,9 +132,27 @@ fn mistakes_are_told_with_the_file() {
     let export = told(folder, &["export", "--model", &refiner, "--out", "x.onnx"]);
     assert!(export.contains("a refiner; expected --half and --fit-on"), "{export}");
     let resized =
-        ["export", "--half", "--model", &refiner, "--fit-on", "scenes", "--input", "640x192", "--out", "x.onnx"];
+        ["export", "--half", "--model", &refiner, "--fit-on", "scenes", "--input", "640x192", "--out", "x.safetensors"];
     assert!(told(folder, &resized).contains("--input and --focal-range are of detectors"));
-    assert!(!folder.join("x.onnx").exists());
+    let described = [
+        "export",
+        "--half",
+        "--model",
+        &refiner,
+        "--fit-on",
+        "scenes",
+        "--training-data",
+        "a",
+        "--out",
+        "x.safetensors",
+    ];
+    assert!(
+        told(folder, &described).contains("--training-data, --training-data-licence and --evaluation are of detectors")
+    );
+    assert!(!folder.join("x.onnx").exists() && !folder.join("x.safetensors").exists());
+    let as_detector = told(folder, &["range", &scene, "--hfov", "81", "--model", &refiner]);
+    let expected = "farsight-refiner.safetensors: a refiner; expected a detector, name it with --refiner";
+    assert!(as_detector.contains(expected), "{as_detector}");
     let config = root().join("configs/refiner.toml").display().to_string();
     let bench = told(folder, &["bench", "--model", &config]);
     assert!(bench.contains("refiner.toml: the config of a refiner"), "{bench}");

@@ -187,6 +187,10 @@ fn a_data_set_that_lacks_something_says_what() {
     }
     let incomplete = "2 of 3 frames lack files; the first is 000001: expected ROOT/label_2/000001.txt";
     assert_eq!(problem(None), incomplete);
+    // Other systems and cameras write extensions in upper case.
+    std::fs::rename(root.join("image_2/000002.png"), root.join("image_2/000002.PNG")).unwrap();
+    assert_eq!(problem(None), incomplete);
+    std::fs::rename(root.join("image_2/000000.png"), root.join("image_2/000000.PNG")).unwrap();
 
     std::fs::create_dir(root.join("ImageSets")).unwrap();
     std::fs::write(root.join("ImageSets/train.txt"), "000000\n").unwrap();
