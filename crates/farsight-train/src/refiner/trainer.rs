@@ -18,8 +18,8 @@ use super::samples::{CropBatch, CropSampler, FrameCrops};
 use crate::checkpoint::Progress;
 use crate::executor::{ExecutorError, Mode};
 use crate::learner::Learner;
-use crate::trainer::{Beginning, 
-    CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, prepare_folder, source,
+use crate::trainer::{
+    Beginning, CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, prepare_folder, source,
 };
 
 /// Name of the trained refiner in a run's folder.
