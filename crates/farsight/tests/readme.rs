@@ -65,6 +65,8 @@ fn every_file_that_the_documents_point_to_is_there() {
         "README.md",
         "ARCHITECTURE.md",
         "PARITY.md",
+        "docs/guide.md",
+        "docs/history.md",
         "docs/proof.md",
         "docs/speed.md",
         "docs/training.md",
