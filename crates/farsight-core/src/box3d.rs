@@ -82,7 +82,8 @@ impl Box3d {
         wrapped_angle(self.yaw - ray_angle(self.location))
     }
 
-    /// Depth along the optical axis, metres (`z` of the location).
+    /// `z` of the location, metres: of a camera that looks level its depth along the optical axis. (A [`Camera`] that looks down has its rotation in its
+    /// projection, so that boxes stay upright.)
     pub fn depth_m(&self) -> f64 {
         self.location[2]
     }
