@@ -64,29 +64,22 @@ fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
     }
 }
 
+/// The documents: Markdown at the top, in `docs` and in `models`.
+fn documents() -> Vec<PathBuf> {
+    let folders = ["", "docs", "models"].map(|folder| root().join(folder));
+    let files = folders.into_iter().flat_map(|folder| fs::read_dir(folder).unwrap());
+    files.map(|file| file.unwrap().path()).filter(|path| path.extension().is_some_and(|end| end == "md")).collect()
+}
+
 #[test]
 fn every_file_that_the_documents_point_to_is_there() {
-    for document in [
-        "README.md",
-        "ARCHITECTURE.md",
-        "PARITY.md",
-        "docs/guide.md",
-        "docs/history.md",
-        "docs/proof.md",
-        "docs/speed.md",
-        "docs/training.md",
-        "docs/engines.md",
-        "docs/refiner.md",
-        "docs/road.md",
-        "docs/evaluation.md",
-        "docs/synth.md",
-        "models/farsight-s.md",
-    ] {
-        let path = root().join(document);
+    let documents = documents();
+    assert!(documents.len() > 10, "{documents:?}");
+    for path in documents {
         let text = fs::read_to_string(&path).unwrap();
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
             let target = path.parent().unwrap().join(link);
-            assert!(link.starts_with("https://") || target.exists(), "{document} points to {link}");
+            assert!(link.starts_with("https://") || target.exists(), "{} points to {link}", path.display());
         }
     }
 }
