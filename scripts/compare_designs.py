@@ -4,7 +4,7 @@
     cargo xtask run synth --out runs/scenes --frames 300 --seed 999
     cargo xtask exec python3 scripts/compare_designs.py --farsight target/debug/farsight --scenes runs/scenes --out runs/designs
 
-Every design gets the same seed, scenes, schedule and classes, those of configs/farsight-s-fourth.toml; only the lines below differ. A design whose model is there already is
+Every design gets the same seed, scenes, schedule and classes, those of configs/history/farsight-s-fourth.toml; only the lines below differ. A design whose model is there already is
 not trained again. Time: `farsight bench` on the built-in engine with an image of --scenes, in turns, medians; leave the machine alone meanwhile.
 Needs Python alone, and a Farsight that was built with training.
 """
@@ -27,8 +27,8 @@ ROUNDS, RUNS = 3, 9
 
 
 def config(args, levels, head, msfe):
-    """farsight-s-fourth.toml with another network, shorter, from nothing."""
-    text = (ROOT / "configs/farsight-s-fourth.toml").read_text()
+    """configs/history/farsight-s-fourth.toml with another network, shorter, from nothing."""
+    text = (ROOT / "configs/history/farsight-s-fourth.toml").read_text()
     width, height = args.input.split("x")
     lines = {
         r"input = .*": f"input = [{width}, {height}]",
@@ -44,7 +44,7 @@ def config(args, levels, head, msfe):
     }
     for pattern, line in lines.items():
         text, count = re.subn(rf"(?m)^{pattern}$", line, text)
-        assert count, f"configs/farsight-s-fourth.toml has no line {pattern}"
+        assert count, f"configs/history/farsight-s-fourth.toml has no line {pattern}"
     return text
 
 

@@ -131,7 +131,7 @@ def farsight_bench(args, model, *options):
     """Median milliseconds from file to detections, and of the network alone."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "bench.json"
-        command = [args.farsight, "bench", "--model", model, "--refiner", "none", "--runs", str(RUNS), "--threads", str(args.threads)]
+        command = [args.farsight, "bench", "--model", model, "--runs", str(RUNS), "--threads", str(args.threads), "--refiner", "none"]
         command += ["--input", args.input, "--json", str(out), *options]
         command += ["--image", args.image] if args.image else []
         subprocess.run(command, check=True, capture_output=True)

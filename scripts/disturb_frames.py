@@ -2,11 +2,10 @@
 """Copies of real frames that should change nothing: mirrored, without the first columns, brighter.
 
     python3 scripts/disturb_frames.py --kitti KITTI --out DISTURBED
-    farsight eval --data DISTURBED/mirrored --split val --classic
+    farsight eval --data DISTURBED/mirrored --split configs/splits/real20.txt --classic
 
 A few dozen photographs say little about errors of a few centimetres: how far the figures of the copies lie apart shows how little. KITTI is a folder in KITTI's
-layout with ImageSets; of its frames those of the splits `train` and `val` that have an image are copied, with labels and calibrations to match (P2 alone is
-changed). Needs Pillow.
+layout; the frames of configs/splits are copied, with labels and calibrations to match (P2 alone is changed). Needs Pillow.
 """
 import argparse
 import math
@@ -14,6 +13,7 @@ import pathlib
 
 from PIL import Image, ImageEnhance, ImageOps
 
+SPLITS = pathlib.Path(__file__).resolve().parents[1] / "configs/splits"
 CUT_COLUMNS = 11
 BRIGHTER = 1.15
 
@@ -97,13 +97,10 @@ def main():
     args = parser.parse_args()
     for name, change in {"mirrored": Mirrored(), "cut": Cut(), "brighter": Brighter()}.items():
         out = args.out / name
-        for folder in ("training/image_2", "training/calib", "training/label_2", "ImageSets"):
+        for folder in ("training/image_2", "training/calib", "training/label_2"):
             (out / folder).mkdir(parents=True, exist_ok=True)
-        for split in ("train", "val"):
-            listed = (args.kitti / f"ImageSets/{split}.txt").read_text().split()
-            frames = [frame for frame in listed if (args.kitti / f"training/image_2/{frame}.png").exists()]
-            (out / f"ImageSets/{split}.txt").write_text("".join(f"{frame}\n" for frame in frames))
-            for frame in frames:
+        for split in sorted(SPLITS.glob("*.txt")):
+            for frame in split.read_text().split():
                 disturb_frame(args.kitti, out, frame, change)
         print(out)
 

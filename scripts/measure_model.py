@@ -3,11 +3,12 @@
 
     farsight synth --out TWINS --layout KITTI_ALL/training/label_2 --calib-dir KITTI_ALL/training/calib --seed 5
     mkdir -p TWINS/ImageSets; cp KITTI_ALL/ImageSets/{train,val}.txt TWINS/ImageSets
-    python3 scripts/measure_model.py --farsight target/release/farsight --kitti KITTI --twins TWINS --out runs/card
+    python3 scripts/disturb_frames.py --kitti KITTI --out COPIES
+    python3 scripts/measure_model.py --farsight target/release/farsight --kitti KITTI --copies COPIES --twins TWINS --out runs/card
 
-KITTI is a folder in KITTI's layout with real frames and ImageSets/val.txt; KITTI_ALL one with all labels and calibrations (images are not needed) and the
-official split. Without --kitti or --twins those parts are left out; --split names a shorter split of the twins, --model another model than the shipped one.
-Needs Python alone.
+KITTI is a folder in KITTI's layout with at least the frames of configs/splits; KITTI_ALL one with all labels and calibrations (images are not needed) and the
+official split. Without --kitti, --copies or --twins those parts are left out; --split names a shorter split of the twins, --model another model than the shipped
+one. Needs Python alone.
 """
 import argparse
 import json
@@ -17,6 +18,8 @@ import subprocess
 
 # Horizontal fields of view, degrees; the second is KITTI's.
 CAMERAS = [40, 81, 95, 110]
+SPLITS = pathlib.Path(__file__).resolve().parents[1] / "configs/splits"
+REAL = {"20 real frames": "real20", "64 real frames": "real64"}
 CAMERA_SIZE = (1242, 375)
 # Limits of score that are told, and the false alarms a frame that the last line keeps to.
 SCORES = (0.25, 0.5)
@@ -54,6 +57,20 @@ def evaluate(args, data, split, out):
     return json.loads((out / "eval.json").read_text())
 
 
+def evaluate_copies(args, name, split):
+    """The figures of the frames of `split` and their copies: means over how they are shown."""
+    folders = [args.kitti, *sorted(folder for folder in args.copies.iterdir() if folder.is_dir())]
+    all_figures = [evaluate(args, folder, SPLITS / f"{split}.txt", args.out / f"{split}_{folder.name}") for folder in folders]
+    errors = [figures["ranging"]["car"]["moderate"]["mae_z"] for figures in all_figures]
+    shares = []
+    for figures in all_figures:
+        few = [row for row in figures["operating"]["car"] if row["false_alarms_per_frame"] <= FEW_FALSE_ALARMS]
+        shares.append(few[0]["found"] / few[0]["objects"])
+    for folder, error, share in zip(folders, errors, shares):
+        print(f"{name}, {folder.name}: MAE {error:.2f} m at any score, {100 * share:.0f}% found with at most {FEW_FALSE_ALARMS} false alarms a frame")
+    print(f"{name}, mean: MAE {sum(errors) / len(errors):.2f} m, {100 * sum(shares) / len(shares):.0f}% found")
+
+
 def rank_by_place(args, data, split, out):
     """AP of the results that `evaluate` kept, ranked by place scores; to the screen and to place.txt."""
     command = [args.farsight, "eval", "--labels", data / "training/label_2", "--results", out / "results", "--split", data / f"ImageSets/{split}.txt",
@@ -74,6 +91,7 @@ def main():
     parser.add_argument("--farsight", required=True)
     parser.add_argument("--model", type=pathlib.Path)
     parser.add_argument("--kitti", type=pathlib.Path)
+    parser.add_argument("--copies", type=pathlib.Path, help="what scripts/disturb_frames.py wrote")
     parser.add_argument("--twins", type=pathlib.Path)
     parser.add_argument("--split", default="val")
     parser.add_argument("--camera-frames", type=int, default=60)
@@ -81,8 +99,13 @@ def main():
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     if args.kitti:
-        print("== real frames, never trained on")
-        tell("real", evaluate(args, args.kitti, "val", args.out / "real"))
+        for name, split in REAL.items():
+            print(f"== {name}, never trained on")
+            tell(name, evaluate(args, args.kitti, SPLITS / f"{split}.txt", args.out / split))
+    if args.kitti and args.copies:
+        for name, split in REAL.items():
+            print(f"== {name}, and mirrored, cut and brighter copies of them")
+            evaluate_copies(args, name, split)
     if args.twins:
         print(f"== rendered twins of KITTI's frames, split {args.split}")
         tell("twins", evaluate(args, args.twins, args.split, args.out / "twins"))

@@ -51,7 +51,7 @@ def network_ms(args, models):
     times = {model: [] for model in models}
     for _ in range(ROUNDS):
         for model in models:
-            run(args.farsight, "bench", "--model", model, "--runs", 7, "--json", bench)
+            run(args.farsight, "bench", "--model", model, "--refiner", "none", "--runs", 7, "--json", bench)
             times[model].append(dict(json.loads(bench.read_text())["stages"])["network"]["median_ms"])
     return {model: statistics.median(values) for model, values in times.items()}
 
@@ -61,7 +61,7 @@ def error(args, model, name):
     figures = args.out / f"{name}.json"
     if not figures.exists():
         run(args.farsight, "eval", "--data", args.data, "--model", model, "--results", args.out / f"{name}-results", "--min-score", 0.25,
-            "--resamples", 0, "--json", figures)
+            "--refiner", "none", "--above-road", "none", "--resamples", 0, "--json", figures)
     figures = json.loads(figures.read_text())
     bev = figures["ap_loose"]["car"]["bev"]
     return figures["ranging"]["car"]["moderate"], bev["r40"][1] if bev else 0.0

@@ -122,7 +122,7 @@ fn data_folder(arguments: &[&str]) -> Result<PathBuf, String> {
     }
     Err(format!(
         "{0}: no KITTI frames here; expected {0}/training/image_2, calib and label_2, and {0}/ImageSets/train.txt and val.txt.\n\
-         Farsight ships neither weights nor KITTI images (their licence). Download the KITTI object benchmark and say\n\
+         Farsight ships no KITTI images (their licence). Download the KITTI object benchmark and say\n\
          --data DIR, or set FARSIGHT_KITTI to the folder that holds `frames`.",
         folder.display()
     ))

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::libtorch::Libtorch;
 use crate::{farsight, root};
 
-/// Frames that the overfit run learns by heart, as `limit` in its config says.
+/// Frames that the overfit run is fitted to, as `limit` in its config says.
 const OVERFIT_FRAMES: usize = 8;
 
 /// Trains the compact network on eight frames, ranges them and draws them.
@@ -18,7 +18,7 @@ pub(crate) fn quickstart(data: &Path) -> Result<(), String> {
     run.train("overfit8")?;
     run.range("overfit8", &ids, &["--out", &text(&out.join("pictures"))])?;
     eprintln!(
-        "\nThe pictures are in {}. This network has learnt these {OVERFIT_FRAMES} frames by heart; it shows that the line works, not how well it ranges.",
+        "\nThe pictures are in {}. This network is overfitted to these {OVERFIT_FRAMES} frames: it shows that the line works, not how well it ranges.",
         out.join("pictures").display()
     );
     Ok(())

@@ -1,5 +1,6 @@
 //! Upright boxes in the scene, their corners, angles and distances.
 
+use crate::linear::norm;
 use crate::scalar::Scalar;
 use crate::{Affine2, Box2d, Camera, wrapped_angle};
 
@@ -81,7 +82,8 @@ impl Box3d {
         wrapped_angle(self.yaw - ray_angle(self.location))
     }
 
-    /// Depth along the optical axis, metres (`z` of the location).
+    /// `z` of the location, metres: of a camera that looks level its depth along the optical axis. (A [`Camera`] that looks down has its rotation in its
+    /// projection, so that boxes stay upright.)
     pub fn depth_m(&self) -> f64 {
         self.location[2]
     }
@@ -93,7 +95,7 @@ impl Box3d {
 
     /// Distance from the camera to the centre of the box, metres.
     pub fn center_distance_m(&self) -> f64 {
-        norm(self.center())
+        norm(&self.center())
     }
 
     /// Distance from the camera to the nearest point of the box, metres; 0 inside it.
@@ -103,7 +105,7 @@ impl Box3d {
         // The camera in the box's own axes; the turn is the transpose of the one in `corners`.
         let camera = [sin * z - cos * x, -y, -sin * x - cos * z];
         let half = [self.dimensions.length, self.dimensions.height, self.dimensions.width].map(|d| d / 2.0);
-        norm([0, 1, 2].map(|axis| (camera[axis].abs() - half[axis]).max(0.0)))
+        norm(&[0, 1, 2].map(|axis| (camera[axis].abs() - half[axis]).max(0.0)))
     }
 
     /// The box around the projection, pixels, not clipped to any image; `None` when all of the box is behind the camera.
@@ -167,8 +169,4 @@ pub fn near_plane_crossing(a: [f64; 3], b: [f64; 3]) -> Option<[f64; 3]> {
     }
     let t = da / (da - db);
     Some([0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis])))
-}
-
-fn norm(v: [f64; 3]) -> f64 {
-    v.iter().map(|c| c * c).sum::<f64>().sqrt()
 }

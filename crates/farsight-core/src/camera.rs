@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::Affine2;
+use crate::linear::{dot, norm};
 use crate::scalar::Scalar;
 
 /// A camera: the 3x4 matrix from camera coordinates (metres) to homogeneous pixels.
@@ -61,7 +62,7 @@ impl Camera {
         check_focal("fx", camera.focal_x())?;
         check_focal("fy", camera.focal_y())?;
         // Else rounding decides whether the camera is mirrored.
-        if (0..2).any(|axis| camera.across(axis)[axis] < LEAST_ACROSS * norm(camera.row(axis))) {
+        if (0..2).any(|axis| camera.across(axis)[axis] < LEAST_ACROSS * norm(&camera.row(axis))) {
             return Err(CameraError::Degenerate("an axis of the image points along the view"));
         }
         Ok(camera)
@@ -108,13 +109,13 @@ impl Camera {
     fn focal(&self, axis: usize) -> f64 {
         let across = self.across(axis);
         let last = self.row(2);
-        (dot(across, across) / dot(last, last)).sqrt() * across[axis].signum()
+        (dot(&across, &across) / dot(&last, &last)).sqrt() * across[axis].signum()
     }
 
     /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that lies along `R[axis]`.
     fn across(&self, axis: usize) -> [f64; 3] {
         let (own, last) = (self.row(axis), self.row(2));
-        let center = dot(own, last) / dot(last, last);
+        let center = dot(&own, &last) / dot(&last, &last);
         [0, 1, 2].map(|j| own[j] - center * last[j])
     }
 
@@ -171,14 +172,6 @@ impl Camera {
         }
         Self { projection }
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 fn check_focal(name: &'static str, value: f64) -> Result<(), CameraError> {

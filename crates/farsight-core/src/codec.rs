@@ -182,7 +182,7 @@ impl Codec {
         Some(Encoded { cell: pixel.map(|v| v as usize), regression })
     }
 
-    /// Depth along the optical axis of `camera` (of the feature map), metres.
+    /// The `z` of the location, metres, as [`crate::Box3d::depth_m`] has it; `camera` is that of the feature map.
     pub fn depth_m<D: Scalar>(&self, regression: &Regression<D>, camera: &Camera) -> D {
         (regression.depth * self.depth.std_m + self.depth.mean_m) * self.depth.scale(camera)
     }

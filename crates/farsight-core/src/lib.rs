@@ -19,7 +19,7 @@ pub mod duplicates;
 pub mod heatmap;
 pub mod input;
 pub mod label;
-mod linear;
+pub mod linear;
 pub mod overlap;
 pub mod peaks;
 pub mod range_error;

@@ -1,7 +1,7 @@
-//! Small systems of linear equations.
+//! Short vectors and small systems of linear equations.
 
 /// The solution of `matrix` times x = `right` (Gauss and Jordan's elimination with the largest pivot); none where there is not just one.
-pub(crate) fn solved<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
+pub fn solved<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
         let pivot = (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;
         matrix.swap(column, pivot);
@@ -21,8 +21,14 @@ pub(crate) fn solved<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64;
     Some(std::array::from_fn(|i| right[i] / matrix[i][i]))
 }
 
-pub(crate) fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+/// The sum of the products of the components.
+pub fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The length of a vector.
+pub fn norm<const N: usize>(v: &[f64; N]) -> f64 {
+    dot(v, v).sqrt()
 }
 
 #[cfg(test)]

@@ -15,6 +15,9 @@ pub struct Peak {
 ///
 /// A cell is a peak when no neighbour of its 3x3 surroundings in the same class is higher; ties stay. Logits and probabilities have
 /// the same peaks. Equal values come in the order of the map, so the answer is the same everywhere. Values that are not numbers are no peaks.
+///
+/// # Panics
+/// When a side of the map is 0.
 pub fn peaks(map: &[f32], map_size: [usize; 2], count: usize, floor: f32) -> Vec<Peak> {
     let [width, height] = map_size;
     let mut found = Vec::new();

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::codec::DepthReference;
 use crate::linear::{dot, solved};
-use crate::score::LEAST_EXAMPLES;
-use crate::statistics::quantile;
+use crate::score::{LEAST_EXAMPLES, logit};
+use crate::statistics::{quantile, sorted};
 
 /// Slopes are taken between pairs of so many objects at most.
 const MOST_PAIRED: usize = 1500;
@@ -90,7 +90,7 @@ impl RangeError {
 }
 
 fn terms(depth_m: f64, score: f64, is_cut: bool) -> [f64; 4] {
-    [1.0, depth_m.ln(), (score / (1.0 - score)).ln(), f64::from(is_cut)]
+    [1.0, depth_m.ln(), logit(score), f64::from(is_cut)]
 }
 
 fn log_error(example: &DepthExample) -> f64 {
@@ -114,18 +114,11 @@ impl DepthReference {
         if slopes.is_empty() {
             return None;
         }
-        slopes.sort_unstable_by(f64::total_cmp);
-        let slope = quantile(&slopes, 0.5);
+        let slope = quantile(&sorted(slopes), 0.5);
         let offset_m = quantile(&sorted(examples.iter().map(|e| e.true_m - slope * e.found_m)), 0.5);
         let refitted = Self { mean_m: offset_m + slope * self.mean_m, std_m: slope * self.std_m, ..*self };
         (refitted.std_m > 0.0 && refitted.mean_m.is_finite()).then_some(refitted)
     }
-}
-
-fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_unstable_by(f64::total_cmp);
-    values
 }
 
 #[cfg(test)]

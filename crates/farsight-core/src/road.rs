@@ -57,7 +57,7 @@ impl Road {
     }
 }
 
-/// The plane `y + slope z + tilt x = height` in camera coordinates, metres.
+/// The plane `y + slope z + tilt x = height` in camera coordinates, metres: slope, height, tilt.
 type Plane = [f64; 3];
 
 /// What is known of one object.

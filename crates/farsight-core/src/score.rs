@@ -82,12 +82,12 @@ fn terms(peak: f64, height_px: f64) -> [f64; 4] {
 }
 
 /// The logarithm of the odds of a probability. Inverse of [`logistic`].
-pub(crate) fn logit(probability: f64) -> f64 {
+pub fn logit(probability: f64) -> f64 {
     (probability / (1.0 - probability)).ln()
 }
 
 /// The probability whose odds have this logarithm.
-pub(crate) fn logistic(log_odds: f64) -> f64 {
+pub fn logistic(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 

@@ -330,6 +330,40 @@ fn calibrated_scores_put_a_large_box_with_a_low_peak_before_a_small_one_with_a_h
     assert!((same.score - near.score).abs() < 0.01 && same.box2d.height() > 1.9 * near.box2d.height());
 }
 
+#[test]
+fn of_more_objects_than_are_asked_for_the_likeliest_stay_whatever_their_peaks() {
+    let (map_size, image_size) = ([160, 48], [640, 192]);
+    let camera = Camera::from_intrinsics(372.0, 372.0, 320.0, 96.0).unwrap();
+    let view = View { image_size, camera, input_camera: camera };
+    let mut codec = Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI };
+    codec.classes[0].score =
+        Some(ScoreCalibration { peak: 1.0, height: 2.0, height_squared: 0.0, bias: 0.0, heights_px: [5.0, 100.0] });
+    let area = map_size[0] * map_size[1];
+    let mut maps = HeadMaps { logits: vec![-9.0; 3 * area], regression: vec![0.0; CHANNELS * area], map_size };
+    // Twenty distant cars with high peaks, and a near one with the lowest.
+    let far = (0..20).map(|i| (20 * 160 + 4 + 7 * i, 0.5, 60.0));
+    for (cell, logit, depth_m) in far.chain([(40 * 160 + 80, -1.0, 8.0)]) {
+        maps.logits[cell] = logit;
+        maps.regression[cell] = ((depth_m - codec.depth.mean_m) / codec.depth.std_m) as f32;
+        maps.regression[7 * area + cell] = 1.0;
+    }
+    let found = detections(&codec, &maps, &view, &DecodeOptions { min_score: Some(0.01), max_detections: 5 });
+    assert_eq!(found.len(), 5);
+    assert_eq!(found[0].box3d.depth_m().round(), 8.0);
+}
+
+#[test]
+fn all_distances_to_a_box_are_off_by_the_same_factor() {
+    let aside = Detection { range_sigma_m: Some(1.0), ..standing(ObjectClass::Car, 0.9, -15.0) };
+    // The box 1 m deeper on its ray, and larger by as much.
+    let factor = 21.0 / 20.0;
+    let moved = aside.box3d.scaled(factor);
+    for distance_m in [Box3d::depth_m, Box3d::center_distance_m, Box3d::nearest_distance_m] {
+        let [here, there] = [&aside.box3d, &moved].map(distance_m);
+        assert!((aside.sigma_of_m(here).unwrap() - (there - here)).abs() < 1e-9, "{here} {there}");
+    }
+}
+
 /// Something 3.9 m long that stands across, 20 m ahead and so far to the right.
 fn standing(class: ObjectClass, score: f64, x: f64) -> Detection {
     let box2d = Box2d::new(0.0, 0.0, 10.0, 10.0);

@@ -5,6 +5,8 @@ use std::path::Path;
 use farsight_core::codec::Regression;
 use farsight_core::detection::raw_regression;
 use farsight_core::peaks::{Peak, peaks};
+use farsight_core::score::{logistic, logit};
+use farsight_core::targets::feature_camera;
 use farsight_core::{Camera, Codec, HeadMaps};
 use farsight_net::onnx::{OnnxError, OnnxModel, PeaksOnly};
 use thiserror::Error;
@@ -37,6 +39,7 @@ pub struct Answers {
 pub struct Reference {
     input: Vec<f32>,
     size: [usize; 2],
+    /// Of the feature map.
     camera: Camera,
     peaks: Vec<(Peak, Answer)>,
 }
@@ -83,14 +86,19 @@ impl Answers {
         Ok(Self { engine, head, codec })
     }
 
-    /// What this network answers for an image: `input` as for [`Engine::head_maps`], seen by `camera`.
+    /// What this network answers for an image: `input` as for [`Engine::head_maps`], seen by `input_camera`.
     ///
     /// # Errors
     /// When the engine fails.
-    pub fn reference(&mut self, input: Vec<f32>, size: [usize; 2], camera: Camera) -> Result<Reference, DamageError> {
+    pub fn reference(
+        &mut self,
+        input: Vec<f32>,
+        size: [usize; 2],
+        input_camera: Camera,
+    ) -> Result<Reference, DamageError> {
         let maps = self.engine.head_maps(&input, size)?;
-        let floor = (SCORE / (1.0 - SCORE)).ln() as f32;
-        let peaks = peaks(&maps.logits, maps.map_size, MOST, floor);
+        let peaks = peaks(&maps.logits, maps.map_size, MOST, logit(SCORE) as f32);
+        let camera = feature_camera(&input_camera);
         let peaks = peaks.into_iter().map(|peak| (peak, self.answer(&maps, &peak, &camera))).collect();
         Ok(Reference { input, size, camera, peaks })
     }
@@ -123,7 +131,7 @@ impl Answers {
         };
         let logit = maps.logits[(peak.class * height + peak.cell[1]) * width + peak.cell[0]];
         let distance_m = self.codec.depth_m(&Regression::from_raw(raw), camera);
-        Answer { score: 1.0 / (1.0 + (-f64::from(logit)).exp()), distance_m }
+        Answer { score: logistic(f64::from(logit)), distance_m }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Time that each stage took for one image.
+/// Time that each stage took for the images of one call.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StageTimes {
     /// Reading and decoding the image file; zero from a [`crate::Detector`], which gets pixels.

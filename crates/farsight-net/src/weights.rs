@@ -6,6 +6,7 @@
 mod element;
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -253,7 +254,11 @@ impl Weights {
             hash.update(format!("{name} {:?}\n", tensor.shape));
             tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
-        hash.finalize().iter().fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
+        hash.finalize().iter().fold(String::new(), |mut text, byte| {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
     }
 
     /// The header as JSON, padded with spaces so that the data starts at a multiple of eight bytes.

@@ -84,6 +84,10 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
             ModelConfig { head_channels: Some(20), ..base() },
             "model.head_channels is 20; expected one of the multiples of 16 from 16 to 4096",
         ),
+        (
+            ModelConfig { level_channels: Some([16, 16, 16, 1 << 40, 16, 16]), ..base() },
+            "model.level_channels is [16, 16, 16, 1099511627776, 16, 16]; expected six multiples of 16 from 16 to 4096",
+        ),
         (ModelConfig { classes: vec![], ..base() }, "model.classes is empty; expected at least one class"),
         (ModelConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
         (
@@ -101,6 +105,10 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
         (
             ModelConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },
             "model.heat_map heat map alpha is -1; expected a positive number",
+        ),
+        (
+            ModelConfig { heat_map: HeatMapRule::Fixed { radius: 1e5 }, ..base() },
+            "model.heat_map heat map radius is 100000; expected 0 to 10000 cells",
         ),
     ];
     for (config, expected) in table {

@@ -1,5 +1,6 @@
 //! Real frames rebuilt: the labelled objects exactly where they are, in a random world that hides them no more than the label says.
 
+use farsight_core::linear::{dot, solved};
 use farsight_core::{Box3d, Camera, Label, ObjectClass};
 
 use crate::Drawn;
@@ -115,23 +116,24 @@ fn fitted_ground(objects: &[&Label]) -> Ground {
     let row = |[x, _, z]: [f64; 3]| [1.0, x.clamp(-70.0, 70.0), z, bent(z)];
     let mut solution = [0.0; 4];
     for _ in 0..6 {
-        let mut matrix = [[0.0; 5]; 4];
+        let (mut matrix, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
         for (i, expected) in EXPECTED.into_iter().enumerate() {
             matrix[i][i] = (NOISE_M / expected) * (NOISE_M / expected);
         }
         for &point in &points {
             let terms = row(point);
             let above = point[1] - CAMERA_HEIGHT_M;
-            let error: f64 = above - (0..4).map(|i| terms[i] * solution[i]).sum::<f64>();
+            let error: f64 = above - dot(&terms, &solution);
             let weight = (1.5 * NOISE_M / error.abs().max(1e-9)).min(1.0);
             for i in 0..4 {
                 for j in 0..4 {
                     matrix[i][j] += weight * terms[i] * terms[j];
                 }
-                matrix[i][4] += weight * terms[i] * above;
+                right[i] += weight * terms[i] * above;
             }
         }
-        solution = solved(matrix);
+        // The diagonal is never zero, so there is a solution.
+        solution = solved(matrix, right).unwrap_or(solution);
     }
     let [rise, across, along, bend] = solution;
     Ground { at_camera: (CAMERA_HEIGHT_M + rise).clamp(0.8, 3.0), across, along, bend, twist: 0.0 }
@@ -140,23 +142,4 @@ fn fitted_ground(objects: &[&Label]) -> Ground {
 /// The ground's bend at depth z, the term of `Ground`.
 fn bent(z: f64) -> f64 {
     Ground { at_camera: 0.0, across: 0.0, along: 0.0, bend: 1.0, twist: 0.0 }.y([0.0, z])
-}
-
-/// Solves four linear equations of a positive definite matrix by elimination.
-fn solved(mut m: [[f64; 5]; 4]) -> [f64; 4] {
-    for i in 0..4 {
-        for k in i + 1..4 {
-            let factor = m[k][i] / m[i][i];
-            let pivot = m[i];
-            for (value, above) in m[k].iter_mut().zip(pivot).skip(i) {
-                *value -= factor * above;
-            }
-        }
-    }
-    let mut x = [0.0; 4];
-    for i in (0..4).rev() {
-        let known: f64 = (i + 1..4).map(|j| m[i][j] * x[j]).sum();
-        x[i] = (m[i][4] - known) / m[i][i];
-    }
-    x
 }

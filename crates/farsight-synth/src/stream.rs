@@ -25,7 +25,7 @@ pub struct SceneStream {
 }
 
 impl SceneStream {
-    /// Scene number `index`, rendered and photographed: the same bytes on every machine.
+    /// Scene number `index`, rendered and photographed: the same bytes for any number of threads.
     pub fn frame(&self, index: u64) -> Frame {
         let drawn = draw_scene(&self.world, self.seed, index);
         photographed(&drawn, format!("{index:06}"), &mut Dice::new(self.seed, index, PHOTO_STREAM))

@@ -14,6 +14,7 @@ use farsight_files::{DurableError, write_atomically};
 use farsight_net::build::{network, with_surface_head};
 use farsight_net::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
 use farsight_net::model::{Model, ModelError};
+use farsight_net::onnx::key;
 use farsight_net::refiner::RefinerError;
 use farsight_net::weights::{Weights, WeightsError};
 use farsight_synth::SceneStream;
@@ -39,9 +40,6 @@ pub const MODEL_FILE: &str = "model.safetensors";
 
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "config.toml";
-
-/// Key of the model's header under which the facts of its training stand as JSON.
-pub const TRAINING_KEY: &str = "farsight.training";
 
 /// Why a training ended before its time.
 #[derive(Debug, Error)]
@@ -349,7 +347,7 @@ impl<'a> Trainer<'a> {
             "frames": frames,
             "data": if run.data.rendered.is_some() { "rendered scenes".into() } else { run.data.split.display().to_string() },
         });
-        weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
+        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
         if self.is_narrowed {
             Model::narrowed(run.model.clone(), weights)
         } else {

@@ -8,7 +8,7 @@ use crate::detection::SCORE_LIMITS;
 use crate::overlap::iou_2d;
 use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::LEAST_EXAMPLES;
-use crate::statistics::quantile;
+use crate::statistics::{quantile, sorted};
 use crate::{Camera, Detection};
 
 /// Boxes in the image that overlap less are of two different things.
@@ -175,12 +175,6 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 /// What as many of the values lie within, either way, as of a normal distribution within one standard deviation.
 fn one_sigma(values: impl Iterator<Item = f64>) -> f64 {
     quantile(&sorted(values.map(f64::abs)), WITHIN_ONE_SIGMA)
-}
-
-fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values
 }
 
 #[cfg(test)]

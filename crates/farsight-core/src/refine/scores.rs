@@ -13,7 +13,7 @@ use crate::score::{logistic, logit, most_likely};
 pub struct Evidence {
     /// The first look's score, 0 to 1, both excluded.
     pub score: f64,
-    /// Log odds, by the second look, that it is what the first look says.
+    /// Log odds, by the second look, that it is what the first look says, or what that is easily taken for ([`crate::ObjectClass::is_like`]).
     pub kind: f64,
     /// Overlap of both looks' boxes in the image, 0 to 1: who takes something for a car agrees on where its edges are if it is one.
     pub overlap: f64,

@@ -108,7 +108,10 @@ impl<'a> Prepared<'a> {
             label_blocks: frame.labels.iter().map(|label| Block::new(&label.box3d)).collect(),
             claim_blocks: frame.claims.iter().map(|claim| Block::new(&claim.detection.box3d)).collect(),
             claim_sizes: frame.claims.iter().map(size).collect(),
-            dont_care: labels.filter(|(_, label)| label.class.is_in_any_case(&ObjectClass::DontCare)).map(|(index, _)| index).collect(),
+            dont_care: labels
+                .filter(|(_, label)| label.class.is_in_any_case(&ObjectClass::DontCare))
+                .map(|(index, _)| index)
+                .collect(),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-/// One figure. `Z` figures are of the depth along the optical axis, `Ground` figures of the distance over the ground.
+/// One figure. `Z` figures are of the location's z, `Ground` figures of the distance over the ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Figure {
     /// Share of the objects that were found.

@@ -36,7 +36,7 @@ use surroundings::Surroundings;
 use traffic::Traffic;
 use view::View;
 
-/// Draws scene `index` of `seed`: the same on every machine.
+/// Draws scene `index` of `seed`: the same whenever it is drawn.
 ///
 /// The configuration must have no [`problem`](WorldConfig::problem).
 pub fn draw_scene(config: &WorldConfig, seed: u64, index: u64) -> Drawn {

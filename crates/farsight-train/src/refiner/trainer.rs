@@ -9,6 +9,7 @@ use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{Batch, Loader, LoaderConfig};
 use farsight_files::write_atomically;
 use farsight_net::graph::NodeId;
+use farsight_net::onnx::key;
 use farsight_net::refiner::{ANSWER, RefinerModel};
 use serde::Serialize;
 use tch::{Device, Kind, Tensor};
@@ -18,9 +19,7 @@ use super::samples::{CropBatch, CropSampler, FrameCrops};
 use crate::checkpoint::Progress;
 use crate::executor::{ExecutorError, Mode};
 use crate::learner::Learner;
-use crate::trainer::{Beginning, 
-    CHECKPOINT_FILE, CONFIG_FILE, TRAINING_KEY, TrainError, following, metrics, prepare_folder, source,
-};
+use crate::trainer::{Beginning, CHECKPOINT_FILE, CONFIG_FILE, TrainError, following, metrics, prepare_folder, source};
 
 /// Name of the trained refiner in a run's folder.
 pub const REFINER_FILE: &str = "refiner.safetensors";
@@ -204,7 +203,7 @@ impl Trainer {
     fn model(&self, run: &RefinerRun, progress: Progress, frames: usize) -> RefinerModel {
         let mut weights = self.learner.network.weights();
         let facts = serde_json::json!({ "steps": progress.steps, "epochs": run.train.epochs, "seed": run.train.seed, "frames": frames });
-        weights.metadata.insert(TRAINING_KEY.to_owned(), facts.to_string());
+        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
         RefinerModel { config: run.refiner.clone(), weights }
     }
 }

@@ -10,6 +10,7 @@ use farsight_data::{AugmentationConfig, network_input};
 use farsight_infer::{Refiner, Sides};
 use farsight_net::init::initial_weights;
 use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
+use farsight_net::weights::{WeightTensor, Weights};
 use farsight_train::config::DataConfig;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
 use farsight_train::refiner::{RefinerJob, RefinerObserver, RefinerRecord, RefinerRun, train};
@@ -127,6 +128,12 @@ fn a_run_starts_from_another_refiner() {
     assert!(going_on < 0.5 * fresh, "{going_on}, and {fresh} from nothing");
     let missing = started(Some("nowhere.safetensors".into()), "third").unwrap_err().to_string();
     assert!(missing.contains("nowhere.safetensors"), "{missing}");
+    // A file of another kind of network would leave everything random.
+    let other = folder.path().join("other.safetensors");
+    let tensor = WeightTensor { shape: vec![1], values: vec![0.5] };
+    Weights { tensors: [("elsewhere".to_owned(), tensor)].into(), ..Weights::default() }.write(&other).unwrap();
+    let nothing_fits = started(Some(other), "fourth").unwrap_err().to_string();
+    assert!(nothing_fits.contains("other.safetensors: train.start_from: none of its tensors"), "{nothing_fits}");
 }
 
 #[test]

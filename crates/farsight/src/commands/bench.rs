@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use farsight_core::Camera;
+use farsight_core::statistics::{quantile, sorted};
 use farsight_data::read_image;
 use farsight_files::write_atomically;
 use farsight_infer::timing::timed;
@@ -185,13 +186,8 @@ fn print(figures: &Figures, printer: &mut Printer) {
 
 impl Spread {
     fn of(times: impl Iterator<Item = Duration>) -> Self {
-        let mut times: Vec<f64> = times.map(|time| time.as_secs_f64() * 1e3).collect();
-        times.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            let place = share * (times.len() - 1) as f64;
-            let (low, high) = (times[place.floor() as usize], times[place.ceil() as usize]);
-            low + (high - low) * place.fract()
-        };
+        let times = sorted(times.map(|time| time.as_secs_f64() * 1e3));
+        let at = |share: f64| quantile(&times, share);
         Self { median_ms: at(0.5), quartiles_ms: [at(0.25), at(0.75)] }
     }
 }
