@@ -349,7 +349,7 @@ fn of_more_objects_than_are_asked_for_the_likeliest_stay_whatever_their_peaks() 
     }
     let found = detections(&codec, &maps, &view, &DecodeOptions { min_score: Some(0.01), max_detections: 5 });
     assert_eq!(found.len(), 5);
-    assert_eq!(found[0].box3d.depth_m().round(), 8.0);
+    assert!((found[0].box3d.depth_m() - 8.0).abs() < 0.1, "{:?}", found[0]);
 }
 
 #[test]
