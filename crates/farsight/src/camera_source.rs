@@ -9,6 +9,9 @@ use farsight_data::kitti::Calibration;
 
 use crate::names::stem;
 
+/// Horizontal field of view of KITTI's camera, degrees, for images whose camera does not matter.
+pub(crate) const KITTI_HFOV_DEG: f64 = 81.4;
+
 /// Cameras that have all their numbers already. `requires` alone lets them pass, as clap asks for nothing that conflicts with what is there.
 const NO_INTRINSICS: [&str; 2] = ["calib", "hfov"];
 

@@ -17,6 +17,7 @@ use image::RgbImage;
 use serde::Serialize;
 
 use super::Outcome;
+use crate::camera_source::KITTI_HFOV_DEG;
 use crate::engines::{EngineArgs, RefinerArgs, Timing, open_to_time};
 use crate::outputs;
 use crate::printer::{Printer, counted};
@@ -133,8 +134,7 @@ fn pass(path: &Path, batch: usize, detector: &mut Detector) -> Result<Pass> {
 
 /// KITTI's field of view: the answers do not matter here, and the time does not depend on it.
 fn camera(width: usize, height: usize) -> Result<Camera> {
-    const HFOV_DEG: f64 = 81.4;
-    Ok(Camera::from_hfov(HFOV_DEG, width, height)?)
+    Ok(Camera::from_hfov(KITTI_HFOV_DEG, width, height)?)
 }
 
 fn figures(args: &BenchArgs, path: &std::path::Path, detector: &Detector, passes: &[Pass]) -> Result<Figures> {

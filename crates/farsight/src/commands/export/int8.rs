@@ -21,7 +21,7 @@ use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::{ExportArgs, facts};
-use crate::camera_source::CameraSource;
+use crate::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use crate::commands::Outcome;
 use crate::engines::EngineArgs;
 use crate::inputs;
@@ -34,9 +34,6 @@ const SWEEP_IMAGES: usize = 8;
 
 /// With a larger mean change of distances (a share) or of scores than this a file is refused: it would be another model.
 const HOPELESS: f64 = 0.1;
-
-/// Horizontal field of view, degrees, that images without a calibration are taken to have; only the size of the network's input depends on it.
-const HFOV_DEG: f64 = 81.4;
 
 /// Arguments of `farsight export --int8`.
 #[derive(Debug, Args)]
@@ -197,7 +194,8 @@ impl Images {
         ensure!(width > 0 && height > 0, "{}: no pixels", path.display());
         let camera = match &self.cameras {
             Some(cameras) => cameras.camera(path, size)?,
-            None => Camera::from_hfov(HFOV_DEG, width, height)?,
+            // Only the size of the network's input depends on it.
+            None => Camera::from_hfov(KITTI_HFOV_DEG, width, height)?,
         };
         let (size, view) = self.spec.input_into(input, &image, &camera);
         Ok((size, view.input_camera))
