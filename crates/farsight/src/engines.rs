@@ -40,7 +40,7 @@ pub(crate) struct EngineArgs {
     /// Threads of the network [default: one for each core]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
-    /// Precision in which OpenVINO computes
+    /// In which numbers OpenVINO computes
     #[arg(long, value_enum, default_value_t = Precision::F32)]
     pub(crate) precision: Precision,
 }
@@ -64,7 +64,7 @@ impl EngineArgs {
 /// What looks again at what was found.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub(crate) struct RefinerArgs {
-    /// Refiner for a second look at each object, or none [default: the shipped one for the shipped weights, none for others]
+    /// Refiner that `farsight train` wrote, for a second look at each object, or none [default: the one that comes with the program, if the model's weights do too]
     #[arg(long, value_name = "FILE|none")]
     refiner: Option<PathBuf>,
 }
@@ -100,8 +100,8 @@ impl RefinerArgs {
 /// Where the camera is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub(crate) struct RoadArgs {
-    /// Fit all objects to one road plane: height of the camera above it, "any" if you do not know it, "none" for no plane. Needs a model with error bars
-    /// [default: any for the shipped weights, none for others]
+    /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it is not known, or "none" for each object
+    /// by itself [default: any for the weights that come with the program, none for others]
     #[arg(long, value_name = "METRES|any|none", value_parser = road, allow_negative_numbers = true)]
     above_road: Option<Road>,
 }
@@ -131,7 +131,7 @@ fn road(text: &str) -> Result<Road, String> {
     }
 }
 
-/// Precision in which OpenVINO computes.
+/// In which numbers OpenVINO computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum Precision {
     /// Single precision

@@ -68,7 +68,7 @@ pub(crate) struct EvalArgs {
     /// Other results to compare distances with, frame by frame
     #[arg(long, value_name = "DIR")]
     against: Option<PathBuf>,
-    /// Report what became of each object and detection of this frame, instead of evaluating
+    /// Tell what became of each object and detection of this frame, instead of evaluating
     #[arg(long, value_name = "FRAME", conflicts_with_all = ["json", "report", "against"])]
     explain: Option<String>,
     /// What --explain measures overlaps on
@@ -77,7 +77,7 @@ pub(crate) struct EvalArgs {
     /// Let --explain ask for the loose overlaps from above and in space: 0.5 for cars, 0.25 for others
     #[arg(long, requires = "explain")]
     loose: bool,
-    /// Report also what the same detections would give with the distances of the classic rangers: from the height of the 2D box, and from its bottom edge
+    /// Tell also what the same detections would give with the distances of the classic rangers: from the height of the 2D box, and from its bottom edge
     #[arg(long, conflicts_with = "explain")]
     classic: bool,
     /// Folder of calibration files, for --classic [default: `calib` beside the labels]
@@ -86,7 +86,7 @@ pub(crate) struct EvalArgs {
     /// Height of the camera above the ground, metres, for --classic
     #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M, value_parser = height_from_text, allow_negative_numbers = true)]
     camera_height: f64,
-    /// The scores that detections are ranked and chosen by
+    /// What is taken for the scores, in everything that goes by them
     #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]
     scores: ScoresName,
     /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
@@ -95,7 +95,7 @@ pub(crate) struct EvalArgs {
     /// Smallest 2D overlap at which a detection counts as having found an object, in the ranging errors
     #[arg(long, value_name = "IOU", default_value_t = MATCH_IOU, value_parser = overlap_from_text, allow_negative_numbers = true)]
     ranging_overlap: f64,
-    /// Treat everything odd about the files as an error: each is reported with file and line, nothing is evaluated, exit status 1
+    /// Take everything odd about the files for an error: each is told with file and line, nothing is evaluated, exit status 1
     #[arg(long)]
     strict: bool,
     /// How often frames are drawn anew for the intervals; 0 leaves them out
