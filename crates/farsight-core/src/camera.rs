@@ -115,8 +115,18 @@ impl Camera {
     /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that lies along `R[axis]`.
     fn across(&self, axis: usize) -> [f64; 3] {
         let (own, last) = (self.row(axis), self.row(2));
-        let center = dot(&own, &last) / dot(&last, &last);
+        let center = self.center(axis);
         [0, 1, 2].map(|j| own[j] - center * last[j])
+    }
+
+    /// The principal point (column and row), pixels; of a turned camera too.
+    pub fn principal_point(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.center(axis))
+    }
+
+    fn center(&self, axis: usize) -> f64 {
+        let last = self.row(2);
+        dot(&self.row(axis), &last) / dot(&last, &last)
     }
 
     /// A row without its last number.

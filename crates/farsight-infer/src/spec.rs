@@ -24,18 +24,35 @@ pub struct DetectorSpec {
     pub options: DecodeOptions,
 }
 
-/// A camera outside the range that a model was trained with: its distances are not to be trusted.
+/// A camera unlike those that a model was trained with: its distances are not to be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error(
-    "the camera's focal length is {focal_px:.0} pixels of the network's input; the model was trained with {} to {}, so its distances are a guess",
-    range_px[0],
-    range_px[1]
-)]
-pub struct UnfamiliarCamera {
-    /// Its focal length, pixels of the network's input.
-    pub focal_px: f64,
-    /// Smallest and largest that the model was trained with.
-    pub range_px: [f64; 2],
+pub enum UnfamiliarCamera {
+    /// It looks past its own image.
+    #[error(
+        "the camera's principal point ({:.0}, {:.0}) lies outside the image of {} x {} pixels, so distances are a guess; is it the camera of another image?",
+        center_px[0],
+        center_px[1],
+        image_size[0],
+        image_size[1]
+    )]
+    Center {
+        /// Its principal point (column and row), pixels.
+        center_px: [f64; 2],
+        /// Width and height of the image, pixels.
+        image_size: [usize; 2],
+    },
+    /// It sees much more or much less of the world.
+    #[error(
+        "the camera's focal length is {focal_px:.0} pixels of the network's input; the model was trained with {} to {}, so its distances are a guess",
+        range_px[0],
+        range_px[1]
+    )]
+    Focal {
+        /// Its focal length, pixels of the network's input.
+        focal_px: f64,
+        /// Smallest and largest that the model was trained with.
+        range_px: [f64; 2],
+    },
 }
 
 /// An input grows at most so many times to bring a wide camera into the trained range: time and memory grow with the square.
@@ -94,11 +111,16 @@ impl DetectorSpec {
 
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
     pub fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
+        let center_px = camera.principal_point();
+        let is_inside = |axis: usize| (-0.5..image_size[axis] as f64 - 0.5).contains(&center_px[axis]);
+        if !(is_inside(0) && is_inside(1)) {
+            return Some(UnfamiliarCamera::Center { center_px, image_size });
+        }
         let range_px @ [low, high] = self.focal_range_px?;
         let focal_px = camera.focal_y() * self.input_width(image_size, camera) as f64 / image_size[0].max(1) as f64;
         // Widths come in steps, so the focal length can end up one step outside.
         let step = 1.0 + SIZE_STEP as f64 / self.input.size[0] as f64;
-        (focal_px < low / step || focal_px > high * step).then_some(UnfamiliarCamera { focal_px, range_px })
+        (focal_px < low / step || focal_px > high * step).then_some(UnfamiliarCamera::Focal { focal_px, range_px })
     }
 
     fn input_width(&self, image_size: [usize; 2], camera: &Camera) -> usize {
@@ -164,6 +186,18 @@ mod tests {
             let camera = camera(hfov_deg, full_hd);
             assert_eq!(spec.input_for(full_hd, &camera).size, size, "{hfov_deg} degrees");
             assert_eq!(spec.unfamiliar(full_hd, &camera).is_some(), warned, "{hfov_deg} degrees");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_looks_past_its_image_is_told() {
+        let spec = DetectorSpec::new(&ModelConfig::default(), DecodeOptions::default());
+        for ([cx, cy], warned) in
+            [([609.6, 172.9], false), ([-0.5, 479.0], false), ([640.0, 100.0], true), ([9.0, -1.0], true)]
+        {
+            let camera = Camera::from_intrinsics(700.0, 700.0, cx, cy).unwrap();
+            let told = spec.unfamiliar([640, 480], &camera).map(|camera| camera.to_string());
+            assert_eq!(told.is_some(), warned, "({cx}, {cy}): {told:?}");
         }
     }
 }

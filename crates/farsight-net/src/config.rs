@@ -213,8 +213,9 @@ impl ModelConfig {
             if sizes.into_iter().any(|v| !(v.is_finite() && *v > 0.0)) {
                 return error(format!("has {} with a size or factor that is not a positive number", class.class));
             }
-            if let Some(score) = class.score.filter(|score| !score.is_usable()) {
-                return error(format!("has {} with scores that no fit gives: {score:?}", class.class));
+            if class.score.is_some_and(|score| !score.is_usable()) {
+                let expected = "expected finite numbers and heights_px with 0 < smallest <= largest";
+                return error(format!("has {} with a score that no fit gives; {expected}", class.class));
             }
         }
         Ok(())

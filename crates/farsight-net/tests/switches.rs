@@ -92,7 +92,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
         (ModelConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
         (
             ModelConfig { classes: vec![upside_down], ..base() },
-            "model.classes has Car with scores that no fit gives: ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px: [20.0, 10.0] }",
+            "model.classes has Car with a score that no fit gives; expected finite numbers and heights_px with 0 < smallest <= largest",
         ),
         (
             ModelConfig { depth: DepthReference { std_m: 0.0, ..base().depth }, ..base() },

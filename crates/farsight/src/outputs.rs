@@ -24,6 +24,7 @@ pub(crate) fn check_file(path: &Path) -> Result<()> {
 /// As [`check_file`]; JSON replaces JSON, but nothing else and none of the `inputs`.
 pub(crate) fn check_json<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let shown = path.display();
+    ensure!(path != Path::new("-"), "-: no name of a file; expected one, or /dev/stdout");
     let replaced = identity(path);
     let is_input = path.exists() && inputs.into_iter().any(|input| identity(input) == replaced);
     ensure!(!is_input, "{shown}: an input; expected another file for the JSON");
@@ -134,6 +135,7 @@ mod tests {
         }
         let input = at("./a.json");
         assert!(told(check_json(&at("a.json"), [input.as_path()])).contains("a.json: an input; expected another file"));
+        assert_eq!(told(check_json(Path::new("-"), none)), "-: no name of a file; expected one, or /dev/stdout");
         assert!(told(check_file(&at("nowhere/new.json"))).contains("nowhere; expected one that is there"));
         assert!(told(check_file(folder.path())).ends_with("a folder; expected the name of a file to write"));
         assert!(

@@ -42,6 +42,11 @@ fn another_camera_needs_only_its_field_of_view() {
     assert!(!text(familiar.stderr).contains("trained"));
     let unfamiliar = text(farsight(&["range", "photo.png", "--hfov", "165"], folder.path()).stderr);
     assert!(unfamiliar.contains("the model was trained with"), "{unfamiliar}");
+    let elsewhere = text(farsight(&["range", "photo.png", "--fx", "500", "--cx", "4000"], folder.path()).stderr);
+    assert!(
+        elsewhere.contains("principal point (4000, 240) lies outside the image of 640 x 480 pixels"),
+        "{elsewhere}"
+    );
 }
 
 #[test]

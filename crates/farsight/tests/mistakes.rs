@@ -88,6 +88,30 @@ fn results_replace_no_labels_and_a_models_own_classes_are_nothing_odd() {
 }
 
 #[test]
+fn an_image_that_fails_loses_no_other_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_small_model(folder);
+    done(folder, &["synth", "--out", "k", "--frames", "3", "--seed", "3"]);
+    let eval = ["eval", "--data", "k", "--model", "m.safetensors", "--resamples", "0", "--results", "kept"];
+    done(folder, &eval);
+    fs::write(folder.join("k/training/image_2/000001.png"), "no picture").unwrap();
+    let output = farsight(folder, &eval);
+    let [answer, told] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(answer.starts_with("2 frames"), "{answer}");
+    assert!(told.contains("000001.png: no image that is known here"), "{told}");
+    assert!(told.ends_with("error: 1 frame failed, see above; not in these figures\n"), "{told}");
+    assert!(folder.join("kept/000002.txt").exists() && !folder.join("kept/000001.txt").exists());
+
+    for id in ["000000", "000002"] {
+        fs::write(folder.join(format!("k/training/image_2/{id}.png")), "no picture").unwrap();
+    }
+    let told = refusal(folder, &eval);
+    assert!(told.ends_with("error: nothing was evaluated: 3 frames failed\n"), "{told}");
+}
+
+#[test]
 fn scenes_replace_no_data_set() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

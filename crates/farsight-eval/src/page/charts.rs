@@ -1,16 +1,13 @@
 //! Which charts the page has.
 
 use crate::ap::{Metric, OverlapSet};
-use crate::ranging::{ClassRanging, Figure, GroupRanging};
+use crate::ranging::{ClassRanging, Figure, GroupRanging, bin_middle_m};
 use crate::{Difficulty, EvaluatedClass, Report};
 
 use super::{Chart, Corner, Series};
 
 /// Colours of the three difficulties, told apart by colour-blind eyes too (Okabe and Ito 2008).
 const LEVEL_COLORS: [[u8; 3]; 3] = [[0, 158, 115], [0, 114, 178], [213, 94, 0]];
-
-/// Middle of each distance bin, metres.
-const BIN_MIDDLE_M: [f64; 8] = [5.0, 15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0];
 
 /// Bins with fewer found objects are not drawn: their error is an accident.
 const MIN_FOUND: usize = 5;
@@ -82,12 +79,12 @@ fn share_chart(ranging: &ClassRanging) -> Chart {
 
 fn level_series(ranging: &ClassRanging, figure: Figure, min_found: usize) -> Vec<Series> {
     let of_group = |(group, color): (&GroupRanging, [u8; 3])| {
-        let bins = group.by_distance.0.iter().zip(BIN_MIDDLE_M);
-        let filled = bins.filter(|((_, errors), _)| errors.objects > 0 && errors.found >= min_found);
+        let bins = group.by_distance.0.iter().enumerate();
+        let filled = bins.filter(|(_, (_, errors))| errors.objects > 0 && errors.found >= min_found);
         let (mut points, mut band) = (Vec::new(), Vec::new());
-        for ((_, errors), middle) in filled {
+        for (bin, (_, errors)) in filled {
             let Some(value) = errors.figures.get(figure) else { continue };
-            points.push([middle, value]);
+            points.push([bin_middle_m(bin), value]);
             band.extend(errors.intervals.and_then(|all| all.get(figure)).map(|i| [i.low, i.high]));
         }
         // A band needs an interval at every point.

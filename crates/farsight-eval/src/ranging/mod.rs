@@ -29,6 +29,7 @@ pub use figures::{Figure, Figures};
 pub use matching::{FalseAlarm, MATCH_IOU, Measurement, Target, matched, targets};
 pub use operating::{OperatingPoint, OperatingPoints};
 pub use report::{ClassRanging, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
+pub(crate) use slices::bin_middle_m;
 pub use slices::{DISTANCE_BINS, Group, Part, Slice};
 
 /// What can be chosen about the ranging protocol.

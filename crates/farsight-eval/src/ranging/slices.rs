@@ -3,8 +3,8 @@
 use super::matching::Target;
 use crate::Difficulty;
 
-/// Upper edges of the distance bins, metres of true z; the last bin has none.
-const DISTANCE_EDGES_M: [f64; 7] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
+/// Width of a distance bin, metres of true z; the last has no end.
+const DISTANCE_BIN_M: f64 = 10.0;
 
 /// Names of the distance bins: metres of true z.
 pub const DISTANCE_BINS: [&str; 8] = ["0-10", "10-20", "20-30", "30-40", "40-50", "50-60", "60-70", "70-inf"];
@@ -71,6 +71,16 @@ impl Group {
     }
 }
 
+/// The bin of a depth, metres; what lies behind the camera is in the first.
+fn distance_bin(depth_m: f64) -> usize {
+    ((depth_m / DISTANCE_BIN_M) as usize).min(DISTANCE_BINS.len() - 1)
+}
+
+/// Middle of a distance bin, metres; of the last one as if it were as wide as the others.
+pub(crate) fn bin_middle_m(bin: usize) -> f64 {
+    (bin as f64 + 0.5) * DISTANCE_BIN_M
+}
+
 impl Part {
     /// The parts by distance, by occlusion and by truncation, with their names.
     pub(super) fn tables() -> [Vec<(&'static str, Self)>; 3] {
@@ -98,7 +108,7 @@ impl Cell {
     pub(super) fn of(target: &Target) -> Self {
         Self {
             difficulty: target.difficulty,
-            distance: DISTANCE_EDGES_M.iter().filter(|edge| target.depth_m >= **edge).count(),
+            distance: distance_bin(target.depth_m),
             occlusion: (target.occlusion.max(0) as usize).min(OCCLUSIONS.len() - 1),
             truncation: TRUNCATION_EDGES.iter().filter(|edge| target.truncation > **edge).count(),
         }
@@ -126,5 +136,21 @@ impl Slice {
     /// Whether the object belongs to it.
     pub fn holds(self, target: &Target) -> bool {
         Cell::of(target).is_in(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{DISTANCE_BINS, bin_middle_m, distance_bin};
+
+    #[test]
+    fn names_and_middles_of_the_distance_bins_are_those_of_their_distances() {
+        for (bin, name) in DISTANCE_BINS.iter().enumerate() {
+            let (from, to) = name.split_once('-').unwrap();
+            let from: f64 = from.parse().unwrap();
+            assert_eq!([from, from + 9.999, bin_middle_m(bin)].map(distance_bin), [bin; 3], "{name}");
+            assert_eq!(distance_bin(to.parse().unwrap()), (bin + 1).min(7), "{name}");
+        }
+        assert_eq!(distance_bin(-3.0), 0);
     }
 }

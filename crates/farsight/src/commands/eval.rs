@@ -20,7 +20,7 @@ use serde::Serialize;
 use super::Outcome;
 use crate::engines::{EngineArgs, RefinerArgs, RoadArgs};
 use crate::outputs;
-use crate::printer::Printer;
+use crate::printer::{Printer, counted};
 use crate::shipped;
 use modelled::Files;
 pub(super) use modelled::{MIN_SCORE, write_results_of};
@@ -162,22 +162,8 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
         return Ok(Outcome::Told);
     }
     let report = evaluation.report();
-    for line in text::lines(&report) {
-        printer.line(&line);
-    }
-    for note in text::notes(&report) {
-        printer.note(&note);
-    }
-    if args.scores == ScoresName::Place {
-        printer.note("place scores: the chance that the distance is right is part of every score here");
-    }
     let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
-    if let Some(comparison) = &comparison {
-        printer.line("");
-        for line in text::comparison_lines(comparison) {
-            printer.line(&line);
-        }
-    }
+    print(args, &report, comparison.as_ref(), printer);
     if args.classic {
         let beside = source.labels.with_file_name("calib");
         classic::run(args, args.calib.as_deref().unwrap_or(&beside), &files, printer)?;
@@ -185,14 +171,39 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(path) = &args.json {
         write_json(path, args.scores.scores(), &report, &findings, comparison.as_ref())?;
     }
-    let Some(folder) = &args.report else { return Ok(Outcome::Done) };
-    let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
-    let title = format!("{} against {}", args.title(), source.labels.display());
-    let page =
-        Page { title: &title, report: &report, findings: &findings, comparison: comparison.as_ref(), worst: &worst };
-    let page = page.write(folder)?;
-    printer.status(&format!("report: {}", page.display()));
-    Ok(tell(&unseen, args, printer))
+    let mut outcome = Outcome::Done;
+    if let Some(folder) = &args.report {
+        let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
+        let title = format!("{} against {}", args.title(), source.labels.display());
+        let comparison = comparison.as_ref();
+        let page = Page { title: &title, report: &report, findings: &findings, comparison, worst: &worst };
+        let page = page.write(folder)?;
+        printer.status(&format!("report: {}", page.display()));
+        outcome = tell(&unseen, args, printer);
+    }
+    if source.failed > 0 {
+        printer.error(&format!("{} failed, see above; not in these figures", counted(source.failed, "frame")));
+        outcome = Outcome::Told;
+    }
+    Ok(outcome)
+}
+
+/// Prints what was found out, for people to read.
+fn print(args: &EvalArgs, report: &Report, comparison: Option<&RangingComparison>, printer: &mut Printer) {
+    for line in text::lines(report) {
+        printer.line(&line);
+    }
+    for note in text::notes(report) {
+        printer.note(&note);
+    }
+    if args.scores == ScoresName::Place {
+        printer.note("place scores: the chance that the distance is right is part of every score here");
+    }
+    let Some(comparison) = comparison else { return };
+    printer.line("");
+    for line in text::comparison_lines(comparison) {
+        printer.line(&line);
+    }
 }
 
 impl EvalArgs {

@@ -1,8 +1,10 @@
 //! `farsight eval --model`: the model's own result files, then evaluated like any others.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight_core::Detection;
 use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
 use farsight_data::kitti::{read_split, write_results};
@@ -26,6 +28,8 @@ pub(super) struct Files {
     pub(super) ids: Option<Vec<String>>,
     /// Whether a model has made the results just now.
     pub(super) by_model: bool,
+    /// Frames that the model could not look at; they are not among the ids.
+    pub(super) failed: usize,
     /// Removed when the evaluation is over.
     _folder: Option<TempDir>,
 }
@@ -40,7 +44,14 @@ impl Files {
                     "--model, --engine and what belongs to them, --refiner and --above-road are for a model that looks at images first; expected --data"
                 );
                 let ids = args.split.as_deref().map(split_of_files).transpose()?;
-                Ok(Self { labels: labels.clone(), results: results.clone(), ids, by_model: false, _folder: None })
+                Ok(Self {
+                    labels: labels.clone(),
+                    results: results.clone(),
+                    ids,
+                    by_model: false,
+                    failed: 0,
+                    _folder: None,
+                })
             }
             (None, results, Some(data)) => modelled(args, results.as_deref(), data, printer),
             _ => bail!("expected --labels and --results, or --data (and --model)"),
@@ -66,31 +77,45 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     };
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     let mut detector = open_whole(&args.engine, &args.refiner, args.road, args.model.as_deref(), options)?;
-    write_results_of(&mut detector, &dataset, &results)?;
-    printer.status(&format!("{} looked at by {}", counted(dataset.len(), "frame"), detector.engine_name()));
-    Ok(Files {
-        labels: dataset.label_folder(),
-        results,
-        ids: Some(dataset.ids().to_vec()),
-        by_model: true,
-        _folder: folder,
-    })
+    let ids = write_results_of(&mut detector, &dataset, &results, printer)?;
+    let failed = dataset.len() - ids.len();
+    ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
+    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), detector.engine_name()));
+    Ok(Files { labels: dataset.label_folder(), results, ids: Some(ids), by_model: true, failed, _folder: folder })
 }
 
-/// Writes a result file for each frame of `dataset` to the folder `results`.
+/// Writes a result file for each frame of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
     detector: &mut Detector,
     dataset: &KittiDataset,
     results: &Path,
-) -> Result<()> {
+    printer: &mut Printer,
+) -> Result<Vec<String>> {
     let bar = ProgressBar::new(dataset.len() as u64);
+    let mut done = Vec::new();
     for (index, id) in dataset.ids().iter().enumerate() {
-        let path = dataset.image_path(index);
-        let detections = detector.detect(&read_image(&path)?, &dataset.load_camera(index)?);
-        let detections = detections.with_context(|| path.display().to_string())?;
-        write_results(&results.join(format!("{id}.txt")), &detections)?;
+        let path = results.join(format!("{id}.txt"));
+        match looked_at(detector, dataset, index) {
+            Ok(detections) => {
+                write_results(&path, &detections)?;
+                done.push(id.clone());
+            }
+            Err(error) => {
+                bar.suspend(|| printer.failure(&error));
+                // What an earlier run found in it must not be taken for an answer of this one.
+                if path.exists() {
+                    fs::remove_file(&path).with_context(|| format!("{}: cannot be removed", path.display()))?;
+                }
+            }
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(())
+    Ok(done)
+}
+
+fn looked_at(detector: &mut Detector, dataset: &KittiDataset, index: usize) -> Result<Vec<Detection>> {
+    let path = dataset.image_path(index);
+    let detections = detector.detect(&read_image(&path)?, &dataset.load_camera(index)?);
+    detections.with_context(|| path.display().to_string())
 }

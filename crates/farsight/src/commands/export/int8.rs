@@ -104,23 +104,9 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
     let facts = facts(args, model, target)?;
     let network = Network::deployable(model)?;
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
-    let peaks: usize = references.iter().map(Reference::peak_count).sum();
     printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
-    ensure!(
-        peaks > 0,
-        "{}: the model finds nothing in these images; expected some with vehicles",
-        images.folder.display()
-    );
-
     let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
-    let Trial { quantization, damage } = match args.int8.float_layers {
-        Some(0) => sweep.everything()?,
-        float_layers => {
-            let harm = sweep.harm_of_layers()?;
-            harm.table().iter().for_each(|line| printer.line(line));
-            sweep.chosen(&harm, float_layers)?
-        }
-    };
+    let Trial { quantization, damage } = chosen(&sweep, args.int8.float_layers, printer)?;
     let float_layers = sweep.float_layers(&quantization);
     printer.line(&format!(
         "{} convolutions in 8 bits, {} left in float{}",
@@ -150,6 +136,16 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
     write_atomically(&args.out, |out| out.write_all(written.bytes()))?;
     printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), written.bytes().len() as f64 / 1e6, target.name()));
     Ok(Outcome::Done)
+}
+
+/// Which layers compute in 8 bits: all but so many, or but as few as the answers ask for.
+fn chosen(sweep: &Sweep<'_>, float_layers: Option<usize>, printer: &mut Printer) -> Result<Trial> {
+    if float_layers == Some(0) {
+        return sweep.everything();
+    }
+    let harm = sweep.harm_of_layers()?;
+    harm.table().iter().for_each(|line| printer.line(line));
+    sweep.chosen(&harm, float_layers)
 }
 
 /// Says how far the answers are from those in float; an error when they have nothing to do with them.
@@ -233,5 +229,10 @@ fn calibrate(
         bar.inc(1);
     }
     bar.finish_and_clear();
+    ensure!(
+        references.iter().any(|reference| reference.peak_count() > 0),
+        "{}: the model finds nothing in these images; expected some with vehicles",
+        images.folder.display()
+    );
     Ok((calibration.ranges(args.int8.observer()), references))
 }

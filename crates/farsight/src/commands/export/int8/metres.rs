@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Bootstrap, Difference, Figure, Group, RangingComparison, RangingOptions};
-use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles};
+use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
 use farsight_net::onnx::OnnxModel;
 use serde_json::{Map, Value, json};
 
@@ -49,11 +49,12 @@ impl Metres {
         printer: &mut Printer,
     ) -> Result<Self> {
         let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
-        let judged = |model: &OnnxModel| -> Result<_> {
+        let mut judged = |model: &OnnxModel| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
             let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
             let mut detector = detector_of(&args.int8.engine, model.clone(), &args.model, options)?;
-            write_results_of(&mut detector, &dataset, folder.path())?;
+            let done = write_results_of(&mut detector, &dataset, folder.path(), printer)?;
+            ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
             let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
             Ok((files.evaluate(&options)?.0, detector.engine_name().to_owned()))
@@ -71,9 +72,10 @@ impl Metres {
         let row = row.with_context(|| format!("{}: no car in the labels of these frames", data.display()))?;
         let difference = |figure| row.figures.get(figure);
         let side = |evaluation: &Evaluation, of: fn(&Difference) -> f64| {
-            let mut figures = vec![found(evaluation)];
+            let report = evaluation.report();
+            let mut figures = vec![found(&report)];
             figures.extend([Figure::MaeZ, Figure::RmseZ].map(|figure| difference(figure).as_ref().map(of)));
-            figures.extend(average_precisions(evaluation));
+            figures.extend(average_precisions(&report));
             figures
         };
         Ok(Self {
@@ -119,15 +121,13 @@ impl Metres {
 }
 
 /// How many Moderate cars were found.
-fn found(evaluation: &Evaluation) -> Option<f64> {
-    let report = evaluation.report();
+fn found(report: &Report) -> Option<f64> {
     let group = report.ranging.group(EvaluatedClass::Car, Group::Level(Difficulty::Moderate))?;
     Some(group.whole.found as f64)
 }
 
 /// AP of Moderate cars: 3D, BEV, 3D with the loose overlap.
-fn average_precisions(evaluation: &Evaluation) -> [Option<f64>; 3] {
-    let report = evaluation.report();
+fn average_precisions(report: &Report) -> [Option<f64>; 3] {
     let sets =
         [(OverlapSet::Strict, Metric::Space), (OverlapSet::Strict, Metric::Bev), (OverlapSet::Loose, Metric::Space)];
     sets.map(|(set, metric)| {
