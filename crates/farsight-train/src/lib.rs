@@ -8,6 +8,7 @@ mod average;
 pub mod checkpoint;
 pub mod config;
 pub mod deform;
+pub mod detector;
 pub mod engine;
 pub mod executor;
 mod learner;

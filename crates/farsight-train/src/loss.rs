@@ -9,6 +9,8 @@ use farsight_core::{Camera, Codec};
 use serde::Serialize;
 use tch::{Device, Kind, Tensor};
 
+use crate::metrics::Terms;
+
 /// Bounds of the probability in the focal loss (spec section 4).
 const PROBABILITY_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
 
@@ -17,7 +19,7 @@ const PROBABILITY_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
 pub const CORNER_DIVISOR_PER_IMAGE: f64 = 10.0 * 30.0 / 8.0;
 
 /// The terms of one batch's loss.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct LossTerms {
     /// Focal loss of the heat map.
     pub heat_map: f64,
@@ -34,18 +36,27 @@ pub struct LossTerms {
 }
 
 impl LossTerms {
-    /// No loss at all.
-    pub const ZERO: Self =
-        Self { heat_map: 0.0, orientation: 0.0, dimensions: 0.0, location: 0.0, image: 0.0, surface: 0.0 };
-
     /// What is minimised.
     pub fn total(&self) -> f64 {
         self.named().iter().map(|(_, value)| value).sum()
     }
+}
 
-    /// What `joined` makes of each term of `self` and that of `other`.
-    #[must_use]
-    pub fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self {
+impl Terms for LossTerms {
+    const SAMPLES: &'static str = "images";
+
+    fn named(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("heat_map", self.heat_map),
+            ("orientation", self.orientation),
+            ("dimensions", self.dimensions),
+            ("location", self.location),
+            ("image", self.image),
+            ("surface", self.surface),
+        ]
+    }
+
+    fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self {
         Self {
             heat_map: joined(self.heat_map, other.heat_map),
             orientation: joined(self.orientation, other.orientation),
@@ -54,18 +65,6 @@ impl LossTerms {
             image: joined(self.image, other.image),
             surface: joined(self.surface, other.surface),
         }
-    }
-
-    /// The terms by name.
-    pub fn named(&self) -> [(&'static str, f64); 6] {
-        [
-            ("heat_map", self.heat_map),
-            ("orientation", self.orientation),
-            ("dimensions", self.dimensions),
-            ("location", self.location),
-            ("image", self.image),
-            ("surface", self.surface),
-        ]
     }
 }
 
@@ -216,7 +215,7 @@ pub fn loss(
     let values = crate::executor::values_from_tensor(&raw);
 
     let mut gradient = Vec::with_capacity(values.len());
-    let mut terms = LossTerms::ZERO;
+    let mut terms = LossTerms::default();
     for (RegressionCell { image, object, share }, raw) in targets.cells.iter().zip(values.as_chunks::<CHANNELS>().0) {
         let corners = weights.weighted(&corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]));
         let factor = share * weights.factor(object.box3d.depth_m());

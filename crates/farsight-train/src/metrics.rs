@@ -3,45 +3,111 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use farsight_files::write_quickly;
 use prost::Message;
 use serde::{Deserialize, Serialize};
 
-use crate::loss::LossTerms;
+/// The numbers, beside their sum, by which the steps of one kind of network are judged.
+pub trait Terms: Copy + Default + Serialize {
+    /// What it learns from, in the plural.
+    const SAMPLES: &'static str;
 
-/// Numbers of one step.
+    /// The numbers by name.
+    fn named(&self) -> Vec<(&'static str, f64)>;
+
+    /// What `joined` makes of each number of `self` and that of `other`.
+    #[must_use]
+    fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self;
+}
+
+/// Numbers of one step, or means over the steps since the record before.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Record {
+pub struct Record<T> {
     /// Optimiser steps done.
     pub step: u64,
     /// Epoch of the batch, from 0.
     pub epoch: u64,
-    /// Sum of the terms.
+    /// What is minimised.
     pub loss: f64,
-    /// Terms of the loss, means since the record before.
+    /// What else the step is judged by.
     #[serde(flatten)]
-    pub terms: LossTerms,
+    pub terms: T,
     /// Learning rate of the step.
     pub learning_rate: f64,
     /// Norm of the gradient before clipping.
     pub gradient_norm: f64,
-    /// Images a second since the record before.
+    /// Samples a second since the record before.
     pub samples_per_second: f64,
 }
 
-impl Record {
+impl<T: Terms> Record<T> {
     /// The numbers by the names that TensorBoard shows.
-    pub fn scalars(&self) -> impl Iterator<Item = (String, f64)> {
-        let terms = self.terms.named().map(|(name, value)| (format!("loss/{name}"), value));
+    fn scalars(&self) -> impl Iterator<Item = (String, f64)> {
+        let terms = self.terms.named().into_iter().map(|(name, value)| (format!("loss/{name}"), value));
         let others = [
             ("loss/total", self.loss),
             ("train/learning_rate", self.learning_rate),
             ("train/gradient_norm", self.gradient_norm),
             ("train/samples_per_second", self.samples_per_second),
         ];
-        terms.into_iter().chain(others.map(|(name, value)| (name.to_owned(), value)))
+        terms.chain(others.map(|(name, value)| (name.to_owned(), value)))
+    }
+}
+
+/// What a step was like.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lesson<T> {
+    pub(crate) loss: f64,
+    pub(crate) terms: T,
+    pub(crate) gradient_norm: f64,
+    pub(crate) samples: usize,
+}
+
+/// Sums over the steps since the last record that was written.
+pub(crate) struct Window<T> {
+    started: Instant,
+    steps: usize,
+    sums: Lesson<T>,
+}
+
+impl<T: Terms> Window<T> {
+    pub(crate) fn new() -> Self {
+        let sums = Lesson { loss: 0.0, terms: T::default(), gradient_norm: 0.0, samples: 0 };
+        Self { started: Instant::now(), steps: 0, sums }
+    }
+
+    /// Counts `lesson`, and makes a record of it with the speed so far.
+    pub(crate) fn add(&mut self, lesson: &Lesson<T>, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
+        let Lesson { loss, terms, gradient_norm, samples } = *lesson;
+        self.steps += 1;
+        self.sums.loss += loss;
+        self.sums.terms = self.sums.terms.zip_with(&terms, |sum, term| sum + term);
+        self.sums.gradient_norm += gradient_norm;
+        self.sums.samples += samples;
+        let samples_per_second = self.samples_per_second();
+        Record { step, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second }
+    }
+
+    /// A record of the means, and a new window.
+    pub(crate) fn finish(&mut self, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
+        let samples_per_second = self.samples_per_second();
+        let Self { steps, sums, .. } = std::mem::replace(self, Self::new());
+        let count = steps.max(1) as f64;
+        Record {
+            step,
+            epoch,
+            loss: sums.loss / count,
+            terms: sums.terms.zip_with(&T::default(), |sum, _| sum / count),
+            learning_rate,
+            gradient_norm: sums.gradient_norm / count,
+            samples_per_second,
+        }
+    }
+
+    fn samples_per_second(&self) -> f64 {
+        self.sums.samples as f64 / self.started.elapsed().as_secs_f64()
     }
 }
 
@@ -72,19 +138,14 @@ impl MetricsWriter {
         Ok(Self { lines, events: EventWriter::create(folder, steps)? })
     }
 
-    /// Writes a record of this step to both files: as a line, and as numbers with names.
+    /// Writes a record to both files: as a line, and as numbers with names.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn write(
-        &mut self,
-        step: u64,
-        record: &impl Serialize,
-        scalars: impl IntoIterator<Item = (String, f64)>,
-    ) -> io::Result<()> {
+    pub fn write<T: Terms>(&mut self, record: &Record<T>) -> io::Result<()> {
         let line = serde_json::to_string(record)? + "\n";
         self.lines.write_all(line.as_bytes())?;
-        self.events.scalars(step, scalars)
+        self.events.scalars(record.step, record.scalars())
     }
 }
 

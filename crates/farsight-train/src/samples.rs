@@ -75,8 +75,6 @@ impl Sampler {
 /// Tensors of a batch.
 #[derive(Debug)]
 pub struct TrainBatch {
-    /// Names of the frames.
-    pub ids: Vec<String>,
     /// Network input, `[batch, 3, height, width]`.
     pub input: Tensor,
     /// What to learn.
@@ -90,12 +88,12 @@ impl TrainBatch {
         let inputs: Vec<Tensor> = samples.iter().map(|s| Tensor::from_slice(&s.input).view(shape)).collect();
         let regress: Vec<bool> = samples.iter().map(|s| s.regress).collect();
         let surface_m: Option<Vec<Vec<f32>>> = samples.iter().map(|s| s.surface_m.clone()).collect();
-        let (ids, targets): (Vec<String>, Vec<Targets>) = samples.into_iter().map(|s| (s.id, s.targets)).unzip();
+        let targets: Vec<Targets> = samples.into_iter().map(|s| s.targets).collect();
         let targets = BatchTargets::new(&targets, &regress, device);
         let targets = match surface_m {
             Some(surface_m) => targets.with_surface(&surface_m),
             None => targets,
         };
-        Self { ids, input: Tensor::stack(&inputs, 0).to_device(device), targets }
+        Self { input: Tensor::stack(&inputs, 0).to_device(device), targets }
     }
 }

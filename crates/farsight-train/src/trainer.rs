@@ -1,42 +1,34 @@
-//! The training loop.
+//! The training loop of detector and refiner: data in order, steps, metrics, checkpoints, going on where a run was killed.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::Instant;
 
-use farsight_core::Codec;
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
-use farsight_data::{Batch, KittiDataset, Loader, LoaderConfig, Position};
+use farsight_data::{Batch, ItemKey, KittiDataset, Loader, LoaderConfig, Position};
 use farsight_files::{DurableError, write_atomically};
-use farsight_net::build::{network, with_surface_head};
-use farsight_net::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
-use farsight_net::model::{Model, ModelError};
-use farsight_net::onnx::key;
+use farsight_net::graph::Graph;
+use farsight_net::model::ModelError;
 use farsight_net::refiner::RefinerError;
-use farsight_net::weights::{Weights, WeightsError};
+use farsight_net::weights::WeightsError;
 use farsight_synth::SceneStream;
-use tch::{Device, no_grad};
+use serde::Serialize;
+use tch::Device;
 use thiserror::Error;
 
+use crate::adam::BadGradient;
 use crate::checkpoint::{CheckpointError, Progress};
-use crate::config::{DataConfig, RunConfig};
-use crate::executor::{ExecutorError, Mode};
-use crate::learner::Learner;
-use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss, surface_loss};
-use crate::metrics::{MetricsWriter, Record};
-use crate::samples::{Sampler, TrainBatch, TrainSample};
+use crate::config::DataConfig;
+use crate::executor::ExecutorError;
+use crate::learner::{Learner, LearnerSettings};
+use crate::metrics::{Lesson, MetricsWriter, Record, Terms, Window};
 use crate::sources::{FrameSource, KittiSource, RenderedSource};
 
 pub use crate::learner::Taken;
 
 /// Name of the checkpoint in a run's folder.
 pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
-
-/// Name of the trained model in a run's folder.
-pub const MODEL_FILE: &str = "model.safetensors";
 
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "config.toml";
@@ -115,6 +107,17 @@ pub enum TrainError {
     },
 }
 
+/// A run about to happen.
+#[derive(Debug)]
+pub struct Job<R> {
+    /// What and how.
+    pub run: R,
+    /// Folder of checkpoints, metrics and what was trained.
+    pub out: PathBuf,
+    /// Whether to go on with the run that is there.
+    pub resume: bool,
+}
+
 /// Where a run starts, or goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Beginning {
@@ -127,83 +130,190 @@ pub struct Beginning {
 }
 
 /// Told how a run goes.
-pub trait Observer {
+pub trait Observer<T> {
     /// The run starts, or goes on.
     fn begin(&mut self, beginning: Beginning);
     /// A step is done; the numbers are its own.
-    fn step(&mut self, record: &Record);
+    fn step(&mut self, record: &Record<T>);
 }
 
-/// A run about to happen.
+/// A config as the loop sees it.
+pub(crate) trait Run: Serialize {
+    /// Where the frames come from.
+    fn data(&self) -> &DataConfig;
+    /// How the run goes through them.
+    fn pace(&self) -> Pace;
+    /// How the network starts and learns.
+    fn learner(&self) -> LearnerSettings;
+    /// The run without what does not change its steps.
+    fn identity(&self) -> Self;
+}
+
+/// How a run goes through its frames.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pace {
+    pub(crate) epochs: u64,
+    /// Frames a step.
+    pub(crate) batch_size: usize,
+    /// Seed of the order of the frames, and of rendered ones.
+    pub(crate) seed: u64,
+    pub(crate) log_steps: u64,
+    pub(crate) checkpoint_steps: u64,
+    /// Threads of libtorch; 0 for its own choice.
+    pub(crate) threads: usize,
+}
+
+/// A kind of network that can be taught.
+pub(crate) trait Pupil {
+    /// What is prepared of a frame.
+    type Sample: Send + 'static;
+    /// What a step is judged by.
+    type Terms: Terms;
+
+    fn learner(&mut self) -> &mut Learner;
+
+    /// The learning rate of a step, of so many in all.
+    fn rate(&self, step: u64, total: u64) -> f64;
+
+    /// Name of the frame.
+    fn name(sample: &Self::Sample) -> &str;
+
+    /// One step of the optimiser; none when there is nothing to learn from these samples.
+    fn step(&mut self, samples: Vec<Self::Sample>, rate: f64) -> Result<Option<Lesson<Self::Terms>>, NotFinite>;
+}
+
+/// A number that is not finite.
 #[derive(Debug)]
-pub struct Job {
-    /// What and how.
-    pub run: RunConfig,
-    /// Folder of checkpoints, metrics and the model.
-    pub out: PathBuf,
-    /// Whether to go on with the run that is there.
-    pub resume: bool,
+pub(crate) struct NotFinite {
+    /// The loss term or the gradient.
+    pub(crate) what: String,
+    pub(crate) value: f64,
 }
 
-/// Trains, and writes model, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the model.
-///
-/// # Errors
-/// See [`TrainError`].
-pub fn train(job: &Job, observer: &mut dyn Observer) -> Result<PathBuf, TrainError> {
-    let device = Device::cuda_if_available();
-    crate::set_threads((job.run.train.threads > 0).then_some(job.run.train.threads));
-    let sampler = sampler(&job.run)?;
-    let frames = match job.run.data.limit {
-        0 => sampler.len(),
-        limit => limit.min(sampler.len()),
-    };
-    let checkpoint_path = job.out.join(CHECKPOINT_FILE);
-    prepare_folder(&job.out, job.resume)?;
-    let (mut trainer, progress) = Trainer::start(job, &checkpoint_path, device)?;
-    let resolved = toml::to_string(&job.run)?;
-    write_atomically(&job.out.join(CONFIG_FILE), |file| file.write_all(resolved.as_bytes()))?;
-    let (sampler, epochs) = (Arc::new(sampler), job.run.train.epochs);
-    let loader = loader(&job.run, &sampler, frames, progress.position, Some(epochs))?;
-    let batches_per_epoch = loader.batches_per_epoch();
-    let total = batches_per_epoch * epochs;
-    let mut metrics = metrics(&job.out, progress.steps)?;
-    observer.begin(Beginning { done: progress.steps, total, taken: trainer.learner.taken });
-
-    let mut progress = progress;
-    let mut window = Window::new();
-    for batch in loader {
-        let Batch { position, items } = batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
-        let mut batch = TrainBatch::new(items, job.run.model.input, device);
-        batch.targets = batch.targets.with_neighbours(job.run.train.neighbour_cells);
-        let record = trainer.step(&batch, progress.steps, position.epoch, total)?;
-        progress = Progress { steps: progress.steps + 1, position: following(position, batches_per_epoch) };
-        let record = window.add(record, batch.ids.len());
-        observer.step(&record);
-        if progress.steps % job.run.train.log_steps == 0 || progress.steps == total {
-            let write_error = |source| TrainError::Write { path: job.out.clone(), source };
-            let record = window.finish(record);
-            metrics.write(record.step, &record, record.scalars()).map_err(write_error)?;
-        }
-        if progress.steps % job.run.train.checkpoint_steps == 0 || progress.steps == total {
-            trainer.learner.write(&checkpoint_path, progress, &job.run.identity())?;
-        }
+impl From<BadGradient> for NotFinite {
+    fn from(bad: BadGradient) -> Self {
+        Self { what: bad.what(), value: bad.norm }
     }
-    trainer.learner.settle();
-    if let Some(batches) = job.run.train.statistics_batches {
-        let after = Position { epoch: epochs, batch: 0 };
-        trainer.gather_statistics(self::loader(&job.run, &sampler, frames, after, None)?.take(batches as usize))?;
-    }
-    let path = job.out.join(MODEL_FILE);
-    trainer.model(progress, frames)?.write(&path)?;
-    Ok(path)
 }
 
-fn sampler(run: &RunConfig) -> Result<Sampler, TrainError> {
-    Ok(Sampler::new(source(&run.data, run.train.seed)?, &run.model, run.augmentation.clone()))
+/// A job whose data are open and whose folder is there.
+#[derive(Debug)]
+pub(crate) struct Session<'a, R> {
+    job: &'a Job<R>,
+    pace: Pace,
+    /// Frames in an epoch.
+    pub(crate) frames: usize,
+}
+
+impl<'a, R: Run> Session<'a, R> {
+    /// Opens the data, which are returned too, and makes the folder.
+    pub(crate) fn open(job: &'a Job<R>) -> Result<(Self, Box<dyn FrameSource>), TrainError> {
+        let (data, pace) = (job.run.data(), job.run.pace());
+        crate::set_threads((pace.threads > 0).then_some(pace.threads));
+        let source = source(data, pace.seed)?;
+        let frames = if data.limit == 0 { source.len() } else { data.limit.min(source.len()) };
+        prepare_folder(&job.out, job.resume)?;
+        Ok((Self { job, pace, frames }, source))
+    }
+
+    fn checkpoint_path(&self) -> PathBuf {
+        self.job.out.join(CHECKPOINT_FILE)
+    }
+
+    /// A network that learns: fresh, or from the checkpoint when the job resumes and there is one.
+    pub(crate) fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
+        let path = self.checkpoint_path();
+        let checkpoint = (self.job.resume && path.exists()).then_some(path.as_path());
+        let run = &self.job.run;
+        Learner::start(graph, &run.learner(), checkpoint, &run.identity(), Device::cuda_if_available())
+    }
+
+    /// Batches of what `sample` makes of the frames.
+    pub(crate) fn loader<S: Send + 'static>(
+        &self,
+        start: Position,
+        epochs: Option<u64>,
+        sample: impl Fn(ItemKey) -> Result<S, DatasetError> + Send + Sync + 'static,
+    ) -> Result<Loader<S, DatasetError>, LoaderError> {
+        let DataConfig { workers, prefetch, .. } = *self.job.run.data();
+        let config = LoaderConfig {
+            items: self.frames,
+            batch_size: self.pace.batch_size.min(self.frames),
+            seed: self.pace.seed,
+            shuffle: true,
+            drop_last: true,
+            workers,
+            prefetch,
+            start,
+            epochs,
+        };
+        Loader::new(&config, sample)
+    }
+
+    /// Teaches `pupil` what is left of the run after `progress`, and writes checkpoints, metrics and the resolved config. In the end the network has the
+    /// weights that the run is for.
+    pub(crate) fn teach<P: Pupil>(
+        &self,
+        pupil: &mut P,
+        mut progress: Progress,
+        sample: impl Fn(ItemKey) -> Result<P::Sample, DatasetError> + Send + Sync + 'static,
+        observer: &mut dyn Observer<P::Terms>,
+    ) -> Result<Progress, TrainError> {
+        let Job { run, out, .. } = self.job;
+        let write_error = |source| TrainError::Write { path: out.clone(), source };
+        let resolved = toml::to_string(run)?;
+        write_atomically(&out.join(CONFIG_FILE), |file| file.write_all(resolved.as_bytes()))?;
+        let loader = self.loader(progress.position, Some(self.pace.epochs), sample)?;
+        let batches = loader.batches_per_epoch();
+        let total = batches * self.pace.epochs;
+        let mut metrics = MetricsWriter::open(out, progress.steps).map_err(write_error)?;
+        observer.begin(Beginning { done: progress.steps, total, taken: pupil.learner().taken });
+
+        let mut window = Window::new();
+        for batch in loader {
+            let Batch { position, items } =
+                batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
+            let rate = pupil.rate(progress.steps, total);
+            let lesson = step(pupil, items, progress.steps, rate)?;
+            progress = Progress { steps: progress.steps + 1, position: following(position, batches) };
+            if let Some(lesson) = &lesson {
+                observer.step(&window.add(lesson, progress.steps, position.epoch, rate));
+            }
+            let is_due = |every: u64| progress.steps.is_multiple_of(every) || progress.steps == total;
+            if is_due(self.pace.log_steps) {
+                metrics.write(&window.finish(progress.steps, position.epoch, rate)).map_err(write_error)?;
+            }
+            if is_due(self.pace.checkpoint_steps) {
+                pupil.learner().write(&self.checkpoint_path(), progress, &run.identity())?;
+            }
+        }
+        pupil.learner().settle();
+        Ok(progress)
+    }
+}
+
+/// One step, which counts even when there is nothing to learn.
+fn step<P: Pupil>(
+    pupil: &mut P,
+    samples: Vec<P::Sample>,
+    step: u64,
+    rate: f64,
+) -> Result<Option<Lesson<P::Terms>>, TrainError> {
+    let frames: Vec<String> = samples.iter().map(|sample| P::name(sample).to_owned()).collect();
+    let lesson = pupil.step(samples, rate).map_err(|NotFinite { what, value }| TrainError::NotFinite {
+        step,
+        what,
+        value,
+        frames,
+    })?;
+    if lesson.is_none() {
+        pupil.learner().rest();
+    }
+    Ok(lesson)
 }
 
 /// The frames that `data` names; rendered ones from this seed.
-pub(crate) fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
+fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
     let source: Box<dyn FrameSource> = match (&data.rendered, &data.root) {
         (Some(rendered), _) => {
             let stream = SceneStream { world: rendered.world.clone(), seed };
@@ -216,7 +326,7 @@ pub(crate) fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource
 }
 
 /// Makes the folder of a run, which must not hold another one.
-pub(crate) fn prepare_folder(out: &Path, resume: bool) -> Result<(), TrainError> {
+fn prepare_folder(out: &Path, resume: bool) -> Result<(), TrainError> {
     fs::create_dir_all(out).map_err(|source| TrainError::Write { path: out.into(), source })?;
     if !resume && out.join(CHECKPOINT_FILE).exists() {
         return Err(TrainError::Occupied(out.into()));
@@ -224,186 +334,11 @@ pub(crate) fn prepare_folder(out: &Path, resume: bool) -> Result<(), TrainError>
     Ok(())
 }
 
-pub(crate) fn metrics(out: &Path, steps: u64) -> Result<MetricsWriter, TrainError> {
-    MetricsWriter::open(out, steps).map_err(|source| TrainError::Write { path: out.into(), source })
-}
-
-type TrainLoader = Loader<TrainSample, DatasetError>;
-
-type TrainItems = Result<Batch<TrainSample>, ItemError<DatasetError>>;
-
-fn loader(
-    run: &RunConfig,
-    sampler: &Arc<Sampler>,
-    frames: usize,
-    start: Position,
-    epochs: Option<u64>,
-) -> Result<TrainLoader, LoaderError> {
-    let batch_size = run.train.batch_size.min(frames);
-    let config = LoaderConfig {
-        items: frames,
-        batch_size,
-        seed: run.train.seed,
-        shuffle: true,
-        drop_last: true,
-        workers: run.data.workers,
-        prefetch: run.data.prefetch,
-        start,
-        epochs,
-    };
-    let sampler = Arc::clone(sampler);
-    Loader::new(&config, move |key| sampler.sample(key))
-}
-
 /// The batch after the one at `position`.
-pub(crate) fn following(position: Position, batches_per_epoch: u64) -> Position {
+fn following(position: Position, batches_per_epoch: u64) -> Position {
     if position.batch + 1 < batches_per_epoch {
         Position { batch: position.batch + 1, ..position }
     } else {
         Position { epoch: position.epoch + 1, batch: 0 }
-    }
-}
-
-/// Network, optimiser and what they need to take a step.
-struct Trainer<'a> {
-    job: &'a Job,
-    learner: Learner,
-    /// Logits, regression and, where it is taught, the surface.
-    outputs: Vec<NodeId>,
-    is_narrowed: bool,
-    codec: Codec,
-}
-
-impl<'a> Trainer<'a> {
-    /// Fresh, or from the checkpoint when the job resumes and there is one.
-    fn start(job: &'a Job, checkpoint_path: &Path, device: Device) -> Result<(Self, Progress), TrainError> {
-        let run = &job.run;
-        let graph = start_graph(run)?;
-        let is_narrowed = graph != network(&run.model);
-        let missing = |name: &str| ExecutorError::Missing(name.to_owned());
-        let graph = if run.train.surface_weight > 0.0 {
-            with_surface_head(graph, run.model.norm).ok_or_else(|| missing(FEATURES))?
-        } else {
-            graph
-        };
-        let output = |name: &str| graph.tap(name).ok_or_else(|| missing(name));
-        let mut outputs = vec![output(LOGITS)?, output(REGRESSION)?];
-        outputs.extend(graph.tap(SURFACE));
-        let checkpoint = (job.resume && checkpoint_path.exists()).then_some(checkpoint_path);
-        let (learner, progress) = Learner::start(graph, &run.train.learner(), checkpoint, &run.identity(), device)?;
-        Ok((Self { job, learner, outputs, is_narrowed, codec: run.model.codec() }, progress))
-    }
-
-    /// One step of the optimiser on `batch`, the `step`-th of `total`.
-    fn step(&mut self, batch: &TrainBatch, step: u64, epoch: u64, total: u64) -> Result<Record, TrainError> {
-        let config = &self.job.run.train;
-        let maps = self.learner.network.forward(&batch.input, Mode::Train, &self.outputs);
-        let full_weight_m = (config.full_weight_m > 0.0).then_some(config.full_weight_m);
-        let divisor = CORNER_DIVISOR_PER_IMAGE * batch.ids.len() as f64;
-        let weights = CornerWeights {
-            divisor,
-            full_weight_m,
-            orientation: config.orientation_weight,
-            dimensions: config.dimensions_weight,
-            image: config.image_weight,
-        };
-        let (mut objective, mut terms) = loss(&self.codec, &maps[0], &maps[1], &batch.targets, weights);
-        if let (Some(predicted), Some(surface_m)) = (maps.get(2), &batch.targets.surface_m) {
-            let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * config.surface_weight;
-            terms.surface = surface.double_value(&[]);
-            objective += surface;
-        }
-        check_terms(&terms, step, batch)?;
-
-        let learning_rate = config.learning_rate * config.schedule.factor(step, total, config.warm_up_steps);
-        let descended = self.learner.descend(&objective, learning_rate);
-        let gradient_norm = descended.map_err(|bad| not_finite(step, bad.what(), bad.norm, batch))?;
-        let (loss, samples_per_second) = (terms.total(), 0.0);
-        Ok(Record { step: step + 1, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second })
-    }
-
-    /// Takes the statistics of batch norm anew, as means over `batches`: those gathered while learning are of the last dozens of steps only.
-    fn gather_statistics(&self, batches: impl Iterator<Item = TrainItems>) -> Result<(), TrainError> {
-        let network = &self.learner.network;
-        let device = network.device();
-        for (done, batch) in batches.enumerate() {
-            let step = done as u64;
-            let items = batch.map_err(|source| TrainError::Sample { step, source })?.items;
-            let batch = TrainBatch::new(items, self.job.run.model.input, device);
-            let mode = Mode::Gather { share: 1.0 / (step + 1) as f64 };
-            no_grad(|| network.forward(&batch.input, mode, &self.outputs));
-        }
-        Ok(())
-    }
-
-    fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {
-        let run = &self.job.run;
-        let mut weights = self.learner.network.weights();
-        let facts = serde_json::json!({
-            "steps": progress.steps,
-            "epochs": run.train.epochs,
-            "batch_size": run.train.batch_size,
-            "seed": run.train.seed,
-            "frames": frames,
-            "data": if run.data.rendered.is_some() { "rendered scenes".into() } else { run.data.split.display().to_string() },
-        });
-        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
-        if self.is_narrowed {
-            Model::narrowed(run.model.clone(), weights)
-        } else {
-            Model::new(run.model.clone(), weights)
-        }
-    }
-}
-
-/// The network of the config, or the narrower one of the same kind that the run starts from.
-fn start_graph(run: &RunConfig) -> Result<Graph, TrainError> {
-    if let Some(path) = &run.train.start_from {
-        let weights = Weights::read(path)?;
-        if Model::marks_narrowed(&weights) {
-            return Ok(Model::narrowed(run.model.clone(), weights)?.graph);
-        }
-    }
-    Ok(network(&run.model))
-}
-
-fn check_terms(terms: &LossTerms, step: u64, batch: &TrainBatch) -> Result<(), TrainError> {
-    match terms.named().into_iter().find(|(_, value)| !value.is_finite()) {
-        Some((name, value)) => Err(not_finite(step, format!("loss term \"{name}\""), value, batch)),
-        None => Ok(()),
-    }
-}
-
-fn not_finite(step: u64, what: String, value: f64, batch: &TrainBatch) -> TrainError {
-    TrainError::NotFinite { step, what, value, frames: batch.ids.clone() }
-}
-
-/// Means over the steps since the last record that was written.
-struct Window {
-    started: Instant,
-    samples: usize,
-    steps: usize,
-    sums: LossTerms,
-}
-
-impl Window {
-    fn new() -> Self {
-        Self { started: Instant::now(), samples: 0, steps: 0, sums: LossTerms::ZERO }
-    }
-
-    /// Counts `record`, of a batch of `samples`, and gives it the speed so far.
-    fn add(&mut self, record: Record, samples: usize) -> Record {
-        self.samples += samples;
-        self.steps += 1;
-        self.sums = self.sums.zip_with(&record.terms, |sum, term| sum + term);
-        Record { samples_per_second: self.samples as f64 / self.started.elapsed().as_secs_f64(), ..record }
-    }
-
-    /// `last` with the means of the window, and a new window.
-    fn finish(&mut self, last: Record) -> Record {
-        let count = self.steps.max(1) as f64;
-        let terms = self.sums.zip_with(&LossTerms::ZERO, |sum, _| sum / count);
-        *self = Self::new();
-        Record { loss: terms.total(), terms, ..last }
     }
 }

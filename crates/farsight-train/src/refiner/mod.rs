@@ -6,4 +6,4 @@ mod samples;
 mod trainer;
 
 pub use config::RefinerRun;
-pub use trainer::{REFINER_FILE, RefinerJob, RefinerObserver, RefinerRecord, train};
+pub use trainer::{REFINER_FILE, RefinerTerms, train};

@@ -13,8 +13,9 @@ use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
 use farsight_net::weights::{WeightTensor, Weights};
 use farsight_train::config::DataConfig;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
-use farsight_train::refiner::{RefinerJob, RefinerObserver, RefinerRecord, RefinerRun, train};
-use farsight_train::trainer::{Beginning, TrainError};
+use farsight_train::metrics::Record;
+use farsight_train::refiner::{RefinerRun, RefinerTerms, train};
+use farsight_train::trainer::{Beginning, Job, Observer, TrainError};
 use image::{Rgb, RgbImage};
 use tch::{Device, Tensor, no_grad};
 
@@ -22,13 +23,13 @@ use crate::tiny::{camera, car, data_set};
 
 #[derive(Debug, Default)]
 struct Kept {
-    records: Vec<RefinerRecord>,
+    records: Vec<Record<RefinerTerms>>,
 }
 
-impl RefinerObserver for Kept {
+impl Observer<RefinerTerms> for Kept {
     fn begin(&mut self, _: Beginning) {}
 
-    fn record(&mut self, record: &RefinerRecord) {
+    fn step(&mut self, record: &Record<RefinerTerms>) {
         self.records.push(*record);
     }
 }
@@ -54,7 +55,7 @@ fn detection(box2d: Box2d, box3d: Box3d) -> Detection {
 
 fn trained(run: &RefinerRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
     let mut kept = Kept::default();
-    let job = RefinerJob { run: run.clone(), out: out.to_owned(), resume };
+    let job = Job { run: run.clone(), out: out.to_owned(), resume };
     train(&job, &mut kept).map(|path| (fs::read(path).unwrap(), kept))
 }
 
@@ -64,7 +65,9 @@ fn a_small_refiner_learns_a_small_set() {
     let mut run = run(folder.path());
     run.train.epochs = 400;
     let (_, kept) = trained(&run, &folder.path().join("run"), false).unwrap();
-    let mean = |records: &[RefinerRecord]| records.iter().map(|r| r.depth_error).sum::<f64>() / records.len() as f64;
+    let mean = |records: &[Record<RefinerTerms>]| {
+        records.iter().map(|r| r.terms.depth_error).sum::<f64>() / records.len() as f64
+    };
     let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
     assert!(last < 0.3 * first, "depths off by {first} to {last}");
 }
@@ -93,9 +96,9 @@ fn false_alarms_teach_what_nothing_looks_like() {
     run.train.first_looks = Some(looks.clone());
     let out = folder.path().join("run");
     let (_, kept) = trained(&run, &out, false).unwrap();
-    let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| record.kind_error).sum();
+    let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| record.terms.kind_error).sum();
     assert!(mistaken < 20.0 * 0.1, "{mistaken} of 20 cut-outs mistaken");
-    assert!(kept.records[0].kind_error > 0.3, "nothing was to be learnt");
+    assert!(kept.records[0].terms.kind_error > 0.3, "nothing was to be learnt");
 
     let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
     let image = image::open(image_path(3)).unwrap().into_rgb8();
@@ -148,7 +151,7 @@ fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
     let out = folder.path().join("parts");
     let mut stopper = Stopper { after: 5, seen: 0 };
     run.data.workers = 3;
-    let job = RefinerJob { run: run.clone(), out: out.clone(), resume: false };
+    let job = Job { run: run.clone(), out: out.clone(), resume: false };
     let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| train(&job, &mut stopper)));
     assert!(stopped.is_err() && !out.join("refiner.safetensors").exists());
     let (parts, kept) = trained(&run, &out, true).unwrap();
@@ -167,10 +170,10 @@ struct Stopper {
     seen: usize,
 }
 
-impl RefinerObserver for Stopper {
+impl Observer<RefinerTerms> for Stopper {
     fn begin(&mut self, _: Beginning) {}
 
-    fn record(&mut self, _: &RefinerRecord) {
+    fn step(&mut self, _: &Record<RefinerTerms>) {
         self.seen += 1;
         assert!(self.seen < self.after, "stopped");
     }

@@ -7,7 +7,9 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use crate::tiny::{Silent, data_set, run_config};
-use farsight_train::trainer::{Job, MODEL_FILE, train};
+use farsight_train::config::RunConfig;
+use farsight_train::detector::{MODEL_FILE, train};
+use farsight_train::trainer::Job;
 
 /// Where the child finds its data; its presence makes [`child_process`] do something.
 const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";
@@ -15,7 +17,7 @@ const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";
 /// How often the run is killed.
 const KILLS: usize = 4;
 
-fn job(data: &Path, out: &str, resume: bool) -> Job {
+fn job(data: &Path, out: &str, resume: bool) -> Job<RunConfig> {
     let mut run = run_config(data);
     run.train.epochs = 8;
     run.train.checkpoint_steps = 3;

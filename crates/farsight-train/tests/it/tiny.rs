@@ -9,6 +9,7 @@ use farsight_data::AugmentationConfig;
 use farsight_data::kitti::{Calibration, write_labels};
 use farsight_net::config::{ModelConfig, NeckKind, NormKind};
 use farsight_train::config::{DataConfig, RunConfig, TrainConfig};
+use farsight_train::loss::LossTerms;
 use farsight_train::metrics::Record;
 use farsight_train::trainer::{Beginning, Observer};
 use image::{Rgb, RgbImage};
@@ -21,10 +22,10 @@ pub(crate) struct Silent {
     pub(crate) losses: Vec<f64>,
 }
 
-impl Observer for Silent {
+impl Observer<LossTerms> for Silent {
     fn begin(&mut self, _: Beginning) {}
 
-    fn step(&mut self, record: &Record) {
+    fn step(&mut self, record: &Record<LossTerms>) {
         self.losses.push(record.loss);
     }
 }

@@ -11,10 +11,11 @@ use farsight_net::graph::Role;
 use farsight_net::model::Model;
 use farsight_net::weights::Weights;
 use farsight_train::config::RenderedConfig;
+use farsight_train::detector::train;
 use farsight_train::executor::{Precision, values_from_tensor};
-use farsight_train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
-use farsight_train::metrics::Record;
-use farsight_train::trainer::{Beginning, CHECKPOINT_FILE, Job, Observer, TrainError, train};
+use farsight_train::loss::{BatchTargets, CornerWeights, LossTerms, loss, surface_loss};
+use farsight_train::metrics::{Record, Terms};
+use farsight_train::trainer::{Beginning, CHECKPOINT_FILE, Job, Observer, TrainError};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -251,10 +252,10 @@ struct Course {
     steps: Vec<Weights>,
 }
 
-impl Observer for Course {
+impl Observer<LossTerms> for Course {
     fn begin(&mut self, _: Beginning) {}
 
-    fn step(&mut self, record: &Record) {
+    fn step(&mut self, record: &Record<LossTerms>) {
         // Told before the step's own checkpoint is written, so the one that is there is of the step before.
         if record.step > 1 {
             self.steps.push(Weights::read(&self.checkpoint).unwrap());

@@ -44,34 +44,26 @@ pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
     )
 }
 
-/// Trains.
+/// Trains a detector, or a refiner where the config is one's.
 #[cfg(feature = "train")]
 pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
     use farsight_train::config::RunConfig;
     use farsight_train::refiner::RefinerRun;
-    use farsight_train::trainer::{Job, train};
+    use farsight_train::trainer::Job;
+    use farsight_train::{detector, refiner};
 
-    if std::fs::read_to_string(&args.config).is_ok_and(|text| RefinerRun::is_meant(&text)) {
-        return run_refiner(args, printer);
-    }
-    let mut run = RunConfig::read(&args.config)?;
-    args.override_data(&mut run.data);
-    let job = Job { run, out: args.out.clone(), resume: args.resume };
-    let model = train(&job, &mut progress::Progress::new(printer))?;
-    printer.line(&model.display().to_string());
-    Ok(Outcome::Done)
-}
-
-/// Trains a refiner.
-#[cfg(feature = "train")]
-fn run_refiner(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
-    use farsight_train::refiner::{RefinerJob, RefinerRun, train};
-
-    let mut run = RefinerRun::read(&args.config)?;
-    args.override_data(&mut run.data);
-    let job = RefinerJob { run, out: args.out.clone(), resume: args.resume };
-    let refiner = train(&job, &mut progress::Progress::new(printer))?;
-    printer.line(&refiner.display().to_string());
+    let (out, resume) = (args.out.clone(), args.resume);
+    let mut progress = progress::Progress::new(printer);
+    let trained = if std::fs::read_to_string(&args.config).is_ok_and(|text| RefinerRun::is_meant(&text)) {
+        let mut run = RefinerRun::read(&args.config)?;
+        args.override_data(&mut run.data);
+        refiner::train(&Job { run, out, resume }, &mut progress)?
+    } else {
+        let mut run = RunConfig::read(&args.config)?;
+        args.override_data(&mut run.data);
+        detector::train(&Job { run, out, resume }, &mut progress)?
+    };
+    printer.line(&trained.display().to_string());
     Ok(Outcome::Done)
 }
 
@@ -80,8 +72,7 @@ mod progress {
     use std::io::{IsTerminal, stderr};
     use std::time::{Duration, Instant};
 
-    use farsight_train::metrics::Record;
-    use farsight_train::refiner::{RefinerObserver, RefinerRecord};
+    use farsight_train::metrics::{Record, Terms};
     use farsight_train::trainer::{Beginning, Observer, Taken};
     use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
@@ -109,7 +100,7 @@ mod progress {
         }
     }
 
-    impl Progress<'_> {
+    impl<T: Terms> Observer<T> for Progress<'_> {
         fn begin(&mut self, Beginning { done, total, taken }: Beginning) {
             if let Some(Taken { tensors, of }) = taken {
                 self.printer.status(&format!("starts from {tensors} of its {of} tensors; the others are random"));
@@ -119,47 +110,27 @@ mod progress {
             self.bar.reset_eta();
         }
 
-        fn advance(&mut self, step: u64, summary: &str) {
-            self.bar.set_position(step);
-            self.bar.set_message(summary.to_owned());
-            let total = self.bar.length().unwrap_or(step);
-            if self.line_is_due() || step == total {
+        fn step(&mut self, record: &Record<T>) {
+            let summary = summary(record);
+            self.bar.set_position(record.step);
+            self.bar.set_message(summary.clone());
+            let total = self.bar.length().unwrap_or(record.step);
+            if self.line_is_due() || record.step == total {
                 let left = HumanDuration(self.bar.eta());
-                self.printer.status(&format!("step {step}/{total}  {left} left  {summary}"));
+                self.printer.status(&format!("step {}/{total}  {left} left  {summary}", record.step));
                 self.last_line = Some(Instant::now());
             }
         }
     }
 
-    impl Observer for Progress<'_> {
-        fn begin(&mut self, beginning: Beginning) {
-            Self::begin(self, beginning);
-        }
-
-        fn step(&mut self, record: &Record) {
-            self.advance(record.step, &summary(record));
-        }
-    }
-
-    impl RefinerObserver for Progress<'_> {
-        fn begin(&mut self, beginning: Beginning) {
-            Self::begin(self, beginning);
-        }
-
-        fn record(&mut self, record: &RefinerRecord) {
-            let RefinerRecord { step, loss, depth_error, kind_error, learning_rate, samples_per_second } = record;
-            let summary = format!(
-                "loss {loss:.3}  depth off by {:.1}%  {:.1}% mistaken  rate {learning_rate:.1e}  {samples_per_second:.0} cut-outs/s",
-                100.0 * depth_error,
-                100.0 * kind_error
-            );
-            self.advance(*step, &summary);
-        }
-    }
-
-    fn summary(record: &Record) -> String {
-        let terms = record.terms.named().map(|(name, value)| format!("{name} {value:.3}")).join("  ");
+    fn summary<T: Terms>(record: &Record<T>) -> String {
+        let terms: Vec<String> =
+            record.terms.named().iter().map(|(name, value)| format!("{name} {value:.3}")).collect();
         let Record { epoch, loss, learning_rate, samples_per_second, .. } = record;
-        format!("epoch {epoch}  loss {loss:.3}  {terms}  rate {learning_rate:.1e}  {samples_per_second:.1} images/s")
+        format!(
+            "epoch {epoch}  loss {loss:.3}  {}  rate {learning_rate:.1e}  {samples_per_second:.1} {}/s",
+            terms.join("  "),
+            T::SAMPLES
+        )
     }
 }
