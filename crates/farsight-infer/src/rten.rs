@@ -44,6 +44,7 @@ impl Network {
             GlobalAveragePool,
             GridSample,
             InstanceNormalization,
+            MatMul,
             MaxPool,
             Mul,
             QuantizeLinear,
@@ -54,6 +55,7 @@ impl Network {
             Shape,
             Sigmoid,
             Slice,
+            Softmax,
             Split,
             Sub,
             Transpose
