@@ -45,10 +45,6 @@ pub const EDGES: [[usize; 2]; 12] =
 /// Corners of the front face (the +x side of an object with yaw 0), in order around it.
 pub const FRONT_FACE: [usize; 4] = [1, 2, 3, 4];
 
-/// Corners of the lower and of the upper face.
-pub(crate) const LOWER_FACE: [usize; 4] = [2, 3, 6, 7];
-pub(crate) const UPPER_FACE: [usize; 4] = [0, 1, 4, 5];
-
 /// Points nearer than this in front of the camera are not projected, metres.
 pub const NEAR_PLANE_M: f64 = 0.1;
 

@@ -14,7 +14,7 @@ pub use kinds::{KINDS, NOTHING, kind_of};
 pub use looks::{LooksExample, TwoLooks};
 pub use scores::{Evidence, LooksScore, LooksScores, ScoredLooks};
 
-use crate::box3d::{LOWER_FACE, UPPER_FACE, ray_angle};
+use crate::box3d::ray_angle;
 use crate::input::{ChannelOrder, InputRules, Sampling};
 use crate::{Affine2, Box2d, Box3d, Camera, Dimensions, wrapped_angle};
 
@@ -138,30 +138,6 @@ impl Crop {
         targets.iter().all(|target| target.is_finite()).then_some(targets)
     }
 
-    /// Where a point is seen: sides of the cut-out from its middle; `None` behind the camera.
-    pub fn place_of(&self, point: [f64; 3]) -> Option<[f64; 2]> {
-        Some(self.camera.pixel_from_point(point)?.map(|at| at / self.side as f64 - 0.5))
-    }
-
-    /// Where the box of `object` has corners: those of the lower face, then of the upper one. Columns go from left to right, rows from top to bottom, each by
-    /// themselves, so that they change little when the object turns a little, and not at all when its front and its rear are mistaken for each other.
-    /// `None` when a corner is behind the camera.
-    pub fn corners(&self, object: &Box3d) -> Option<[[f64; 2]; 8]> {
-        let corners = object.corners();
-        let mut places = [[0.0; 2]; 8];
-        for (face, places) in [LOWER_FACE, UPPER_FACE].iter().zip(places.as_chunks_mut::<4>().0) {
-            for (place, &corner) in places.iter_mut().zip(face) {
-                *place = self.place_of(corners[corner])?;
-            }
-            for axis in [0, 1] {
-                let mut sorted: [f64; 4] = std::array::from_fn(|corner| places[corner][axis]);
-                sorted.sort_by(f64::total_cmp);
-                (0..4).for_each(|corner| places[corner][axis] = sorted[corner]);
-            }
-        }
-        Some(places)
-    }
-
     /// What an answer of the network says. Inverse of [`Crop::encode`]; `None` when the numbers are no place.
     pub fn decode(&self, answer: &[f64; OUTPUT_CHANNELS]) -> Option<Refinement> {
         let [depth, u, v, l, h, w, cos, minus_sin, depth_error, _, kinds @ ..] = *answer;
@@ -208,9 +184,6 @@ mod tests {
     pub(super) fn car(location: [f64; 3], yaw: f64) -> Box3d {
         Box3d { dimensions: Dimensions { height: 1.5, width: 1.6, length: 3.9 }, location, yaw }
     }
-
-    /// The margin leaves so much, sides from the middle, to a box that was cut out where it is.
-    const FARTHEST: f64 = 0.5 / MARGIN + 0.01;
 
     fn crop(object: &Box3d) -> Crop {
         Crop::around(&object.projected(&camera()).expect("in front"), &camera(), 96).expect("a box")
@@ -260,28 +233,6 @@ mod tests {
             let side = crop.side as f64;
             prop_assert!((seen.x1 + seen.x2 - side).abs() < 1e-6 && (seen.y1 + seen.y2 - side).abs() < 1e-6);
             prop_assert!((seen.width().max(seen.height()) - side / MARGIN).abs() < 1e-6);
-        }
-
-        #[test]
-        fn corners_lie_where_the_box_is_seen(x in -20.0..20.0, z in 5.0..80.0, yaw in -3.1..3.1) {
-            let object = car([x, 1.6, z], yaw);
-            let crop = crop(&object);
-            let corners = crop.corners(&object).expect("in front");
-            let around = Box2d::around(corners).expect("eight points");
-            let seen = object.projected(&crop.camera).expect("in front");
-            let pixels = [around.x1, around.y1, around.x2, around.y2].map(|at| (at + 0.5) * crop.side as f64);
-            for (found, expected) in pixels.into_iter().zip([seen.x1, seen.y1, seen.x2, seen.y2]) {
-                prop_assert!((found - expected).abs() < 1e-6, "{:?}, not {:?}", around, seen);
-            }
-            prop_assert!(corners.iter().flatten().all(|at| at.abs() < FARTHEST));
-            for axis in [0, 1] {
-                let of_face = |face: &[[f64; 2]]| face.iter().map(|corner| corner[axis]).collect::<Vec<f64>>();
-                prop_assert!(of_face(&corners[..4]).is_sorted() && of_face(&corners[4..]).is_sorted());
-            }
-            let turned = crop.corners(&Box3d { yaw: yaw + std::f64::consts::PI, ..object }).expect("in front");
-            for (a, b) in corners.as_flattened().iter().zip(turned.as_flattened()) {
-                prop_assert!((a - b).abs() < 1e-9, "front and rear differ");
-            }
         }
 
         #[test]

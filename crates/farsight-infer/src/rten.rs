@@ -44,7 +44,6 @@ impl Network {
             GlobalAveragePool,
             GridSample,
             InstanceNormalization,
-            MatMul,
             MaxPool,
             Mul,
             QuantizeLinear,
@@ -55,7 +54,6 @@ impl Network {
             Shape,
             Sigmoid,
             Slice,
-            Softmax,
             Split,
             Sub,
             Transpose

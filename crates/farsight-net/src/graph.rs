@@ -76,12 +76,6 @@ pub enum Op {
     },
     /// Mean over the whole map, `[batch, channel, 1, 1]`.
     GlobalAveragePool,
-    /// Where each channel of a square map is large: the mean place of its cells, weighted by the softmax over them (an integral regression of
-    /// coordinates). `[batch, 2 channels, 1, 1]`: column and row of one channel after the other, as [`cell_places`] has them.
-    SoftArgmax {
-        /// Cells a side.
-        size: usize,
-    },
     /// Bilinear enlargement with half-pixel centres (corners not aligned).
     Upsample {
         /// Enlargement.
@@ -118,19 +112,12 @@ impl Op {
             | Self::Sigmoid
             | Self::MaxPool { .. }
             | Self::GlobalAveragePool
-            | Self::SoftArgmax { .. }
             | Self::Upsample { .. }
             | Self::Add
             | Self::Multiply
             | Self::Concat => Vec::new(),
         }
     }
-}
-
-/// Column and row of the middle of each cell of a square map, rows first, from -0.5 to 0.5 of its sides.
-pub fn cell_places(size: usize) -> Vec<[f32; 2]> {
-    let place = |cell: usize| (cell as f32 + 0.5) / size as f32 - 0.5;
-    (0..size * size).map(|cell| [place(cell % size), place(cell / size)]).collect()
 }
 
 /// Kernel, stride, padding and dilation of a convolution, the same for both axes.
@@ -268,8 +255,6 @@ impl Graph {
                         Op::UpConv { factor, .. } | Op::Upsample { factor } => [h * factor, w * factor],
                         Op::MaxPool { size } => [h / size, w / size],
                         Op::GlobalAveragePool => [1, 1],
-                        Op::SoftArgmax { size } if [h, w] != [size; 2] => return None,
-                        Op::SoftArgmax { .. } => [1, 1],
                         Op::Add | Op::Concat | Op::WeightedSum { .. } if !node.inputs.iter().all(same_size) => {
                             return None;
                         }
@@ -356,7 +341,6 @@ impl Graph {
             }
             Op::Add | Op::Multiply => self.equal_inputs(node).map(|()| first),
             Op::Concat => Ok(inputs.iter().sum()),
-            Op::SoftArgmax { .. } => Ok(2 * first),
             _ => Ok(first),
         }
     }

@@ -18,24 +18,11 @@ const CONFIG_KEY: &str = "farsight.refiner";
 /// Name of the answer among the taps.
 pub const ANSWER: &str = "refined";
 
-/// Name of where the keypoints are seen among the taps of a network that looks for them: column and row of one after the other, in sides of the cut-out
-/// from its middle.
-pub const KEYPOINTS: &str = "keypoints";
-
-/// The corners of the box, and both ends of the number plate.
-pub const KEYPOINT_COUNT: usize = 10;
-
 /// Every level halves the map; the last one is read whole.
 const LEVELS: usize = 4;
 
-/// The level whose map, a quarter of the cut-out, says where keypoints are.
-const FINEST_LEVEL: usize = 1;
-
 /// The first convolution's window, half the size.
 const STEM: Window = Window::same(5, 2);
-
-/// No layer is wider.
-const MOST_CHANNELS: usize = 4096;
 
 /// A refining network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,38 +34,29 @@ pub struct RefinerConfig {
     pub channels: [usize; LEVELS],
     /// Channels between the last map and the answer.
     pub hidden: usize,
-    /// Channels of the maps in which the corners of the box and the ends of the number plate are looked for; 0 for a network that does not.
-    pub keypoints: usize,
     /// How its answers and the detector's go together.
     pub looks: TwoLooks,
 }
 
 impl Default for RefinerConfig {
     fn default() -> Self {
-        Self { side: 96, channels: [24, 48, 96, 160], hidden: 192, keypoints: 0, looks: TwoLooks::default() }
+        Self { side: 96, channels: [24, 48, 96, 160], hidden: 192, looks: TwoLooks::default() }
     }
 }
 
 impl RefinerConfig {
     /// Why no network can be built of this, if none can.
     pub fn problem(&self) -> Option<String> {
-        let Self { side, channels, hidden, keypoints, looks } = self;
+        let Self { side, channels, hidden, looks } = self;
         if *side == 0 || !side.is_multiple_of(1 << LEVELS) || *side > 1024 {
             return Some(format!("refiner.side is {side}; expected a multiple of 16, at most 1024"));
         }
         if !looks.is_usable() {
-            let expected =
-                "expected factors from 0.01 to 100, a correlation from -0.99 to 0.99 and scores of at most 100";
-            return Some(format!("refiner.looks has numbers that no fit gives; {expected}"));
-        }
-        if *keypoints > MOST_CHANNELS {
-            return Some(format!("refiner.keypoints is {keypoints}; expected at most {MOST_CHANNELS}, or 0 for none"));
+            return Some(format!("refiner.looks is {looks:?}; expected the numbers of a fit"));
         }
         let counts = channels.iter().chain([hidden]);
-        let mut wrong = counts.filter(|count| !(1..=MOST_CHANNELS).contains(*count));
-        wrong
-            .next()
-            .map(|count| format!("refiner.channels or refiner.hidden has {count}; expected 1 to {MOST_CHANNELS}"))
+        let mut wrong = counts.filter(|count| !(1..=4096).contains(*count));
+        wrong.next().map(|count| format!("refiner.channels or refiner.hidden has {count}; expected 1 to 4096"))
     }
 
     /// The network.
@@ -90,44 +68,18 @@ impl RefinerConfig {
         let input = b.input(INPUT_CHANNELS);
         b.stage("refiner");
         let mut x = b.conv_norm_relu(input, "stem.conv", "stem.norm", self.channels[0], STEM);
-        let mut maps = vec![x];
         for (level, &channels) in self.channels.iter().enumerate().skip(1) {
             x = residual_level(&mut b, x, &format!("level{level}"), channels);
-            maps.push(x);
         }
         let whole = Window { kernel: self.side >> LEVELS, stride: 1, padding: 0, dilation: 1 };
         let x = b.conv_norm_relu(x, "whole.conv", "whole.norm", self.hidden, whole);
-        let mut x = b.conv_with_bias(x, "hidden", self.hidden, 1, None);
-        if self.keypoints > 0 {
-            let points = self.keypoints(&mut b, &maps);
-            b.tap(KEYPOINTS, points);
-            let told = b.conv_with_bias(points, "keypoints.hidden", self.hidden, 1, None);
-            x = b.add(x, told);
-        }
+        let x = b.conv_with_bias(x, "hidden", self.hidden, 1, None);
         let x = b.relu(x);
         let place = b.conv_with_bias(x, "answer", PLACE_CHANNELS, 1, None);
         let kinds = b.conv_with_bias(x, "kinds", KINDS, 1, None);
         let answer = b.concat(&[place, kinds]);
         b.tap(ANSWER, answer);
         b.finish()
-    }
-
-    /// Where the keypoints are: the coarse maps are enlarged and added to the finer ones, down to a quarter of the cut-out.
-    fn keypoints(&self, b: &mut Builder, maps: &[NodeId]) -> NodeId {
-        let channels = self.keypoints;
-        let beside = |b: &mut Builder, level: usize| {
-            b.conv_with_bias(maps[level], &format!("keypoints.beside{level}"), channels, 1, None)
-        };
-        let mut x = beside(b, LEVELS - 1);
-        for level in (FINEST_LEVEL..LEVELS - 1).rev() {
-            let enlarged = b.map(Op::Upsample { factor: 2 }, x);
-            let finer = beside(b, level);
-            x = b.add(enlarged, finer);
-            let [conv, norm] = ["conv", "norm"].map(|part| format!("keypoints.{part}{level}"));
-            x = b.conv_norm_relu(x, &conv, &norm, channels, Window::same(3, 1));
-        }
-        let heat = b.conv_with_bias(x, "keypoints.heat", KEYPOINT_COUNT, 1, None);
-        b.soft_argmax(heat, self.side >> (FINEST_LEVEL + 1))
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use farsight_core::ObjectClass;
 use farsight_core::refine::{Evidence, INPUT_CHANNELS, LooksScores, OUTPUT_CHANNELS, ScoredLooks, TwoLooks};
 use farsight_net::init::initial_weights;
-use farsight_net::refiner::{ANSWER, KEYPOINT_COUNT, KEYPOINTS, RefinerConfig, RefinerError, RefinerModel};
+use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerError, RefinerModel};
 
 fn small() -> RefinerConfig {
     RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
@@ -28,15 +28,13 @@ fn scores() -> LooksScores {
 
 #[test]
 fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
-    for (side, hidden, keypoints) in [(16, 4, 0), (96, 192, 0), (160, 32, 0), (16, 4, 1), (96, 192, 48)] {
-        let config = RefinerConfig { side, hidden, keypoints, ..RefinerConfig::default() };
+    for (side, hidden) in [(16, 4), (96, 192), (160, 32)] {
+        let config = RefinerConfig { side, hidden, ..RefinerConfig::default() };
         assert_eq!(config.problem(), None);
         let graph = config.graph();
         assert_eq!(graph.nodes[0].channels, INPUT_CHANNELS);
         let shapes = graph.shapes(side, side).unwrap();
         assert_eq!(shapes[graph.tap(ANSWER).unwrap()], [OUTPUT_CHANNELS, 1, 1], "{side} pixels");
-        let points = graph.tap(KEYPOINTS).map(|points| shapes[points]);
-        assert_eq!(points, (keypoints > 0).then_some([2 * KEYPOINT_COUNT, 1, 1]), "{side} pixels");
     }
 }
 
@@ -48,8 +46,7 @@ fn a_config_of_no_network_is_told() {
         (RefinerConfig { side: 0, ..small() }, "refiner.side is 0"),
         (RefinerConfig { channels: [8, 0, 8, 8], ..small() }, "has 0; expected 1 to 4096"),
         (RefinerConfig { hidden: 0, ..small() }, "has 0; expected 1 to 4096"),
-        (RefinerConfig { keypoints: 5000, ..small() }, "refiner.keypoints is 5000; expected at most 4096"),
-        (RefinerConfig { looks, ..small() }, "refiner.looks has numbers that no fit gives"),
+        (RefinerConfig { looks, ..small() }, "refiner.looks is"),
     ] {
         let problem = config.problem().unwrap();
         assert!(problem.contains(expected), "{problem}");

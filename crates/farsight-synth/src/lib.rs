@@ -9,7 +9,6 @@ pub mod labels;
 pub mod layout;
 mod palette;
 pub mod photo;
-mod plates;
 pub mod render;
 pub mod scene;
 mod shape;

@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use farsight_net::graph::{
-    FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window, cell_places,
-};
+use farsight_net::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window};
 use farsight_net::weights::{WeightTensor, Weights};
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Tensor, no_grad};
@@ -213,11 +211,6 @@ impl Network {
                 x.max_pool2d(size, size, [0; 2], [1; 2], false)
             }
             Op::GlobalAveragePool => x.adaptive_avg_pool2d([1, 1]),
-            Op::SoftArgmax { size } => {
-                let shares = x.flatten(2, 3).softmax(-1, Kind::Float);
-                let places = Tensor::from_slice(cell_places(*size).as_flattened()).view([-1, 2]).to_device(x.device());
-                shares.matmul(&places).view([-1, node.channels as i64, 1, 1])
-            }
             Op::Upsample { factor } => {
                 let size = x.size();
                 let size = [size[2] * *factor as i64, size[3] * *factor as i64];

@@ -159,12 +159,6 @@ impl Builder {
         self.push(op, &[x], channels)
     }
 
-    /// Where each channel of a square map of `size` x `size` cells is large: column and row of one after the other.
-    pub fn soft_argmax(&mut self, x: NodeId, size: usize) -> NodeId {
-        let channels = 2 * self.channels(x);
-        self.push(Op::SoftArgmax { size }, &[x], channels)
-    }
-
     /// Sum of two maps.
     pub fn add(&mut self, a: NodeId, b: NodeId) -> NodeId {
         let channels = self.channels(a);

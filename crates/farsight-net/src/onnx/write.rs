@@ -10,7 +10,7 @@ use super::proto::{
     TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
 };
 use super::{Facts, INPUT, Target, key, quantized};
-use crate::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window, cell_places};
+use crate::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
 use crate::quantize::{Quantization, QuantizedWeights, Range};
 use crate::transform::{Network, PeaksHead};
 use crate::weights::{WeightTensor, WeightsError};
@@ -188,7 +188,6 @@ impl Writer<'_> {
                 self.parts.node("MaxPool", &all, out, vec![ints("kernel_shape", &size), ints("strides", &size)])
             }
             Op::GlobalAveragePool => self.parts.node("GlobalAveragePool", &all, out, Vec::new()),
-            Op::SoftArgmax { size } => self.soft_argmax(x, node.channels, *size, out),
             Op::Upsample { factor } => {
                 let factor = *factor as f32;
                 let scales = self.parts.floats(&format!("scales {factor}"), &[4], &[1.0, 1.0, factor, factor]);
@@ -279,19 +278,6 @@ impl Writer<'_> {
         let apart = parts.node("Reshape", &[&normal, &by_channel], &step("apart"), Vec::new());
         let scaled = parts.node("Mul", &[&apart, &weight], &step("scaled"), Vec::new());
         Ok(parts.node("Add", &[&scaled, &bias], out, Vec::new()))
-    }
-
-    /// The softmax over all cells of a channel, times where they are.
-    fn soft_argmax(&mut self, x: &str, channels: usize, size: usize, out: &str) -> String {
-        let parts = &mut self.parts;
-        let places = parts.floats(&format!("places {size}"), &[size * size, 2], cell_places(size).as_flattened());
-        let in_a_row = parts.list(&[0, (channels / 2) as i64, -1]);
-        let as_map = parts.list(&[0, channels as i64, 1, 1]);
-        let step = |name: &str| format!("{out}/{name}");
-        let flat = parts.node("Reshape", &[x, &in_a_row], &step("flat"), Vec::new());
-        let shares = parts.node("Softmax", &[&flat], &step("shares"), vec![int("axis", -1)]);
-        let means = parts.node("MatMul", &[&shares, &places], &step("means"), Vec::new());
-        parts.node("Reshape", &[&means, &as_map], out, Vec::new())
     }
 
     /// The weights are known by now: each input times its share.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use farsight_core::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
 use farsight_net::graph::NodeId;
 use farsight_net::onnx::key;
-use farsight_net::refiner::{ANSWER, KEYPOINTS, RefinerModel};
+use farsight_net::refiner::{ANSWER, RefinerModel};
 use serde::Serialize;
 use tch::{Kind, Tensor};
 
@@ -26,10 +26,6 @@ const APPARENT_WEIGHT: f64 = 1.0;
 const CENTER_WEIGHT: f64 = 30.0;
 const HEADING_WEIGHT: f64 = 3.0;
 const KIND_WEIGHT: f64 = 2.0;
-
-/// Weights of how far off keypoints are, sides, in a network that looks for them: the corners, the ends of number plates, and the widths of those, which
-/// say how large a vehicle is.
-const KEYPOINT_WEIGHTS: [f64; 3] = [60.0, 60.0, 100.0];
 
 /// Trains, and writes refiner, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the refiner.
 ///
@@ -56,10 +52,6 @@ pub fn train(job: &Job<RefinerRun>, observer: &mut dyn Observer<RefinerTerms>) -
 pub struct RefinerTerms {
     /// Mean error of the logarithm of the depth.
     pub depth_error: f64,
-    /// Mean error of the corners' places, sides of the cut-out; 0 in a network that does not look for them.
-    pub corner_error: f64,
-    /// Mean error of the widths of number plates, likewise.
-    pub plate_error: f64,
     /// Share of cut-outs that are taken for another kind of thing.
     pub kind_error: f64,
 }
@@ -68,19 +60,12 @@ impl Terms for RefinerTerms {
     const SAMPLES: &'static str = "cut-outs";
 
     fn named(&self) -> Vec<(&'static str, f64)> {
-        vec![
-            ("depth_error", self.depth_error),
-            ("corner_error", self.corner_error),
-            ("plate_error", self.plate_error),
-            ("kind_error", self.kind_error),
-        ]
+        vec![("depth_error", self.depth_error), ("kind_error", self.kind_error)]
     }
 
     fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self {
         Self {
             depth_error: joined(self.depth_error, other.depth_error),
-            corner_error: joined(self.corner_error, other.corner_error),
-            plate_error: joined(self.plate_error, other.plate_error),
             kind_error: joined(self.kind_error, other.kind_error),
         }
     }
@@ -116,8 +101,7 @@ impl Run for RefinerRun {
 struct Refiner<'a> {
     run: &'a RefinerRun,
     learner: Learner,
-    /// The answer and, where they are looked for, the keypoints.
-    outputs: Vec<NodeId>,
+    answer: NodeId,
 }
 
 impl Pupil for Refiner<'_> {
@@ -139,20 +123,11 @@ impl Pupil for Refiner<'_> {
     fn step(&mut self, samples: Vec<FrameCrops>, rate: f64) -> Result<Option<Lesson<RefinerTerms>>, NotFinite> {
         let device = self.learner.network.device();
         let Some(batch) = CropBatch::new(&samples, self.run.refiner.side, device) else { return Ok(None) };
-        let outputs = self.learner.network.forward(&batch.input, Mode::Train, &self.outputs);
-        let answer = outputs[0].flatten(1, 3);
+        let answer = self.learner.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
         let places = PLACE_CHANNELS as i64;
         let place = answer.narrow(1, 0, places).index_select(0, &batch.objects);
         let kinds = answer.narrow(1, places, answer.size()[1] - places).index_select(0, &batch.known);
-        let mut objective =
-            place_loss(&place, &batch.targets) + kinds.cross_entropy_for_logits(&batch.kinds) * KIND_WEIGHT;
-        let errors = outputs.get(1).map(|points| {
-            let points = points.flatten(1, 3).index_select(0, &batch.objects);
-            keypoint_errors(&points, &batch.keypoints, &batch.seen)
-        });
-        for (error, weight) in errors.iter().flatten().zip(KEYPOINT_WEIGHTS) {
-            objective += error * weight;
-        }
+        let objective = place_loss(&place, &batch.targets) + kinds.cross_entropy_for_logits(&batch.kinds) * KIND_WEIGHT;
         let loss = objective.double_value(&[]);
         if !loss.is_finite() {
             return Err(NotFinite { what: "the loss".to_owned(), value: loss });
@@ -160,10 +135,7 @@ impl Pupil for Refiner<'_> {
         let gradient_norm = self.learner.descend(&objective, rate)?;
         let depth_error = (place.select(1, 0) - batch.targets.select(1, 0)).abs().mean(Kind::Float) * LOG_UNIT;
         let wrong = kinds.argmax(1, false).not_equal_tensor(&batch.kinds).to_kind(Kind::Float).mean(Kind::Float);
-        let [depth_error, kind_error] = [depth_error, wrong].map(|error| error.double_value(&[]));
-        let [corner_error, _, plate_error] =
-            errors.map_or([0.0; 3], |errors| errors.map(|error| error.double_value(&[])));
-        let terms = RefinerTerms { depth_error, corner_error, plate_error, kind_error };
+        let terms = RefinerTerms { depth_error: depth_error.double_value(&[]), kind_error: wrong.double_value(&[]) };
         Ok(Some(Lesson { loss, terms, gradient_norm, samples: batch.input.size()[0] as usize }))
     }
 }
@@ -172,9 +144,8 @@ impl<'a> Refiner<'a> {
     fn start(run: &'a RefinerRun, session: &Session<'_, RefinerRun>) -> Result<(Self, Progress), TrainError> {
         let graph = run.refiner.graph();
         let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
-        let outputs = [Some(answer), graph.tap(KEYPOINTS)].into_iter().flatten().collect();
         let (learner, progress) = session.learner(graph)?;
-        Ok((Self { run, learner, outputs }, progress))
+        Ok((Self { run, learner, answer }, progress))
     }
 
     fn model(&self, progress: Progress, frames: usize) -> RefinerModel {
@@ -184,25 +155,6 @@ impl<'a> Refiner<'a> {
         weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
         RefinerModel { config: self.run.refiner.clone(), weights }
     }
-}
-
-/// How far off the keypoints are, sides: the corners, the ends of plates, and the widths of plates. All are `[objects, 20]`.
-fn keypoint_errors(found: &Tensor, truth: &Tensor, known: &Tensor) -> [Tensor; 3] {
-    let corners = |points: &Tensor| points.narrow(1, 0, 16);
-    let ends = |points: &Tensor| points.narrow(1, 16, 4);
-    let widths = |points: &Tensor| points.select(1, 16) - points.select(1, 18);
-    let known_widths = known.select(1, 16) * known.select(1, 18);
-    [
-        mean_error(&corners(found), &corners(truth), &corners(known)),
-        mean_error(&ends(found), &ends(truth), &ends(known)),
-        mean_error(&widths(found), &widths(truth), &known_widths),
-    ]
-}
-
-/// Mean difference of `found` and `truth` where `known` is 1, and not 0.
-fn mean_error(found: &Tensor, truth: &Tensor, known: &Tensor) -> Tensor {
-    let off = (found - truth).abs() * known;
-    off.sum(Kind::Float) / known.sum(Kind::Float).clamp_min(1.0)
 }
 
 /// Mean over the objects of the places `answer` `[objects, 10]` against `targets` `[objects, 8]`.

@@ -8,8 +8,6 @@ use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
 use farsight_data::kitti::write_results;
 use farsight_data::{AugmentationConfig, network_input};
 use farsight_infer::{Refiner, Sides};
-use farsight_net::build::{Builder, NormKind};
-use farsight_net::graph::cell_places;
 use farsight_net::init::initial_weights;
 use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
 use farsight_net::weights::{WeightTensor, Weights};
@@ -72,43 +70,6 @@ fn a_small_refiner_learns_a_small_set() {
     };
     let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
     assert!(last < 0.3 * first, "depths off by {first} to {last}");
-}
-
-#[test]
-fn a_refiner_learns_where_keypoints_are() {
-    let folder = data_set(4);
-    let mut run = run(folder.path());
-    run.train.epochs = 300;
-    run.refiner.keypoints = 8;
-    let (_, kept) = trained(&run, &folder.path().join("run"), false).unwrap();
-    let errors: Vec<f64> = kept.records.iter().map(|record| record.terms.corner_error).collect();
-    let last = errors[errors.len() - 20..].iter().sum::<f64>() / 20.0;
-    assert!(last < 0.3 * errors[0], "keypoints off by {} to {last}", errors[0]);
-}
-
-#[test]
-fn a_map_is_large_at_its_largest_cell_and_between_two() {
-    let size = 6;
-    let mut b = Builder::new(NormKind::Batch);
-    let input = b.input(2);
-    let places = b.soft_argmax(input, size);
-    b.tap("places", places);
-    let graph = b.finish();
-    let network = Network::new(graph, &Weights::default(), Device::Cpu, Precision::F32).unwrap();
-    let cells = cell_places(size);
-    for (a, b) in [(0, 35), (7, 8), (29, 3)] {
-        let mut maps = vec![0.0_f32; 2 * size * size];
-        maps[a] = 30.0;
-        for cell in [a, b] {
-            maps[size * size + cell] = 30.0;
-        }
-        let input = Tensor::from_slice(&maps).view([1, 2, size as i64, size as i64]);
-        let found = values_from_tensor(&network.forward(&input, Mode::Evaluate, &[places])[0]);
-        let between = [0, 1].map(|axis| f32::midpoint(cells[a][axis], cells[b][axis]));
-        for (found, expected) in found.iter().zip([cells[a], between].as_flattened()) {
-            assert!((found - expected).abs() < 1e-5, "{found}, expected {expected} for {a} and {b}");
-        }
-    }
 }
 
 #[test]
@@ -243,12 +204,7 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
 
 #[test]
 fn the_built_in_engine_answers_as_libtorch_does() {
-    for keypoints in [0, 8] {
-        check_against_libtorch(&RefinerConfig { keypoints, ..small() });
-    }
-}
-
-fn check_against_libtorch(config: &RefinerConfig) {
+    let config = small();
     let model = RefinerModel { weights: initial_weights(&config.graph(), 3), config: config.clone() };
     let camera = Camera::from_intrinsics(210.0, 210.0, 100.0, 60.0).unwrap();
     let image =
