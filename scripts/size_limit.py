@@ -92,6 +92,8 @@ def main():
     parser.add_argument("--cue", type=float, help="relative error of a size read off something of known size on the car, standard deviation")
     parser.add_argument("--out", type=pathlib.Path, required=True)
     args = parser.parse_args()
+    if args.cue is not None and not args.cue > 0:
+        parser.error(f"--cue is {args.cue}; expected a positive number")
     names = args.split.read_text().split()
     missing = [name for name in names if not (args.labels / f"{name}.txt").is_file()]
     if missing:
