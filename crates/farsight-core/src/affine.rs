@@ -25,9 +25,15 @@ impl Affine2 {
     ///
     /// The width alone sets the scale, the same for both axes; the height is centred and cropped or padded (SMOKE, spec 5.2).
     pub fn window(center: [f64; 2], window_width: f64, size: [usize; 2]) -> Self {
+        let scale = size[0] as f64 / window_width;
+        Self::centered(center, [scale; 2], size)
+    }
+
+    /// Takes `center` to the middle of an output of `size` (width, height), with a scale of its own for each axis.
+    pub fn centered(center: [f64; 2], scale: [f64; 2], size: [usize; 2]) -> Self {
         let [width, height] = size.map(|s| s as f64);
-        let scale = width / window_width;
-        Self { matrix: [[scale, 0.0, width / 2.0 - scale * center[0]], [0.0, scale, height / 2.0 - scale * center[1]]] }
+        let [across, down] = scale;
+        Self { matrix: [[across, 0.0, width / 2.0 - across * center[0]], [0.0, down, height / 2.0 - down * center[1]]] }
     }
 
     /// The image of pixel `p`.

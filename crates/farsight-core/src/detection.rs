@@ -4,7 +4,7 @@ use crate::codec::{CHANNELS, DepthReference, Encoded, Regression};
 use crate::peaks::{Peak, peaks};
 use crate::score::{LEAST_PEAK, logistic, logit};
 use crate::targets::feature_camera;
-use crate::{Box2d, Box3d, Camera, Codec, ObjectClass};
+use crate::{Box2d, Box3d, Camera, Codec, MeasuredDepth, ObjectClass};
 
 /// One vehicle or person found in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +26,13 @@ impl Detection {
     /// distances are wrong by the same factor.
     pub fn sigma_of_m(&self, distance_m: f64) -> Option<f64> {
         Some(self.range_sigma_m? * distance_m / self.box3d.depth_m())
+    }
+
+    /// The same picture elsewhere: the box moved along its rays to this depth, growing with the distance.
+    #[must_use]
+    pub fn at_depth(self, MeasuredDepth { depth_m, log_sigma }: MeasuredDepth) -> Self {
+        let box3d = self.box3d.scaled(depth_m / self.box3d.depth_m());
+        Self { box3d, range_sigma_m: Some(log_sigma * depth_m), ..self }
     }
 
     /// Observation angle, radians.

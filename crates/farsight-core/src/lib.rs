@@ -7,6 +7,7 @@
 //! Nothing here reads a file, knows an engine or starts a thread.
 
 pub mod affine;
+pub mod agreement;
 pub mod box2d;
 pub mod box3d;
 pub mod camera;
@@ -22,6 +23,7 @@ pub mod label;
 pub mod linear;
 pub mod overlap;
 pub mod peaks;
+pub mod plate;
 pub mod range_error;
 pub mod refine;
 pub mod road;
@@ -31,6 +33,7 @@ pub mod statistics;
 pub mod targets;
 
 pub use affine::Affine2;
+pub use agreement::{Agreement, MeasuredDepth};
 pub use box2d::Box2d;
 pub use box3d::{Box3d, Dimensions};
 pub use camera::Camera;

@@ -11,12 +11,12 @@ mod scores;
 use std::f64::consts::SQRT_2;
 
 pub use kinds::{KINDS, NOTHING, kind_of};
-pub use looks::{LooksExample, TwoLooks};
+pub use looks::TwoLooks;
 pub use scores::{Evidence, LooksScore, LooksScores, ScoredLooks};
 
 use crate::box3d::ray_angle;
 use crate::input::{ChannelOrder, InputRules, Sampling};
-use crate::{Affine2, Box2d, Box3d, Camera, Dimensions, wrapped_angle};
+use crate::{Affine2, Box2d, Box3d, Camera, Dimensions, MeasuredDepth, wrapped_angle};
 
 /// Channels of the cut-out: red, green, blue, the direction of each pixel's ray (x / z and y / z), and the logarithm of the focal length.
 pub const INPUT_CHANNELS: usize = 6;
@@ -166,6 +166,13 @@ pub struct Refinement {
     pub depth_sigma: f64,
     /// Logits of what it is, in the order of [`kind_of`].
     pub kinds: [f64; KINDS],
+}
+
+impl Refinement {
+    /// What it says of the depth.
+    pub fn depth(&self) -> MeasuredDepth {
+        MeasuredDepth { depth_m: self.box3d.depth_m(), log_sigma: self.depth_sigma }
+    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 use farsight_core::{Camera, Label};
 use image::RgbImage;
 
+use crate::Plate;
+
 /// An image with the camera that took it and the objects in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
@@ -16,4 +18,6 @@ pub struct Frame {
     pub labels: Vec<Label>,
     /// z of what each pixel shows, metres, row by row, infinite for the sky; known for rendered frames.
     pub depth_m: Option<Vec<f32>>,
+    /// Number plates that the image shows; known for rendered frames.
+    pub plates: Vec<Plate>,
 }

@@ -19,6 +19,9 @@ pub struct Detector {
     /// What looks again at what was found.
     #[cfg(feature = "rten")]
     refiner: Option<crate::Refiner>,
+    /// What measures vehicles by their number plates.
+    #[cfg(feature = "rten")]
+    plate_reader: Option<crate::PlateReader>,
     /// What is known of the road under the camera.
     road: Road,
     /// The network's inputs, kept from batch to batch.
@@ -79,6 +82,8 @@ impl Detector {
             head: None,
             #[cfg(feature = "rten")]
             refiner: None,
+            #[cfg(feature = "rten")]
+            plate_reader: None,
             road: Road::Ignored,
             inputs: Vec::new(),
         }
@@ -94,6 +99,13 @@ impl Detector {
     #[must_use]
     pub fn with_refiner(self, refiner: crate::Refiner) -> Self {
         Self { refiner: Some(refiner), ..self }
+    }
+
+    /// This detector with a reading of the number plates of the vehicles that it finds.
+    #[cfg(feature = "rten")]
+    #[must_use]
+    pub fn with_plate_reader(self, plate_reader: crate::PlateReader) -> Self {
+        Self { plate_reader: Some(plate_reader), ..self }
     }
 
     /// This detector for a camera above a `road`: what it finds is put on one plane ([`on_one_road`]).
@@ -163,7 +175,7 @@ impl Detector {
         Ok((answers, StageTimes { warp, network, decode, refine, ..StageTimes::default() }))
     }
 
-    /// The answers after a second look, where there is one.
+    /// The answers after a second look, and after one at number plates, where there are such.
     #[cfg(feature = "rten")]
     fn refined(
         &mut self,
@@ -171,10 +183,18 @@ impl Detector {
         answers: Vec<Vec<Detection>>,
     ) -> Result<Vec<Vec<Detection>>, EngineError> {
         let least_score = self.least_score();
-        let Some(refiner) = &mut self.refiner else { return Ok(answers) };
         let classes = &self.spec.codec.classes;
         let each = images.iter().zip(answers);
-        each.map(|((image, camera), found)| refiner.refined(image, camera, found, classes, least_score)).collect()
+        each.map(|((image, camera), mut found)| {
+            if let Some(refiner) = &mut self.refiner {
+                found = refiner.refined(image, camera, found, classes, least_score)?;
+            }
+            match &mut self.plate_reader {
+                Some(reader) => reader.measured(image, camera, found),
+                None => Ok(found),
+            }
+        })
+        .collect()
     }
 
     #[cfg(not(feature = "rten"))]

@@ -49,7 +49,11 @@ pub mod library;
 pub mod onnxruntime;
 #[cfg(feature = "openvino")]
 pub mod openvino;
+#[cfg(feature = "rten")]
+mod part;
 pub mod peaks_head;
+#[cfg(feature = "rten")]
+pub mod plate;
 pub mod probe;
 #[cfg(feature = "rten")]
 pub mod refiner;
@@ -69,6 +73,8 @@ pub use onnxruntime::OrtEngine;
 #[cfg(feature = "openvino")]
 pub use openvino::{OpenvinoEngine, OpenvinoPrecision};
 pub use peaks_head::PeaksHead;
+#[cfg(feature = "rten")]
+pub use plate::PlateReader;
 #[cfg(feature = "rten")]
 pub use refiner::{Refiner, Sides};
 #[cfg(feature = "rten")]

@@ -4,16 +4,11 @@ use farsight_core::duplicates::{distinct, exclusive};
 use farsight_core::refine::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use farsight_core::{Box2d, Camera, ClassReference, Detection};
 use farsight_data::network_input_into;
-use farsight_net::onnx::INPUT;
-use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
+use farsight_net::refiner::{RefinerConfig, RefinerModel};
 use image::RgbImage;
 
 use crate::EngineError;
-use crate::library::unpanicked;
-use crate::rten::{NAME, Network};
-
-/// So many objects are looked at together.
-const BATCH: usize = 8;
+use crate::part::{BATCH, PartNetwork};
 
 /// How often each object is looked at, every time where it was seen the last time, and whether at its mirror image, too.
 const LOOKS: [Sides; 3] = [Sides::AsItIs, Sides::AsItIs, Sides::Both];
@@ -29,7 +24,7 @@ pub enum Sides {
 
 /// Looks again at what a detector found.
 pub struct Refiner {
-    network: Network,
+    network: PartNetwork,
     config: RefinerConfig,
     /// The input, kept from call to call.
     input: Vec<f32>,
@@ -41,8 +36,7 @@ impl Refiner {
     /// # Errors
     /// When the weights do not fit the network.
     pub fn new(model: &RefinerModel, threads: Option<usize>) -> Result<Self, EngineError> {
-        let network = unpanicked(NAME, || Network::new(model.onnx()?, INPUT, &[ANSWER.to_owned()], threads))?;
-        Ok(Self { network, config: model.config.clone(), input: Vec::new() })
+        Ok(Self { network: PartNetwork::new(model, threads)?, config: model.config.clone(), input: Vec::new() })
     }
 
     /// What is in `image`, taken by `camera`, after a second look at each of `candidates`: what has a score above `min_score` then, highest first, each
@@ -141,14 +135,7 @@ impl Refiner {
                 self.input.extend(crop.mirrored().rays());
             }
         }
-        let inputs = self.input.len() / (INPUT_CHANNELS * side * side);
-        let values = unpanicked(NAME, || {
-            let mut values = self.network.run(&self.input, [inputs, INPUT_CHANNELS, side, side])?;
-            let answer = values.pop().ok_or("no output")?;
-            Ok(answer.into_shape_vec::<f32, 4>()?.1)
-        })?;
-        let (values, _) = values.as_chunks::<OUTPUT_CHANNELS>();
-        let answers: Vec<[f64; OUTPUT_CHANNELS]> = values.iter().map(|answer| answer.map(f64::from)).collect();
+        let answers = self.network.answers::<OUTPUT_CHANNELS>(&self.input, INPUT_CHANNELS, side)?;
         Ok(match sides {
             Sides::AsItIs => answers,
             Sides::Both => {

@@ -12,6 +12,8 @@ pub mod graph;
 pub mod init;
 pub mod model;
 pub mod onnx;
+pub mod part;
+pub mod plate;
 pub mod prune;
 pub mod quantize;
 pub mod refiner;

@@ -5,10 +5,11 @@
 use std::fs;
 use std::path::Path;
 
-use farsight_core::ObjectClass;
 use farsight_core::refine::{Evidence, INPUT_CHANNELS, LooksScores, OUTPUT_CHANNELS, ScoredLooks, TwoLooks};
+use farsight_core::{Agreement, ObjectClass};
 use farsight_net::init::initial_weights;
-use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerError, RefinerModel};
+use farsight_net::part::{ANSWER, PartConfig, PartError};
+use farsight_net::refiner::{RefinerConfig, RefinerModel};
 
 fn small() -> RefinerConfig {
     RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
@@ -40,7 +41,8 @@ fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
 
 #[test]
 fn a_config_of_no_network_is_told() {
-    let looks = TwoLooks { correlation: 1.5, ..TwoLooks::default() };
+    let depths = Agreement { correlation: 1.5, ..Agreement::default() };
+    let looks = TwoLooks { depths, ..TwoLooks::default() };
     for (config, expected) in [
         (RefinerConfig { side: 90, ..small() }, "refiner.side is 90"),
         (RefinerConfig { side: 0, ..small() }, "refiner.side is 0"),
@@ -57,8 +59,8 @@ fn a_config_of_no_network_is_told() {
 fn a_file_gives_back_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("refiner.safetensors");
-    let looks =
-        TwoLooks { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9, scores: scores() };
+    let depths = Agreement { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9 };
+    let looks = TwoLooks { depths, scores: scores() };
     let written = model(RefinerConfig { looks, ..small() });
     written.write(&path).unwrap();
     assert!(RefinerModel::is_one(&path));
@@ -80,7 +82,7 @@ fn a_file_that_is_no_refiner_is_told_with_its_name() {
     model(small()).weights.write(&path).unwrap();
     assert!(!RefinerModel::is_one(&path));
     let told = error(&path);
-    assert!(matches!(told, RefinerError::Config { .. }), "{told:?}");
+    assert!(matches!(told, PartError::Config { .. }), "{told:?}");
     assert!(told.to_string().contains("other.safetensors") && told.to_string().contains("farsight.refiner"), "{told}");
 
     let mut missing = model(small());

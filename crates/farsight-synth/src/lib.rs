@@ -9,6 +9,7 @@ pub mod labels;
 pub mod layout;
 mod palette;
 pub mod photo;
+mod plates;
 pub mod render;
 pub mod scene;
 mod shape;

@@ -257,4 +257,6 @@ pub struct Actor {
     pub box3d: Box3d,
     /// The instance of its triangles.
     pub instance: InstanceId,
+    /// What its number plates, and nothing else, are made of.
+    pub plate: Option<MaterialId>,
 }

@@ -6,6 +6,7 @@ use farsight_data::Frame;
 use crate::dice::Dice;
 use crate::labels::LabelRules;
 use crate::photo::PhotoSettings;
+use crate::plates::plates;
 use crate::render::render;
 use crate::{Drawn, WorldConfig, draw_scene, scene_from_labels};
 
@@ -47,5 +48,6 @@ fn photographed(drawn: &Drawn, id: String, dice: &mut Dice) -> Frame {
     let rendered = render(scene);
     let image = PhotoSettings::draw(&scene.air, dice.rng()).develop(&rendered);
     let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, actors, &rendered);
-    Frame { id, image, camera: scene.camera, labels, depth_m: Some(rendered.depth_m) }
+    let plates = plates(scene, actors, &rendered, &labels);
+    Frame { id, image, camera: scene.camera, labels, depth_m: Some(rendered.depth_m), plates }
 }

@@ -15,7 +15,7 @@ fn actor(bottom: Vec3, size: Vec3, instance: InstanceId) -> Actor {
     let [width, height, length] = size.map(f64::from);
     let yaw = -std::f64::consts::FRAC_PI_2;
     let box3d = Box3d { dimensions: Dimensions { height, width, length }, location: bottom.map(f64::from), yaw };
-    Actor { class: ObjectClass::Car, box3d, instance }
+    Actor { class: ObjectClass::Car, box3d, instance, plate: None }
 }
 
 /// Blocks on the ground, their actors, the image and the labels.

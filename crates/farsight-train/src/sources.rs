@@ -17,6 +17,9 @@ pub trait FrameSource: Debug + Send + Sync {
         self.len() == 0
     }
 
+    /// Whether its frames list the number plates that they show.
+    fn knows_plates(&self) -> bool;
+
     /// The frame that `key` stands for.
     ///
     /// # Errors
@@ -42,6 +45,10 @@ impl KittiSource {
 impl FrameSource for KittiSource {
     fn len(&self) -> usize {
         self.dataset.len()
+    }
+
+    fn knows_plates(&self) -> bool {
+        self.dataset.knows_plates()
     }
 
     fn frame(&self, key: ItemKey) -> Result<Arc<Frame>, DatasetError> {
@@ -73,6 +80,10 @@ impl RenderedSource {
 impl FrameSource for RenderedSource {
     fn len(&self) -> usize {
         self.frames
+    }
+
+    fn knows_plates(&self) -> bool {
+        true
     }
 
     fn frame(&self, key: ItemKey) -> Result<Arc<Frame>, DatasetError> {

@@ -1,4 +1,4 @@
-//! The training loop of detector and refiner: data in order, steps, metrics, checkpoints, going on where a run was killed.
+//! The training loop of detector, refiner and plate reader: data in order, steps, metrics, checkpoints, going on where a run was killed.
 
 use std::fs;
 use std::io;
@@ -10,7 +10,7 @@ use farsight_data::{Batch, ItemKey, KittiDataset, Loader, LoaderConfig, Position
 use farsight_files::{DurableError, write_atomically};
 use farsight_net::graph::Graph;
 use farsight_net::model::ModelError;
-use farsight_net::refiner::RefinerError;
+use farsight_net::part::PartError;
 use farsight_net::weights::WeightsError;
 use farsight_synth::SceneStream;
 use serde::Serialize;
@@ -56,6 +56,11 @@ pub enum TrainError {
     /// The split has no frames.
     #[error("split {} has no frames; expected at least one", .0.display())]
     NoFrames(PathBuf),
+    /// The data set does not list the number plates that its images show.
+    #[error(
+        "no plates in the data set; expected data that `farsight synth` rendered, which a plate reader learns from"
+    )]
+    NoPlates,
     /// The start weights could not be read.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -68,9 +73,9 @@ pub enum TrainError {
     /// The model could not be written.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The refiner could not be written.
+    /// The refiner or plate reader could not be written.
     #[error(transparent)]
-    Refiner(#[from] RefinerError),
+    Part(#[from] PartError),
     /// The checkpoint could not be read or written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

@@ -6,10 +6,10 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
-use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, Refiner, RtenEngine};
+use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, PlateReader, Refiner, RtenEngine};
 use farsight_net::config::ModelConfig;
 use farsight_net::onnx::{OnnxModel, PeaksOnly, Target, key};
-use farsight_net::refiner::RefinerModel;
+use farsight_net::part::{PartConfig, PartModel};
 
 use crate::libraries::{Found, Library};
 use crate::{model_files, shipped, untrained};
@@ -63,37 +63,59 @@ impl EngineArgs {
 
 /// What looks again at what was found.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
-pub(crate) struct RefinerArgs {
+pub(crate) struct SecondLookArgs {
     /// Refiner that `farsight train` wrote, for a second look at each object, or none [default: the one that comes with the program, if the model's weights do too]
     #[arg(long, value_name = "FILE|none")]
     refiner: Option<PathBuf>,
+    /// Plate reader that `farsight train` wrote, which measures cars by their number plates, or none [default: the one that comes with the program, where its refiner is used]
+    #[arg(long, value_name = "FILE|none")]
+    plates: Option<PathBuf>,
 }
 
-impl RefinerArgs {
-    /// The file of a refiner, if one is named.
-    pub(crate) fn file(&self) -> Option<&Path> {
-        self.refiner.as_deref().filter(|word| *word != Path::new("none"))
+/// The word for doing without.
+fn is_none(word: &Path) -> bool {
+    word == Path::new("none")
+}
+
+impl SecondLookArgs {
+    /// The files that are named.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &Path> {
+        [&self.refiner, &self.plates].into_iter().filter_map(|word| word.as_deref()).filter(|word| !is_none(word))
     }
 
-    /// The refiner to use; `is_shipped` is whether the detector is the shipped one.
-    fn read(&self, is_shipped: bool) -> Result<Option<RefinerModel>> {
-        match self.refiner.as_deref() {
-            Some(word) if word == Path::new("none") => Ok(None),
-            Some(path) => {
-                model_files::check(path, "a refiner that `farsight train` wrote, or none")?;
-                Ok(Some(RefinerModel::read(path)?))
-            }
-            None if is_shipped => shipped::refiner().map(Some),
-            None => Ok(None),
+    fn names_plates(&self) -> bool {
+        self.plates.as_deref().is_some_and(|word| !is_none(word))
+    }
+
+    /// The detector with the second looks that there are to be.
+    fn beside(&self, Opened { mut detector, is_shipped }: Opened, args: &EngineArgs) -> Result<Detector> {
+        let refiner = part(self.refiner.as_deref(), is_shipped, shipped::refiner)?;
+        if let Some(model) = refiner {
+            detector = detector.with_refiner(Refiner::new(&model, args.threads)?);
         }
+        let has_shipped_refiner = is_shipped && self.refiner.is_none();
+        let plates = part(self.plates.as_deref(), has_shipped_refiner, shipped::plates)?;
+        if let Some(model) = plates {
+            detector = detector.with_plate_reader(PlateReader::new(&model, args.threads)?);
+        }
+        Ok(detector)
     }
+}
 
-    /// The detector with the second look that there is to be.
-    fn beside(&self, Opened { detector, is_shipped }: Opened, args: &EngineArgs) -> Result<Detector> {
-        Ok(match self.read(is_shipped)? {
-            Some(refiner) => detector.with_refiner(Refiner::new(&refiner, args.threads)?),
-            None => detector,
-        })
+/// The small network that is named, or the shipped one where that is the default.
+fn part<C: PartConfig>(
+    word: Option<&Path>,
+    is_default: bool,
+    shipped: impl FnOnce() -> Result<PartModel<C>>,
+) -> Result<Option<PartModel<C>>> {
+    match word {
+        Some(word) if is_none(word) => Ok(None),
+        Some(path) => {
+            model_files::check(path, &format!("{} that `farsight train` wrote, or none", C::NAME))?;
+            Ok(Some(PartModel::read(path)?))
+        }
+        None if is_default => shipped().map(Some),
+        None => Ok(None),
     }
 }
 
@@ -152,25 +174,33 @@ fn threads(text: &str) -> Result<usize, String> {
 /// The model at `path`, or the shipped one, ready to look at images, with all that is to follow its first look.
 pub(crate) fn open_whole(
     args: &EngineArgs,
-    refiner: &RefinerArgs,
+    second_look: &SecondLookArgs,
     road: RoadArgs,
     path: Option<&Path>,
     options: DecodeOptions,
 ) -> Result<Detector> {
     let opened = open(args, path, options)?;
     let road_under_it = road.under(opened.is_shipped);
-    let detector = refiner.beside(opened, args)?;
-    ensure!(
-        detector.has_error_bars() || !road.is_asked_for(),
-        "{}: a model without error bars, which --above-road goes by; `farsight export --fit-on` fits them",
-        path.unwrap_or(Path::new(shipped::NAME)).display()
-    );
+    let detector = second_look.beside(opened, args)?;
+    for (option, is_asked_for) in [("--plates", second_look.names_plates()), ("--above-road", road.is_asked_for())] {
+        ensure!(
+            detector.has_error_bars() || !is_asked_for,
+            "{}: a model without error bars, which {option} goes by; `farsight export --fit-on` fits them",
+            path.unwrap_or(Path::new(shipped::NAME)).display()
+        );
+    }
     Ok(detector.with_road(road_under_it))
 }
 
 /// The shipped model, ready to look at images, with nothing to follow its first look.
 pub(crate) fn open_shipped(args: &EngineArgs, options: DecodeOptions) -> Result<Detector> {
     Ok(open(args, None, options)?.detector)
+}
+
+/// The shipped model and its refiner, ready to look at images, with nothing to follow their looks.
+pub(crate) fn open_shipped_twice(options: DecodeOptions) -> Result<Detector> {
+    let args = EngineArgs::default();
+    Ok(open_shipped(&args, options)?.with_refiner(Refiner::new(&shipped::refiner()?, args.threads)?))
 }
 
 /// A model ready to look at images.
@@ -222,11 +252,11 @@ pub(crate) struct Timing {
 /// As [`open_whole`], to be timed: `path` may also be a config, whose network gets random weights.
 pub(crate) fn open_to_time(
     args: &EngineArgs,
-    refiner: &RefinerArgs,
+    second_look: &SecondLookArgs,
     path: Option<&Path>,
     timing: Timing,
 ) -> Result<Detector> {
-    refiner.beside(first_look_to_time(args, path, timing)?, args)
+    second_look.beside(first_look_to_time(args, path, timing)?, args)
 }
 
 fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) -> Result<Opened> {

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::{Result, bail, ensure};
 use farsight_net::model::Model;
 use farsight_net::onnx::OnnxModel;
+use farsight_net::plate::PlateModel;
 use farsight_net::refiner::RefinerModel;
 
 use crate::outputs::start_of;
@@ -31,6 +32,8 @@ pub(crate) fn check_detector(path: &Path) -> Result<()> {
     check(path, "a model that `farsight train`, `farsight import` or `farsight export` wrote")?;
     let is_refiner = RefinerModel::is_one(path);
     ensure!(!is_refiner, "{}: a refiner; expected a detector, name it with --refiner", path.display());
+    let is_plate_reader = PlateModel::is_one(path);
+    ensure!(!is_plate_reader, "{}: a plate reader; expected a detector, name it with --plates", path.display());
     Ok(())
 }
 

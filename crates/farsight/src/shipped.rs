@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use farsight_files::write_quickly;
 use farsight_net::model::Model;
+use farsight_net::plate::PlateModel;
 use farsight_net::refiner::RefinerModel;
 
 /// Name of the model; its card is `models/farsight-s.md`.
@@ -17,6 +18,11 @@ const MODEL: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
 pub(crate) const REFINER_NAME: &str = "farsight-refiner";
 
 const REFINER: &[u8] = include_bytes!("../../../models/farsight-refiner.safetensors");
+
+/// Name of the plate reader; its page is `docs/plates.md`.
+pub(crate) const PLATES_NAME: &str = "farsight-plates";
+
+const PLATES: &[u8] = include_bytes!("../../../models/farsight-plates.safetensors");
 
 /// One scene's name, image and calibration.
 macro_rules! scene {
@@ -44,6 +50,11 @@ pub(crate) fn has_weights(sha256: &str) -> Result<bool> {
 /// The refiner that comes with the program.
 pub(crate) fn refiner() -> Result<RefinerModel> {
     Ok(RefinerModel::from_safetensors(REFINER, Path::new(REFINER_NAME))?)
+}
+
+/// The plate reader that comes with the program.
+pub(crate) fn plates() -> Result<PlateModel> {
+    Ok(PlateModel::from_safetensors(PLATES, Path::new(PLATES_NAME))?)
 }
 
 /// Writes the scenes to `folder` in KITTI's layout and returns the folder of the images.

@@ -3,12 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use farsight_data::AugmentationConfig;
 use farsight_net::build::network;
 use farsight_net::config::ModelConfig;
 use farsight_net::init::initial_weights;
 use farsight_net::model::Model;
+use farsight_net::part::PartConfig;
+use farsight_net::plate::PlateConfig;
 use farsight_net::refiner::RefinerConfig;
 use serde::Deserialize;
 
@@ -20,6 +22,7 @@ use serde::Deserialize;
 struct RunFile {
     model: Option<ModelConfig>,
     refiner: Option<RefinerConfig>,
+    plates: Option<PlateConfig>,
     #[serde(rename = "data")]
     _data: toml::Table,
     #[serde(rename = "augmentation")]
@@ -31,12 +34,15 @@ struct RunFile {
 impl RunFile {
     fn read(path: &Path) -> Result<Self> {
         let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-        let run: Self =
-            toml::from_str(&text).with_context(|| format!("{}: not the config of a training", path.display()))?;
-        let both = run.model.is_some() && run.refiner.is_some();
-        ensure!(!both, "{}: both [model] and [refiner]; expected one of them", path.display());
-        Ok(run)
+        toml::from_str(&text).with_context(|| format!("{}: not the config of a training", path.display()))
     }
+}
+
+/// What a config's training is of.
+pub(crate) enum Untrained {
+    Detector(ModelConfig),
+    Refiner(RefinerConfig),
+    Plates(PlateConfig),
 }
 
 /// Whether a file is the config of a training rather than a model.
@@ -44,22 +50,36 @@ pub(crate) fn is_config(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
 }
 
-/// What the config of a training says about its model.
-pub(crate) fn read_config(path: &Path) -> Result<ModelConfig> {
-    let run = RunFile::read(path)?;
-    ensure!(run.refiner.is_none(), "{}: the config of a refiner; expected that of a detector", path.display());
-    let model = run.model.unwrap_or_default();
-    model.validate().with_context(|| path.display().to_string())?;
-    Ok(model)
+/// What the config of a training says about what it trains.
+pub(crate) fn read(path: &Path) -> Result<Untrained> {
+    let RunFile { model, refiner, plates, .. } = RunFile::read(path)?;
+    Ok(match (model, refiner, plates) {
+        (None, Some(config), None) => Untrained::Refiner(usable(config, path)?),
+        (None, None, Some(config)) => Untrained::Plates(usable(config, path)?),
+        (model, None, None) => {
+            let config = model.unwrap_or_default();
+            config.validate().with_context(|| path.display().to_string())?;
+            Untrained::Detector(config)
+        }
+        _ => bail!("{}: more than one of [model], [refiner] and [plates]; expected one of them", path.display()),
+    })
 }
 
-/// What the config of a training says about its refiner, if it is the training of one.
-pub(crate) fn read_refiner_config(path: &Path) -> Result<Option<RefinerConfig>> {
-    let refiner = RunFile::read(path)?.refiner;
-    if let Some(problem) = refiner.as_ref().and_then(RefinerConfig::problem) {
-        bail!("{}: {problem}", path.display());
+fn usable<C: PartConfig>(config: C, path: &Path) -> Result<C> {
+    match config.problem() {
+        Some(problem) => bail!("{}: {problem}", path.display()),
+        None => Ok(config),
     }
-    Ok(refiner)
+}
+
+/// What the config of a training says about its detector.
+pub(crate) fn read_config(path: &Path) -> Result<ModelConfig> {
+    let other = match read(path)? {
+        Untrained::Detector(config) => return Ok(config),
+        Untrained::Refiner(_) => RefinerConfig::NAME,
+        Untrained::Plates(_) => PlateConfig::NAME,
+    };
+    bail!("{}: the config of {other}; expected that of a detector", path.display())
 }
 
 /// The network of a config with random weights.

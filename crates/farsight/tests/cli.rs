@@ -200,19 +200,23 @@ error: m.safetensors: --input: the depths of this model hold at the size it was 
 }
 
 #[test]
-fn one_road_needs_error_bars() {
+fn one_road_and_plates_need_error_bars() {
     let folder = tempfile::tempdir().unwrap();
     small_model(folder.path());
     image::RgbImage::new(96, 64).save(folder.path().join("a.png")).unwrap();
-    let on = |road: &str| {
-        let arguments = ["range", "a.png", "--hfov", "80", "--model", "m.safetensors", "--above-road", road];
+    let range = |option: &str, value: &str| {
+        let arguments = ["range", "a.png", "--hfov", "80", "--model", "m.safetensors", option, value];
         farsight_in(folder.path(), &arguments)
     };
-    for road in ["1.3", "any"] {
-        let (status, _, err) = on(road);
-        assert!(status == 2 && err.starts_with("error: m.safetensors: a model without error bars"), "{err}");
+    let plates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/farsight-plates.safetensors");
+    for (option, value) in
+        [("--above-road", "1.3"), ("--above-road", "any"), ("--plates", &plates.display().to_string())]
+    {
+        let (status, _, err) = range(option, value);
+        let expected = format!("error: m.safetensors: a model without error bars, which {option} goes by");
+        assert!(status == 2 && err.starts_with(&expected), "{err}");
+        assert_eq!(range(option, "none").0, 0);
     }
-    assert_eq!(on("none").0, 0);
 }
 
 #[test]

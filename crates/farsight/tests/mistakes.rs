@@ -207,7 +207,8 @@ fn files_of_another_kind_are_told_for_what_they_are() {
         }
     }
     assert!(
-        refusal(folder, &["info", "photo.jpg"]).contains("photo.jpg: a JPEG image; expected a model, a refiner or")
+        refusal(folder, &["info", "photo.jpg"])
+            .contains("photo.jpg: a JPEG image; expected a model, a refiner, a plate reader or")
     );
     let prune = ["prune", "--model", "m.onnx", "--keep", "0.5", "--out", "p.safetensors"];
     assert!(refusal(folder, &prune).contains("m.onnx: an ONNX file already; expected the model that it was made from"));
@@ -232,7 +233,7 @@ fn a_config_is_read_as_the_training_would() {
         ("[modell]\nwidth = 0.5\n", "unknown field `modell`"),
         ("[augmentation]\nflip = 0.5\n", "unknown field `flip`"),
         ("farthest_m = 75.0\n", "unknown field `farthest_m`"),
-        ("[model]\n[refiner]\n", "both [model] and [refiner]; expected one of them"),
+        ("[model]\n[refiner]\n", "more than one of [model], [refiner] and [plates]"),
     ] {
         fs::write(folder.join("run.toml"), config).unwrap();
         for command in [&["info", "run.toml"][..], &["bench", "--model", "run.toml"]] {
@@ -272,11 +273,12 @@ fn what_is_said_of_a_model_goes_with_it() {
 }
 
 #[test]
-fn doctor_knows_models_refiners_and_checkpoints() {
+fn doctor_knows_models_their_parts_and_checkpoints() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     write_small_model(folder);
     fs::copy(root().join("models/farsight-refiner.safetensors"), folder.join("r.safetensors")).unwrap();
+    fs::copy(root().join("models/farsight-plates.safetensors"), folder.join("p.safetensors")).unwrap();
     let mut checkpoint = Weights::default();
     checkpoint.metadata.insert("farsight.progress".to_owned(), "{}".to_owned());
     checkpoint.write(&folder.join("checkpoint.safetensors")).unwrap();
@@ -288,10 +290,17 @@ fn doctor_knows_models_refiners_and_checkpoints() {
         .iter()
         .map(|m| (m["path"].as_str().unwrap(), m["kind"].as_str().unwrap(), m["problem"].is_null()))
         .collect();
-    let expected =
-        [("./m.safetensors", "detector", true), ("./r.safetensors", "refiner", true), ("./x.onnx", "detector", false)];
+    let expected = [
+        ("./m.safetensors", "detector", true),
+        ("./p.safetensors", "plate_reader", true),
+        ("./r.safetensors", "refiner", true),
+        ("./x.onnx", "detector", false),
+    ];
     assert_eq!(state, expected);
-    assert!(done(folder, &["doctor"]).contains("  ./r.safetensors (a refiner)\n"));
+    let shown = done(folder, &["doctor"]);
+    assert!(
+        shown.contains("  ./r.safetensors (a refiner)\n") && shown.contains("  ./p.safetensors (a plate reader)\n")
+    );
 }
 
 #[test]

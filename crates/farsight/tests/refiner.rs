@@ -1,4 +1,4 @@
-//! What follows the first look as users meet it: `--refiner`, `--above-road`, and `farsight export` of a refiner.
+//! What follows the first look as users meet it: `--refiner`, `--plates`, `--above-road`, and `farsight export` of a refiner or a plate reader.
 
 #![allow(clippy::unwrap_used)]
 
@@ -68,8 +68,10 @@ fn the_second_look_moves_boxes_and_says_how_sure_it_is() {
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
     let own = |more: &[&str]| found(folder, &[&all[..], &["--model", &model], more].concat());
     assert_eq!(own(&[]), found(folder, &[&all[..], &["--refiner", "none", "--above-road", "none"]].concat()));
-    assert_eq!(own(&["--refiner", &refiner]), found(folder, &[&all[..], &["--above-road", "none"]].concat()));
-    assert_eq!(own(&["--refiner", &refiner, "--above-road", "any"]), both);
+    let without = |more: &[&str]| found(folder, &[&all[..], more].concat());
+    assert_eq!(own(&["--refiner", &refiner]), without(&["--plates", "none", "--above-road", "none"]));
+    let plates = root().join("models/farsight-plates.safetensors").display().to_string();
+    assert_eq!(own(&["--refiner", &refiner, "--plates", &plates, "--above-road", "any"]), both);
 }
 
 #[test]
@@ -105,16 +107,35 @@ fn one_road_under_all_moves_distances_and_nothing_else() {
 }
 
 #[test]
-fn a_refiner_is_fitted_to_the_shipped_model() {
+fn plates_move_distances_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
+    let with = |plates: &[&str]| found(folder, &[&["--max-overlap", "1", "--above-road", "none"], plates].concat());
+    let (without, read) = (with(&["--plates", "none"]), with(&[]));
+    assert_eq!(without.len(), read.len());
+    for ([before_m, sigma_m, score], [after_m, after_sigma_m, after_score]) in without.iter().zip(&read) {
+        assert!((score - after_score).abs() < 1e-12, "scores stay");
+        assert!((after_m / before_m).ln().abs() < 0.2, "{before_m} m became {after_m} m");
+        assert!(after_sigma_m / after_m < 1.1 * sigma_m / before_m, "less is known than before");
+    }
+    let surer = without.iter().zip(&read).filter(|(a, b)| b[1] / b[0] < 0.8 * a[1] / a[0]).count();
+    assert!(surer > 0, "no plate was read: {read:?}");
+}
+
+#[test]
+fn refiner_and_plate_reader_are_fitted_to_the_shipped_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
     done(folder, &["synth", "--out", "scenes", "--frames", "24", "--seed", "5"]);
-    let export = ["export", "--half", "--model", &refiner, "--fit-on", "scenes", "--out", "fitted.safetensors"];
-    let output = farsight(folder, &export);
-    let status = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success() && status.contains("errors correlated by"), "{status}");
-    assert!(!found(folder, &["--refiner", "fitted.safetensors"]).is_empty());
+    for part in ["refiner", "plates"] {
+        let shipped = root().join(format!("models/farsight-{part}.safetensors")).display().to_string();
+        let fitted = format!("{part}.safetensors");
+        let export = ["export", "--half", "--model", &shipped, "--fit-on", "scenes", "--out", &fitted];
+        let output = farsight(folder, &export);
+        let status = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && status.contains("errors correlated by"), "{status}");
+        assert!(!found(folder, &[&format!("--{part}"), &fitted]).is_empty());
+    }
 }
 
 #[test]
@@ -153,7 +174,20 @@ fn mistakes_are_told_with_the_file() {
     let as_detector = told(folder, &["range", &scene, "--hfov", "81", "--model", &refiner]);
     let expected = "farsight-refiner.safetensors: a refiner; expected a detector, name it with --refiner";
     assert!(as_detector.contains(expected), "{as_detector}");
-    let config = root().join("configs/refiner.toml").display().to_string();
-    let bench = told(folder, &["bench", "--model", &config]);
-    assert!(bench.contains("refiner.toml: the config of a refiner"), "{bench}");
+    for (config, expected) in [("refiner", "the config of a refiner"), ("plates", "the config of a plate reader")] {
+        let config = root().join(format!("configs/{config}.toml")).display().to_string();
+        let bench = told(folder, &["bench", "--model", &config]);
+        assert!(bench.contains(expected) && bench.contains(".toml: "), "{bench}");
+    }
+
+    let plates = root().join("models/farsight-plates.safetensors").display().to_string();
+    let other_part = told(folder, &["range", &scene, "--hfov", "81", "--plates", &refiner]);
+    assert!(
+        other_part.contains("farsight-refiner.safetensors") && other_part.contains("a plate reader"),
+        "{other_part}"
+    );
+    let as_detector = told(folder, &["range", &scene, "--hfov", "81", "--model", &plates]);
+    assert!(as_detector.contains("a plate reader; expected a detector, name it with --plates"), "{as_detector}");
+    let unused = told(folder, &["eval", "--labels", ".", "--results", ".", "--plates", "none"]);
+    assert!(unused.contains("expected --data"), "{unused}");
 }

@@ -11,11 +11,12 @@ use super::rows::{RowsError, read_labels};
 use super::split::{SplitError, is_id, read_split};
 use crate::Frame;
 use crate::image_io::{ImageError, has_image_extension, image_named, read_image};
+use crate::plates::{PlatesError, read_plates};
 
 /// Frames with images, calibrations and labels.
 ///
 /// Either `ROOT/training/{image_2,calib,label_2}` or `ROOT/{image_2,calib,label_2}`; splits lie in `ImageSets` in or beside that folder.
-/// Images are PNG or JPEG.
+/// Images are PNG or JPEG. Rendered data sets have a folder `plates`, too ([`crate::plates`]).
 #[derive(Debug, Clone)]
 pub struct KittiDataset {
     folder: PathBuf,
@@ -81,6 +82,9 @@ pub enum DatasetError {
     /// A label file cannot be read.
     #[error(transparent)]
     Labels(#[from] RowsError),
+    /// A file of number plates cannot be read.
+    #[error(transparent)]
+    Plates(#[from] PlatesError),
 }
 
 impl KittiDataset {
@@ -117,6 +121,11 @@ impl KittiDataset {
         self.ids.is_empty()
     }
 
+    /// Whether it lists the number plates that its images show, as rendered data sets do.
+    pub fn knows_plates(&self) -> bool {
+        self.folder.join("plates").is_dir()
+    }
+
     /// The folder of the label files.
     pub fn label_folder(&self) -> PathBuf {
         self.folder.join("label_2")
@@ -136,6 +145,7 @@ impl KittiDataset {
             camera: self.load_camera(index)?,
             labels: self.load_labels(index)?,
             depth_m: None,
+            plates: read_plates(&self.path("plates", index, "txt"))?,
         })
     }
 

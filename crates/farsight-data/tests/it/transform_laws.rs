@@ -102,8 +102,14 @@ fn a_sample_is_the_frame_moved() {
     let camera = Camera::from_intrinsics(700.0, 700.0, 600.0, 180.0).unwrap();
     let image = RgbImage::from_pixel(1242, 375, image::Rgb([90, 100, 110]));
     let depth_m = (0..1242 * 375).map(|pixel| (pixel % 1242) as f32).collect();
-    let frame =
-        Frame { id: "000042".to_owned(), image, camera, labels: vec![car(), dont_care()], depth_m: Some(depth_m) };
+    let frame = Frame {
+        id: "000042".to_owned(),
+        image,
+        camera,
+        labels: vec![car(), dont_care()],
+        depth_m: Some(depth_m),
+        plates: vec![],
+    };
     let transform = lively().draw(&mut ItemKey { epoch: 3, index: 4, seed: 5 }.rng(), IMAGE_SIZE, &RULES);
     let sample = transform.apply(&frame, &RULES);
     assert_eq!((sample.id.as_str(), sample.size, sample.input.len()), ("000042", RULES.size, 3 * 1280 * 384));
@@ -134,6 +140,7 @@ fn reflections_shade_and_detail_change_pixels_and_neither_camera_nor_labels() {
         camera: Camera::from_hfov(80.0, 1242, 375).unwrap(),
         labels: vec![car(), dont_care()],
         depth_m: None,
+        plates: vec![],
     };
     let always =
         AugmentationConfig { reflection_probability: 1.0, shade_probability: 1.0, detail_probability: 1.0, ..lively() };

@@ -21,7 +21,7 @@ use farsight_core::{Box3d, Dimensions, ObjectClass};
 
 use crate::dice::Dice;
 use crate::palette::Palette;
-use crate::scene::{Mesh, Object, Vec3};
+use crate::scene::{MaterialId, Mesh, Object, Vec3};
 use crate::shape::{Shape, Turn};
 use crate::vector::add;
 
@@ -73,6 +73,8 @@ pub(crate) struct Workshop<'a> {
     pub(crate) conduct: Conduct,
     /// Colours that no factory makes.
     pub(crate) unusual: bool,
+    /// What number plates are made of, once something that has some is built.
+    pub(crate) plate: Option<MaterialId>,
 }
 
 /// The mesh of an object of `class` and `size`, in object coordinates.
@@ -164,7 +166,11 @@ mod tests {
         let size = SizeStatistics::of(class).draw(&mut dice);
         let mut palette = Palette::default();
         let conduct = Conduct { moving: seed.is_multiple_of(2), ..Conduct::default() };
-        let mesh = build(class, size, &mut Workshop { palette: &mut palette, dice, detail, conduct, unusual: false });
+        let mesh = build(
+            class,
+            size,
+            &mut Workshop { palette: &mut palette, dice, detail, conduct, unusual: false, plate: None },
+        );
         (mesh, palette)
     }
 
@@ -219,7 +225,7 @@ mod tests {
             let mut palette = Palette::default();
             let conduct = Conduct { moving, ..Conduct::default() };
             let mut workshop =
-                Workshop { palette: &mut palette, dice, detail: Detail::Middle, conduct, unusual: false };
+                Workshop { palette: &mut palette, dice, detail: Detail::Middle, conduct, unusual: false, plate: None };
             // As it is before it is stretched to its size.
             let mesh = if *class == ObjectClass::Van { car::van } else { car::car }(hwl, &mut workshop);
             let most = |axis: usize| mesh.vertices.iter().map(|v| v.position[axis].abs()).fold(0.0, f32::max);

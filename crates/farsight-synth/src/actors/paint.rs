@@ -106,7 +106,7 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
         let other = times([0.2, 0.17, 0.13], dice.range32(0.4, 1.2));
         palette.materials[usize::from(body)].pattern = Pattern::Noise { other, scale, amount, seed: dice.seed() };
     }
-    Livery {
+    let livery = Livery {
         body,
         second: palette.glossy(second, body_gloss, body_shine, body_mirror),
         glass,
@@ -126,7 +126,9 @@ fn livery(workshop: &mut Workshop, color: Color) -> Livery {
         head_lamp: head_lamp(palette, dice, conduct.lights_on),
         tail_lamp: rear_lamp(palette, dice, lit([1.2, 0.05, 0.03], conduct.lights_on)),
         brake_lamp: rear_lamp(palette, dice, lit([3.0, 0.12, 0.06], conduct.braking)),
-    }
+    };
+    workshop.plate = Some(livery.plate);
+    livery
 }
 
 /// Glass with nothing behind it, of the windows in front and of those behind. From far away a cabin is dark glass.

@@ -111,8 +111,9 @@ impl Stage {
         let instance = self.actors.len() as u16 + 1;
         let detail = self.detail(&box3d);
         let unusual = self.unusual;
-        let mut workshop = Workshop { palette: &mut self.palette, dice, detail, conduct, unusual };
+        let mut workshop = Workshop { palette: &mut self.palette, dice, detail, conduct, unusual, plate: None };
         let mesh = actors::build(&class, box3d.dimensions, &mut workshop);
+        let plate = workshop.plate;
         self.objects.push(actors::placed(&mesh, &box3d, instance));
         if matches!(class, ObjectClass::Car | ObjectClass::Van | ObjectClass::Truck | ObjectClass::Tram) {
             self.add_stain(&box3d);
@@ -121,7 +122,7 @@ impl Stage {
             }
         }
         self.take(&box3d);
-        self.actors.push(Actor { class, box3d, instance });
+        self.actors.push(Actor { class, box3d, instance, plate });
     }
 
     /// How finely an actor is built: by its distance, and more coarsely in a crowd.

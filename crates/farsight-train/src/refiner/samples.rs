@@ -1,28 +1,19 @@
 //! From labelled frames to cut-outs and what the refiner should answer.
 
 use farsight_core::refine::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
-use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass, wrapped_angle};
+use farsight_core::{Box3d, Label};
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
-use rand::seq::SliceRandom;
-use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
+use rand::Rng;
 use tch::{Device, Tensor};
 
-use super::config::RefinerTrainConfig;
 use super::false_alarms::false_alarms;
+use crate::crops::config::CropTrainConfig;
+use crate::crops::{LookErrors, drawn, is_seen, misjudged};
 use crate::sources::FrameSource;
 
-/// Objects of which less is seen are not learnt from.
-const MOST_OCCLUDED: i32 = 2;
-const MOST_TRUNCATED: f64 = 0.8;
-
-/// Errors of a first look, standard deviations: of the logarithms of depth and sizes, of the centre as a share of the object, and of the heading. The
-/// detector's own are of this size.
-const DEPTH_ERROR: f64 = 0.06;
-const SIZE_ERROR: f64 = 0.06;
-const CENTER_ERROR: f64 = 0.04;
-const HEADING_ERROR_RAD: f64 = 0.15;
+/// The detector's own errors are of this size.
+const FIRST_LOOK: LookErrors = LookErrors { depth: 0.06, size: 0.06, center: 0.04, heading_rad: 0.15 };
 
 /// What is cut out.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +48,7 @@ pub(super) struct FrameCrops {
 pub(super) struct CropSampler {
     pub(super) source: Box<dyn FrameSource>,
     pub(super) augmentation: AugmentationConfig,
-    pub(super) train: RefinerTrainConfig,
+    pub(super) train: CropTrainConfig,
     pub(super) side: usize,
 }
 
@@ -66,7 +57,7 @@ impl CropSampler {
     pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
         let frame = self.source.frame(key)?;
         let mut rng = key.rng();
-        let labels = frame.labels.iter().filter(|label| self.teaches(label));
+        let labels = frame.labels.iter().filter(|label| is_seen(label, self.train.least_height_px));
         let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));
         let objects = drawn(labels.map(object).collect(), self.train.objects_per_frame, &mut rng);
         let nothing = match &self.train.first_looks {
@@ -80,13 +71,6 @@ impl CropSampler {
         Ok(FrameCrops { id: frame.id.clone(), crops })
     }
 
-    fn teaches(&self, label: &Label) -> bool {
-        label.class != ObjectClass::DontCare
-            && (0..=MOST_OCCLUDED).contains(&label.occlusion)
-            && label.truncation <= MOST_TRUNCATED
-            && label.box2d.height() >= self.train.least_height_px
-    }
-
     /// What is there, cut out where a first look with errors would see it.
     fn sample(&self, frame: &Frame, seen: Seen, rng: &mut impl Rng) -> Option<CropSample> {
         let (width, height) = frame.image.dimensions();
@@ -96,7 +80,7 @@ impl CropSampler {
         let camera = if drawn.mirror { frame.camera.mirrored(image_size[0]) } else { frame.camera };
         let (Seen::Object(box3d, _) | Seen::Nothing(box3d)) = seen;
         let box3d = if drawn.mirror { box3d.mirrored() } else { box3d };
-        let first_look = misjudged(&box3d, &camera, rng)?.projected(&camera)?;
+        let first_look = misjudged(&box3d, &camera, &FIRST_LOOK, rng)?.projected(&camera)?;
         let crop = Crop::around(&first_look.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
         let (targets, kind) = match seen {
             Seen::Object(_, kind) => (Some(crop.encode(&box3d)?.map(|target| target as f32)), kind),
@@ -106,31 +90,6 @@ impl CropSampler {
         input.extend(crop.rays());
         Some(CropSample { input, targets, kind })
     }
-}
-
-/// At most so many of `all`, in random order.
-fn drawn<T>(mut all: Vec<T>, most: usize, rng: &mut impl Rng) -> Vec<T> {
-    all.shuffle(rng);
-    all.truncate(most);
-    all
-}
-
-/// `object` as a first look could have placed it.
-fn misjudged(object: &Box3d, camera: &Camera, rng: &mut impl Rng) -> Option<Box3d> {
-    let mut normal = |deviation: f64| deviation * rng.sample::<f64, _>(StandardNormal);
-    let Dimensions { height, width, length } = object.dimensions;
-    let dimensions = Dimensions {
-        height: height * normal(SIZE_ERROR).exp(),
-        width: width * normal(SIZE_ERROR).exp(),
-        length: length * normal(SIZE_ERROR).exp(),
-    };
-    let depth_m = object.depth_m() * normal(DEPTH_ERROR).exp();
-    let [u, v] = camera.pixel_from_point(object.center())?;
-    let metre_px = camera.focal_y() / object.depth_m();
-    let center = [u + metre_px * length * normal(CENTER_ERROR), v + metre_px * height * normal(CENTER_ERROR)];
-    let [x, y, z] = camera.point_from_pixel(center, depth_m);
-    let yaw = wrapped_angle(object.yaw + normal(HEADING_ERROR_RAD));
-    Some(Box3d { dimensions, location: [x, y + dimensions.height / 2.0, z], yaw })
 }
 
 /// What a step learns from.

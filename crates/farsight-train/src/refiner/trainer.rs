@@ -5,18 +5,18 @@ use std::path::PathBuf;
 use farsight_core::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
 use farsight_net::graph::NodeId;
 use farsight_net::onnx::key;
-use farsight_net::refiner::{ANSWER, RefinerModel};
+use farsight_net::part::{ANSWER, PartConfig};
+use farsight_net::refiner::{RefinerConfig, RefinerModel};
 use serde::Serialize;
 use tch::{Kind, Tensor};
 
-use super::RefinerRun;
 use super::samples::{CropBatch, CropSampler, FrameCrops};
 use crate::checkpoint::Progress;
-use crate::config::DataConfig;
+use crate::crops::CropRun;
 use crate::executor::{ExecutorError, Mode};
-use crate::learner::{Learner, LearnerSettings};
+use crate::learner::Learner;
 use crate::metrics::{Lesson, Terms};
-use crate::trainer::{Job, NotFinite, Observer, Pace, Pupil, Run, Session, TrainError};
+use crate::trainer::{Job, NotFinite, Observer, Pupil, Session, TrainError};
 
 /// Name of the trained refiner in a run's folder.
 pub const REFINER_FILE: &str = "refiner.safetensors";
@@ -31,16 +31,16 @@ const KIND_WEIGHT: f64 = 2.0;
 ///
 /// # Errors
 /// See [`TrainError`].
-pub fn train(job: &Job<RefinerRun>, observer: &mut dyn Observer<RefinerTerms>) -> Result<PathBuf, TrainError> {
+pub fn train(
+    job: &Job<CropRun>,
+    config: &RefinerConfig,
+    observer: &mut dyn Observer<RefinerTerms>,
+) -> Result<PathBuf, TrainError> {
     let run = &job.run;
     let (session, source) = Session::open(job)?;
-    let sampler = CropSampler {
-        source,
-        augmentation: run.augmentation.clone(),
-        train: run.train.clone(),
-        side: run.refiner.side,
-    };
-    let (mut refiner, progress) = Refiner::start(run, &session)?;
+    let sampler =
+        CropSampler { source, augmentation: run.augmentation.clone(), train: run.train.clone(), side: config.side };
+    let (mut refiner, progress) = Refiner::start(run, config, &session)?;
     let progress = session.teach(&mut refiner, progress, move |key| sampler.samples(key), observer)?;
     let path = job.out.join(REFINER_FILE);
     refiner.model(progress, session.frames).write(&path)?;
@@ -71,35 +71,10 @@ impl Terms for RefinerTerms {
     }
 }
 
-impl Run for RefinerRun {
-    fn data(&self) -> &DataConfig {
-        &self.data
-    }
-
-    fn pace(&self) -> Pace {
-        let train = &self.train;
-        Pace {
-            epochs: train.epochs,
-            batch_size: train.frames_per_step,
-            seed: train.seed,
-            log_steps: train.log_steps,
-            checkpoint_steps: train.checkpoint_steps,
-            threads: train.threads,
-        }
-    }
-
-    fn learner(&self) -> LearnerSettings {
-        self.train.learner()
-    }
-
-    fn identity(&self) -> Self {
-        Self::identity(self)
-    }
-}
-
 /// A refiner that learns, and where its answer stands.
 struct Refiner<'a> {
-    run: &'a RefinerRun,
+    run: &'a CropRun,
+    config: &'a RefinerConfig,
     learner: Learner,
     answer: NodeId,
 }
@@ -122,7 +97,7 @@ impl Pupil for Refiner<'_> {
 
     fn step(&mut self, samples: Vec<FrameCrops>, rate: f64) -> Result<Option<Lesson<RefinerTerms>>, NotFinite> {
         let device = self.learner.network.device();
-        let Some(batch) = CropBatch::new(&samples, self.run.refiner.side, device) else { return Ok(None) };
+        let Some(batch) = CropBatch::new(&samples, self.config.side, device) else { return Ok(None) };
         let answer = self.learner.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
         let places = PLACE_CHANNELS as i64;
         let place = answer.narrow(1, 0, places).index_select(0, &batch.objects);
@@ -141,11 +116,15 @@ impl Pupil for Refiner<'_> {
 }
 
 impl<'a> Refiner<'a> {
-    fn start(run: &'a RefinerRun, session: &Session<'_, RefinerRun>) -> Result<(Self, Progress), TrainError> {
-        let graph = run.refiner.graph();
+    fn start(
+        run: &'a CropRun,
+        config: &'a RefinerConfig,
+        session: &Session<'_, CropRun>,
+    ) -> Result<(Self, Progress), TrainError> {
+        let graph = config.graph();
         let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
         let (learner, progress) = session.learner(graph)?;
-        Ok((Self { run, learner, answer }, progress))
+        Ok((Self { run, config, learner, answer }, progress))
     }
 
     fn model(&self, progress: Progress, frames: usize) -> RefinerModel {
@@ -153,7 +132,7 @@ impl<'a> Refiner<'a> {
         let mut weights = self.learner.network.weights();
         let facts = serde_json::json!({ "steps": progress.steps, "epochs": train.epochs, "seed": train.seed, "frames": frames });
         weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
-        RefinerModel { config: self.run.refiner.clone(), weights }
+        RefinerModel { config: self.config.clone(), weights }
     }
 }
 

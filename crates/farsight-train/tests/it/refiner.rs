@@ -9,12 +9,14 @@ use farsight_data::kitti::write_results;
 use farsight_data::{AugmentationConfig, network_input};
 use farsight_infer::{Refiner, Sides};
 use farsight_net::init::initial_weights;
-use farsight_net::refiner::{ANSWER, RefinerConfig, RefinerModel};
+use farsight_net::part::{ANSWER, PartConfig};
+use farsight_net::refiner::{RefinerConfig, RefinerModel};
 use farsight_net::weights::{WeightTensor, Weights};
 use farsight_train::config::DataConfig;
+use farsight_train::crops::CropRun;
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
 use farsight_train::metrics::Record;
-use farsight_train::refiner::{RefinerRun, RefinerTerms, train};
+use farsight_train::refiner::{RefinerTerms, train};
 use farsight_train::trainer::{Beginning, Job, Observer, TrainError};
 use image::{Rgb, RgbImage};
 use tch::{Device, Tensor, no_grad};
@@ -38,9 +40,10 @@ fn small() -> RefinerConfig {
     RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
 }
 
-fn run(data: &Path) -> RefinerRun {
-    let mut run = RefinerRun {
-        refiner: small(),
+fn run(data: &Path) -> CropRun {
+    let mut run = CropRun {
+        refiner: Some(small()),
+        plates: None,
         data: DataConfig { root: Some(data.to_owned()), ..DataConfig::default() },
         augmentation: AugmentationConfig::none(),
         train: toml::from_str("frames_per_step = 4\nlog_steps = 1\nthreads = 1\nleast_height_px = 5").unwrap(),
@@ -53,10 +56,10 @@ fn detection(box2d: Box2d, box3d: Box3d) -> Detection {
     Detection { class: ObjectClass::Car, score: 0.5, box2d, box3d, range_sigma_m: None }
 }
 
-fn trained(run: &RefinerRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
+fn trained(run: &CropRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
     let mut kept = Kept::default();
     let job = Job { run: run.clone(), out: out.to_owned(), resume };
-    train(&job, &mut kept).map(|path| (fs::read(path).unwrap(), kept))
+    train(&job, &small(), &mut kept).map(|path| (fs::read(path).unwrap(), kept))
 }
 
 #[test]
@@ -152,7 +155,7 @@ fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
     let mut stopper = Stopper { after: 5, seen: 0 };
     run.data.workers = 3;
     let job = Job { run: run.clone(), out: out.clone(), resume: false };
-    let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| train(&job, &mut stopper)));
+    let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| train(&job, &small(), &mut stopper)));
     assert!(stopped.is_err() && !out.join("refiner.safetensors").exists());
     let (parts, kept) = trained(&run, &out, true).unwrap();
     assert!(whole == parts, "the refiners differ");
@@ -185,7 +188,7 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
     let path = folder.path().join("refiner.toml");
     let error = |text: &str| {
         fs::write(&path, text).unwrap();
-        RefinerRun::read(&path).unwrap_err().to_string()
+        CropRun::read(&path).unwrap_err().to_string()
     };
     for (text, expected) in [
         ("[refiner]\nside = 90", "refiner.side is 90; expected a multiple of 16"),
@@ -195,11 +198,15 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("[refiner]\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
         ("[refiner]\nsides = 96", "unknown field `sides`"),
         ("[refiner]\n[data.rendered]\n[train]\nfirst_looks = \"x\"", "train.first_looks needs data.root"),
+        ("[refiner]\n[plates]", "[refiner] and [plates]; expected one of them"),
+        ("[plates]\nside = 70", "plates.side is 70; expected a multiple of 8"),
+        ("[plates]\n[train]\nfirst_looks = \"x\"", "train.first_looks is for refiners"),
     ] {
         let error = error(text);
         assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");
     }
-    assert!(RefinerRun::is_meant("[refiner]\n") && !RefinerRun::is_meant("[model]\n"));
+    let is_meant = ["[refiner]\n", "[plates]\n", "[model]\n"].map(CropRun::is_meant);
+    assert_eq!(is_meant, [true, true, false]);
 }
 
 #[test]

@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use super::Outcome;
 use crate::camera_source::KITTI_HFOV_DEG;
-use crate::engines::{EngineArgs, RefinerArgs, Timing, open_to_time};
+use crate::engines::{EngineArgs, SecondLookArgs, Timing, open_to_time};
 use crate::outputs;
 use crate::printer::{Printer, counted};
 use crate::shipped;
@@ -38,7 +38,7 @@ pub(crate) struct BenchArgs {
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
-    refiner: RefinerArgs,
+    second_look: SecondLookArgs,
     /// Image to look at [default: a scene that comes with the program, 1242x375 JPEG]
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
@@ -95,8 +95,8 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     ensure!(args.runs > 0, "--runs is 0; expected at least one");
     ensure!((1..=LARGEST_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {LARGEST_BATCH}", args.batch);
     if let Some(json) = &args.json {
-        let inputs = [args.model.as_deref(), args.image.as_deref(), args.refiner.file()];
-        outputs::check_json(json, inputs.into_iter().flatten())?;
+        let inputs = [args.model.as_deref(), args.image.as_deref()];
+        outputs::check_json(json, inputs.into_iter().flatten().chain(args.second_look.files()))?;
     }
     let folder = tempfile::tempdir().context("no folder for the scene")?;
     let image = match &args.image {
@@ -104,7 +104,7 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
     };
     let timing = Timing { input: args.input, dense_head: args.dense_head };
-    let mut detector = open_to_time(&args.engine, &args.refiner, args.model.as_deref(), timing)?;
+    let mut detector = open_to_time(&args.engine, &args.second_look, args.model.as_deref(), timing)?;
     for _ in 0..WARM_UP {
         pass(&image, args.batch, &mut detector)?;
     }

@@ -9,6 +9,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use farsight_net::model::Model;
 use farsight_net::onnx::{OnnxModel, key};
+use farsight_net::plate::PlateModel;
 use farsight_net::refiner::RefinerModel;
 use farsight_net::weights::Weights;
 use serde::Serialize;
@@ -63,6 +64,7 @@ struct ModelState {
 enum ModelKind {
     Detector,
     Refiner,
+    PlateReader,
 }
 
 /// Runs the command.
@@ -101,7 +103,11 @@ fn print(diagnosis: &Diagnosis, printer: &mut Printer) {
         printer.line("  none here, in ./models or in your data folder");
     }
     for ModelState { path, kind, problem } in models {
-        let kind = if *kind == ModelKind::Refiner { " (a refiner)" } else { "" };
+        let kind = match kind {
+            ModelKind::Detector => "",
+            ModelKind::Refiner => " (a refiner)",
+            ModelKind::PlateReader => " (a plate reader)",
+        };
         printer.line(&format!("  {path}{kind}{}", problem.as_ref().map_or_else(String::new, |p| format!(": {p}"))));
     }
     for line in advice {
@@ -169,6 +175,8 @@ fn model_state(path: &Path) -> Option<ModelState> {
     }
     let (kind, read) = if RefinerModel::is_one(path) {
         (ModelKind::Refiner, RefinerModel::read(path).map(drop).map_err(anyhow::Error::from))
+    } else if PlateModel::is_one(path) {
+        (ModelKind::PlateReader, PlateModel::read(path).map(drop).map_err(anyhow::Error::from))
     } else if path.extension().is_some_and(|extension| extension == "onnx") {
         (ModelKind::Detector, OnnxModel::read(path).map(drop).map_err(anyhow::Error::from))
     } else {

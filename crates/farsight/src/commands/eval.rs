@@ -18,7 +18,7 @@ use farsight_files::write_quickly;
 use serde::Serialize;
 
 use super::Outcome;
-use crate::engines::{EngineArgs, RefinerArgs, RoadArgs};
+use crate::engines::{EngineArgs, RoadArgs, SecondLookArgs};
 use crate::outputs;
 use crate::printer::{Printer, counted};
 use crate::shipped;
@@ -50,7 +50,7 @@ pub(crate) struct EvalArgs {
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
-    refiner: RefinerArgs,
+    second_look: SecondLookArgs,
     #[command(flatten)]
     road: RoadArgs,
     /// FILE with the frames to evaluate, one id a line, or with --data a name in its `ImageSets` [default: all that have a result file; with --data, all that have an image]
@@ -210,7 +210,7 @@ impl EvalArgs {
     /// Hours of evaluation must not be lost for want of a folder.
     fn check_outputs(&self) -> Result<()> {
         if let Some(json) = &self.json {
-            outputs::check_json(json, [self.model.as_deref(), self.refiner.file()].into_iter().flatten())?;
+            outputs::check_json(json, self.model.as_deref().into_iter().chain(self.second_look.files()))?;
         }
         self.report.as_deref().map_or(Ok(()), outputs::make_folder)
     }
@@ -219,7 +219,7 @@ impl EvalArgs {
     fn names_what_looks(&self) -> bool {
         self.model.is_some()
             || self.engine != EngineArgs::default()
-            || self.refiner != RefinerArgs::default()
+            || self.second_look != SecondLookArgs::default()
             || self.road != RoadArgs::default()
     }
 

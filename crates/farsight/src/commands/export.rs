@@ -2,11 +2,12 @@
 
 mod fit;
 mod int8;
+mod plates;
 mod refiner;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::HeadMaps;
 use farsight_files::write_atomically;
@@ -16,7 +17,9 @@ use farsight_infer::probe::{self, Difference};
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::model::Model;
 use farsight_net::onnx::{Facts, OnnxModel, Target, key, write};
-use farsight_net::refiner::RefinerModel;
+use farsight_net::part::PartConfig;
+use farsight_net::plate::{PlateConfig, PlateModel};
+use farsight_net::refiner::{RefinerConfig, RefinerModel};
 use farsight_net::transform::Network;
 
 use super::Outcome;
@@ -34,7 +37,7 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote; or a refiner, of which --fit-on makes one that fits the model that comes with the program
+    /// Model that `farsight train` or `farsight import` wrote; or a refiner or a plate reader, of which --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write
@@ -93,6 +96,21 @@ impl ExportArgs {
         }
     }
 
+    /// The labelled frames to fit on of something that is no detector, as `name` says; an error when what is asked for is of detectors.
+    fn part_data(&self, name: &str) -> Result<&Path> {
+        let path = self.model.display();
+        let (Some(data), true) = (&self.fit_on, self.half) else {
+            bail!("{path}: {name}; expected --half and --fit-on DIR beside it");
+        };
+        let is_resized = self.input.is_some() || self.focal_range.is_some();
+        ensure!(!is_resized, "{path}: {name}; --input and --focal-range are of detectors");
+        ensure!(
+            !self.tells_facts(),
+            "{path}: {name}; --training-data, --training-data-licence and --evaluation are of detectors"
+        );
+        Ok(data)
+    }
+
     fn tells_facts(&self) -> bool {
         self.training_data.is_some() || self.training_data_licence.is_some() || self.evaluation.is_some()
     }
@@ -106,7 +124,10 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
     if RefinerModel::is_one(&args.model) {
-        return refiner::run(args, printer);
+        return refiner::run(args, args.part_data(RefinerConfig::NAME)?, printer);
+    }
+    if PlateModel::is_one(&args.model) {
+        return plates::run(args, args.part_data(PlateConfig::NAME)?, printer);
     }
     let mut model = read_own(&args.model)?;
     if let Some(size) = args.input {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
+use farsight_core::Agreement;
 use farsight_core::codec::DepthReference;
 use farsight_net::build::network;
 use farsight_net::config::ModelConfig;
@@ -11,16 +12,19 @@ use farsight_net::count::{StageCount, count, total};
 use farsight_net::graph::Graph;
 use farsight_net::model::Model;
 use farsight_net::onnx::{Facts, OnnxModel, Target, is_safetensors, key};
+use farsight_net::part::PartConfig;
+use farsight_net::plate::{PlateConfig, PlateModel};
 use farsight_net::refiner::{RefinerConfig, RefinerModel};
 
 use super::Outcome;
 use crate::printer::Printer;
+use crate::untrained::Untrained;
 use crate::{model_files, untrained};
 
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model or a refiner (.safetensors, .onnx), or the config of a training (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
 }
@@ -59,17 +63,21 @@ impl Described {
 
 fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
-        if let Some(config) = untrained::read_refiner_config(path)? {
-            return Ok(refiner(&config, None));
-        }
-        let config = untrained::read_config(path)?;
-        return Ok(Described::new(&config, network(&config), Vec::new()));
+        return Ok(match untrained::read(path)? {
+            Untrained::Detector(config) => Described::new(&config, network(&config), Vec::new()),
+            Untrained::Refiner(config) => refiner(&config, None),
+            Untrained::Plates(config) => plates(&config, None),
+        });
     }
-    model_files::check(path, "a model, a refiner or the config of a training (.toml)")?;
+    model_files::check(path, "a model, a refiner, a plate reader or the config of a training (.toml)")?;
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
         if RefinerModel::is_one(path) {
             let RefinerModel { config, weights } = RefinerModel::read(path)?;
             return Ok(refiner(&config, weights.metadata.get(key::TRAINING)));
+        }
+        if PlateModel::is_one(path) {
+            let PlateModel { config, weights } = PlateModel::read(path)?;
+            return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
         }
         // A pruned model is narrower than its config says.
         let model = Model::read(path)?;
@@ -90,10 +98,25 @@ fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
     let mut facts = vec![
         ("refiner", format!("a second look at each object, cut out at {side} x {side} pixels")),
         ("channels", format!("{channels:?}")),
-        ("two looks", format!("errors correlated by {:.2}", looks.correlation)),
+        ("two looks", correlation(&looks.depths)),
     ];
     facts.extend(training.map(|training| ("training", training.clone())));
     Described { input: [*side; 2], graph: config.graph(), facts }
+}
+
+fn plates(config: &PlateConfig, training: Option<&String>) -> Described {
+    let PlateConfig { side, channels, depths, .. } = config;
+    let mut facts = vec![
+        ("plate reader", format!("measures cars by their number plates, cut out at {side} x {side} pixels")),
+        ("channels", format!("{channels:?}")),
+        ("plates and boxes", correlation(depths)),
+    ];
+    facts.extend(training.map(|training| ("training", training.clone())));
+    Described { input: [*side; 2], graph: config.graph(), facts }
+}
+
+fn correlation(depths: &Agreement) -> String {
+    format!("errors correlated by {:.2}", depths.correlation)
 }
 
 /// Facts that only the one who trained the model knows, and the hash that tells two models apart.

@@ -13,7 +13,7 @@ use farsight_core::detection::DecodeOptions;
 
 use super::Outcome;
 use crate::camera_source::CameraArgs;
-use crate::engines::{self, EngineArgs, RefinerArgs, RoadArgs};
+use crate::engines::{self, EngineArgs, RoadArgs, SecondLookArgs};
 use crate::inputs;
 use crate::printer::Printer;
 use job::Job;
@@ -30,7 +30,7 @@ pub(crate) struct RangeArgs {
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
-    refiner: RefinerArgs,
+    second_look: SecondLookArgs,
     #[command(flatten)]
     road: RoadArgs,
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
@@ -69,7 +69,7 @@ impl RangeArgs {
             inputs: vec![images],
             model: None,
             engine: EngineArgs::default(),
-            refiner: RefinerArgs::default(),
+            second_look: SecondLookArgs::default(),
             road: RoadArgs::default(),
             out: Some(out),
             json: Some(json),
@@ -120,7 +120,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let job = Job::new(args, found.images, printer)?;
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut detector = engines::open_whole(&args.engine, &args.refiner, args.road, args.model.as_deref(), options)?;
+    let mut detector = engines::open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
     let failed = found.problems.len() + job.run(&mut detector, printer)?;
     Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
 }

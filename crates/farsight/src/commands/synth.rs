@@ -7,8 +7,8 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight_data::Frame;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
+use farsight_data::{Frame, write_plates};
 use farsight_files::{write_atomically, write_quickly};
 use farsight_synth::{SceneStream, WorldConfig, twin};
 use image::codecs::jpeg::JpegEncoder;
@@ -157,7 +157,7 @@ fn label_ids(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// The folders of a data set; the last one stays empty until all frames are written.
-const FOLDERS: [&str; 4] = ["training/image_2", "training/label_2", "training/calib", "ImageSets"];
+const FOLDERS: [&str; 5] = ["training/image_2", "training/label_2", "training/calib", "training/plates", "ImageSets"];
 
 /// What to say of a folder that has some of [`FOLDERS`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
 fn there_already(root: &Path) -> &'static str {
@@ -193,6 +193,7 @@ impl Folder {
         let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
         write_quickly(&path("image_2", extension), |file| self.encode(&frame.image, file).map_err(io::Error::other))?;
         write_labels(&path("label_2", "txt"), &frame.labels)?;
+        write_plates(&path("plates", "txt"), &frame.plates)?;
         Ok(Calibration::from_camera(&frame.camera).write(&path("calib", "txt"))?)
     }
 

@@ -44,20 +44,25 @@ pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
     )
 }
 
-/// Trains a detector, or a refiner where the config is one's.
+/// Trains a detector, or a refiner or a plate reader where the config is one's.
 #[cfg(feature = "train")]
 pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
+    use anyhow::Context;
     use farsight_train::config::RunConfig;
-    use farsight_train::refiner::RefinerRun;
+    use farsight_train::crops::{CropNetwork, CropRun};
     use farsight_train::trainer::Job;
-    use farsight_train::{detector, refiner};
+    use farsight_train::{detector, plate, refiner};
 
     let (out, resume) = (args.out.clone(), args.resume);
     let mut progress = progress::Progress::new(printer);
-    let trained = if std::fs::read_to_string(&args.config).is_ok_and(|text| RefinerRun::is_meant(&text)) {
-        let mut run = RefinerRun::read(&args.config)?;
+    let trained = if std::fs::read_to_string(&args.config).is_ok_and(|text| CropRun::is_meant(&text)) {
+        let mut run = CropRun::read(&args.config)?;
         args.override_data(&mut run.data);
-        refiner::train(&Job { run, out, resume }, &mut progress)?
+        let job = Job { run, out, resume };
+        match job.run.network().context("no network")? {
+            CropNetwork::Refiner(config) => refiner::train(&job, config, &mut progress)?,
+            CropNetwork::Plates(config) => plate::train(&job, config, &mut progress)?,
+        }
     } else {
         let mut run = RunConfig::read(&args.config)?;
         args.override_data(&mut run.data);

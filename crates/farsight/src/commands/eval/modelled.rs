@@ -41,7 +41,7 @@ impl Files {
             (Some(labels), Some(results), None) => {
                 ensure!(
                     !args.names_what_looks(),
-                    "--model, --engine and what belongs to them, --refiner and --above-road are for a model that looks at images first; expected --data"
+                    "--model, --engine and what belongs to them, --refiner, --plates and --above-road are for a model that looks at images first; expected --data"
                 );
                 let ids = args.split.as_deref().map(split_of_files).transpose()?;
                 Ok(Self {
@@ -76,7 +76,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         (folder.path().to_owned(), Some(folder))
     };
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let mut detector = open_whole(&args.engine, &args.refiner, args.road, args.model.as_deref(), options)?;
+    let mut detector = open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
     let ids = write_results_of(&mut detector, &dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use farsight_core::agreement::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::range_error::DepthExample;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
-use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
+use farsight_core::{Agreement, ObjectClass, RangeError, ScoreCalibration};
 use farsight_data::{KittiDataset, read_image};
 use farsight_eval::ranging::{RangingOptions, Target, matched};
 use farsight_eval::{Difficulty, Frame};
@@ -150,6 +151,22 @@ fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize
         }
     };
     Ok(told(&frame).map(judged).collect())
+}
+
+/// How the depths of two measurements go together; `second` is what messages call the one that is corrected.
+pub(super) fn fitted_depths(pairs: &[DepthPair], second: &str, printer: &mut Printer) -> Result<Agreement> {
+    let Some(depths) = Agreement::fit(pairs) else {
+        bail!("{} objects found; expected at least {LEAST_EXAMPLES}", pairs.len());
+    };
+    printer.status(&format!(
+        "fitted on {} objects: {second}'s distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, error bars of both times {:.2}",
+        pairs.len(),
+        depths.depth_factor,
+        depths.error_factor,
+        depths.correlation,
+        depths.joint_error_factor
+    ));
+    Ok(depths)
 }
 
 /// Whether it shows enough of itself to be ranged: one of the Moderate objects.

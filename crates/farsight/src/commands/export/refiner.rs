@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight_core::agreement::DepthPair;
 use farsight_core::detection::DecodeOptions;
-use farsight_core::refine::{LooksExample, LooksScores, Refinement, ScoredLooks, TwoLooks};
+use farsight_core::refine::{LooksScores, Refinement, ScoredLooks, TwoLooks};
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
-use farsight_core::{Camera, Detection, Label, ObjectClass};
+use farsight_core::{Camera, Detection, Label, MeasuredDepth, ObjectClass};
 use farsight_data::{KittiDataset, read_image};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
@@ -14,50 +15,23 @@ use farsight_infer::{Detector, Refiner};
 use farsight_net::refiner::RefinerModel;
 use indicatif::ProgressBar;
 
-use super::fit::{is_plain, told};
+use super::fit::{fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
 use crate::engines::{EngineArgs, open_shipped};
 use crate::printer::Printer;
 
-/// Fits the refiner and writes it.
-pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
-    let (Some(data), true) = (&args.fit_on, args.half) else {
-        bail!("{}: a refiner; expected --half and --fit-on DIR beside it", args.model.display());
-    };
-    ensure!(
-        args.input.is_none() && args.focal_range.is_none(),
-        "{}: a refiner; --input and --focal-range are of detectors",
-        args.model.display()
-    );
-    ensure!(
-        !args.tells_facts(),
-        "{}: a refiner; --training-data, --training-data-licence and --evaluation are of detectors",
-        args.model.display()
-    );
+/// Fits the refiner to `data` and writes it.
+pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
     let mut model = RefinerModel::read(&args.model)?;
     let (seen, classes) = seen_twice(&model, data)?;
-    model.config.looks = fitted_depths(&seen, printer).with_context(|| data.display().to_string())?;
+    let pairs: Vec<DepthPair> = seen.iter().flat_map(SeenTwice::depth_pairs).collect();
+    let depths = fitted_depths(&pairs, "second look", printer).with_context(|| data.display().to_string())?;
+    model.config.looks = TwoLooks { depths, ..TwoLooks::default() };
     let scores = fitted_scores(&model.config.looks, &seen, &classes, printer);
     model.config.looks.scores = scores.with_context(|| data.display().to_string())?;
     model.write(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
-}
-
-fn fitted_depths(seen: &[SeenTwice], printer: &mut Printer) -> Result<TwoLooks> {
-    let examples: Vec<LooksExample> = seen.iter().flat_map(SeenTwice::depth_examples).collect();
-    let Some(looks) = TwoLooks::fit(&examples) else {
-        bail!("{} objects found; expected at least {LEAST_EXAMPLES}", examples.len());
-    };
-    printer.status(&format!(
-        "fitted on {} objects: second look's distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, error bars of both times {:.2}",
-        examples.len(),
-        looks.depth_factor,
-        looks.error_factor,
-        looks.correlation,
-        looks.joint_error_factor
-    ));
-    Ok(looks)
 }
 
 fn fitted_scores(
@@ -89,15 +63,11 @@ struct SeenTwice {
 
 impl SeenTwice {
     /// What both looks say of the Moderate objects that the first one finds.
-    fn depth_examples(&self) -> Vec<LooksExample> {
+    fn depth_pairs(&self) -> Vec<DepthPair> {
         let example = |(place, target): (usize, Option<Target>)| {
             let target = target.filter(is_plain)?;
-            let (first, second) = (&self.first[place], self.second[place].as_ref()?);
-            Some(LooksExample {
-                true_m: target.depth_m,
-                first: [first.box3d.depth_m(), first.range_sigma_m?],
-                second: [second.box3d.depth_m(), second.depth_sigma],
-            })
+            let first = MeasuredDepth::of(&self.first[place])?;
+            Some(DepthPair { true_m: target.depth_m, first, second: self.second[place].as_ref()?.depth() })
         };
         told(&self.judged_by(&self.first)).filter_map(example).collect()
     }

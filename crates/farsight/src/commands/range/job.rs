@@ -72,10 +72,10 @@ impl<'a> Job<'a> {
     }
 
     fn check_json(&self, inputs: &[PathBuf]) -> Result<()> {
-        let RangeArgs { json, model, refiner, camera, .. } = self.args;
+        let RangeArgs { json, model, second_look, camera, .. } = self.args;
         let Some(json) = json else { return Ok(()) };
-        let others = [model.as_deref(), refiner.file(), camera.calib.as_deref()];
-        outputs::check_json(json, inputs.iter().map(PathBuf::as_path).chain(others.into_iter().flatten()))
+        let others = [model.as_deref(), camera.calib.as_deref()].into_iter().flatten().chain(second_look.files());
+        outputs::check_json(json, inputs.iter().map(PathBuf::as_path).chain(others))
     }
 
     /// Pictures must not replace the images they are made from; outputs that were renamed are worth a word.

@@ -1,8 +1,10 @@
-//! A training of a refiner in one TOML file.
+//! A training on cut-outs in one TOML file.
 
 use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
+use farsight_net::part::PartConfig;
+use farsight_net::plate::PlateConfig;
 use farsight_net::refiner::RefinerConfig;
 use serde::{Deserialize, Serialize};
 
@@ -11,13 +13,18 @@ use crate::config::{DataConfig, RunConfigError, problem_of_decay, read_checked};
 use crate::executor::Precision;
 use crate::learner::LearnerSettings;
 use crate::schedule::Schedule;
+use crate::trainer::{Pace, Run};
 
-/// What to train, on what, how. The table `[refiner]` must be there, if only by name: it tells this from the training of a detector.
+/// What to train, on what, how. One of the tables `[refiner]` and `[plates]` must be there, if only by name: it tells this from the training of a detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RefinerRun {
-    /// The network.
-    pub refiner: RefinerConfig,
+pub struct CropRun {
+    /// The network, if it is a refiner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refiner: Option<RefinerConfig>,
+    /// The network, if it is a plate reader.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plates: Option<PlateConfig>,
     /// Where the frames come from.
     #[serde(default)]
     pub data: DataConfig,
@@ -26,13 +33,31 @@ pub struct RefinerRun {
     pub augmentation: AugmentationConfig,
     /// How the network learns.
     #[serde(default)]
-    pub train: RefinerTrainConfig,
+    pub train: CropTrainConfig,
 }
 
-/// How a refiner learns.
+/// What is trained on cut-outs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CropNetwork<'a> {
+    /// A refiner.
+    Refiner(&'a RefinerConfig),
+    /// A plate reader.
+    Plates(&'a PlateConfig),
+}
+
+impl CropNetwork<'_> {
+    fn problem(&self) -> Option<String> {
+        match self {
+            Self::Refiner(config) => config.problem(),
+            Self::Plates(config) => config.problem(),
+        }
+    }
+}
+
+/// How a network learns from cut-outs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct RefinerTrainConfig {
+pub struct CropTrainConfig {
     /// Passes over the frames.
     pub epochs: u64,
     /// Frames a step; all their objects are a batch.
@@ -41,11 +66,13 @@ pub struct RefinerTrainConfig {
     pub objects_per_frame: usize,
     /// Objects whose box is lower than this are not learnt from, pixels.
     pub least_height_px: f64,
-    /// Folder of a detector's result files for the frames of `data.root`: what it found where nothing is teaches what nothing looks like.
+    /// Folder of a detector's result files for the frames of `data.root`: what it found where nothing is teaches a refiner what nothing looks like.
     pub first_looks: Option<PathBuf>,
     /// At most so many of those of one frame, drawn at random.
     pub false_alarms_per_frame: usize,
-    /// A refiner to start from; what it lacks starts at random.
+    /// At most so many vehicles of one frame whose plates are not seen teach a plate reader to be unsure, drawn at random.
+    pub hidden_plates_per_frame: usize,
+    /// A network to start from; what it lacks starts at random.
     pub start_from: Option<PathBuf>,
     /// Initial learning rate.
     pub learning_rate: f64,
@@ -55,7 +82,7 @@ pub struct RefinerTrainConfig {
     pub warm_up_steps: u64,
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
-    /// Decay of the exponential running means of the weights (EMA), which the refiner gets in the end; without it those of the last step.
+    /// Decay of the exponential running means of the weights (EMA), which the network gets in the end; without it those of the last step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ema_decay: Option<f64>,
     /// Seed of the weights, the order, the errors of the first look and the augmentation.
@@ -68,7 +95,7 @@ pub struct RefinerTrainConfig {
     pub threads: usize,
 }
 
-impl Default for RefinerTrainConfig {
+impl Default for CropTrainConfig {
     fn default() -> Self {
         Self {
             epochs: 10,
@@ -77,6 +104,7 @@ impl Default for RefinerTrainConfig {
             least_height_px: 20.0,
             first_looks: None,
             false_alarms_per_frame: 3,
+            hidden_plates_per_frame: 1,
             start_from: None,
             learning_rate: 2e-3,
             weight_decay: 1e-5,
@@ -91,7 +119,7 @@ impl Default for RefinerTrainConfig {
     }
 }
 
-impl RefinerTrainConfig {
+impl CropTrainConfig {
     pub(crate) fn learner(&self) -> LearnerSettings {
         LearnerSettings {
             adam: AdamSettings::new(self.weight_decay, 1.0),
@@ -132,10 +160,20 @@ impl RefinerTrainConfig {
     }
 }
 
-impl RefinerRun {
-    /// Whether a config file is one of a refiner: it has a table `[refiner]`.
+impl CropRun {
+    /// Whether a config file is one of these: it has a table `[refiner]` or `[plates]`.
     pub fn is_meant(text: &str) -> bool {
-        text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("refiner"))
+        let table = text.parse::<toml::Table>();
+        table.is_ok_and(|table| ["refiner", "plates"].iter().any(|name| table.contains_key(*name)))
+    }
+
+    /// What is to be trained, if that is one thing.
+    pub fn network(&self) -> Option<CropNetwork<'_>> {
+        match (&self.refiner, &self.plates) {
+            (Some(config), None) => Some(CropNetwork::Refiner(config)),
+            (None, Some(config)) => Some(CropNetwork::Plates(config)),
+            _ => None,
+        }
     }
 
     /// Reads and checks a config file.
@@ -152,17 +190,51 @@ impl RefinerRun {
         if self.train.first_looks.is_some() && self.data.rendered.is_some() {
             return Some("train.first_looks needs data.root; a stream of scenes has no result files".to_owned());
         }
-        let problem = self.refiner.problem().or_else(|| self.data.problem()).or_else(augmentation);
+        let Some(network) = self.network() else {
+            return Some("[refiner] and [plates]; expected one of them".to_owned());
+        };
+        if self.train.first_looks.is_some() && self.plates.is_some() {
+            return Some(
+                "train.first_looks is for refiners; a plate reader learns from labelled vehicles alone".to_owned(),
+            );
+        }
+        let problem = network.problem().or_else(|| self.data.problem()).or_else(augmentation);
         problem.or_else(|| self.train.problem())
     }
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.
     pub fn identity(&self) -> Self {
-        let defaults = RefinerTrainConfig::default();
+        let defaults = CropTrainConfig::default();
         let mut identity = self.clone();
         identity.data = self.data.identity();
         identity.train.checkpoint_steps = defaults.checkpoint_steps;
         identity.train.log_steps = defaults.log_steps;
         identity
+    }
+}
+
+impl Run for CropRun {
+    fn data(&self) -> &DataConfig {
+        &self.data
+    }
+
+    fn pace(&self) -> Pace {
+        let train = &self.train;
+        Pace {
+            epochs: train.epochs,
+            batch_size: train.frames_per_step,
+            seed: train.seed,
+            log_steps: train.log_steps,
+            checkpoint_steps: train.checkpoint_steps,
+            threads: train.threads,
+        }
+    }
+
+    fn learner(&self) -> LearnerSettings {
+        self.train.learner()
+    }
+
+    fn identity(&self) -> Self {
+        Self::identity(self)
     }
 }

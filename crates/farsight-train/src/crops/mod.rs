@@ -1,0 +1,30 @@
+//! What trainings on cut-outs of single objects have in common: their config, and the errors of an earlier look that says where to cut.
+
+pub mod config;
+mod misjudged;
+
+pub use config::{CropNetwork, CropRun};
+pub(crate) use misjudged::{LookErrors, misjudged};
+
+use farsight_core::{Label, ObjectClass};
+use rand::Rng;
+use rand::seq::SliceRandom;
+
+/// Objects of which less is seen are not learnt from.
+const MOST_OCCLUDED: i32 = 2;
+const MOST_TRUNCATED: f64 = 0.8;
+
+/// Whether enough is seen of what is labelled, and it is high enough, pixels.
+pub(crate) fn is_seen(label: &Label, least_height_px: f64) -> bool {
+    label.class != ObjectClass::DontCare
+        && (0..=MOST_OCCLUDED).contains(&label.occlusion)
+        && label.truncation <= MOST_TRUNCATED
+        && label.box2d.height() >= least_height_px
+}
+
+/// At most so many of `all`, in random order.
+pub(crate) fn drawn<T>(mut all: Vec<T>, most: usize, rng: &mut impl Rng) -> Vec<T> {
+    all.shuffle(rng);
+    all.truncate(most);
+    all
+}

@@ -1,0 +1,65 @@
+//! `farsight export` of a plate reader: how its readings and what the shipped model and its refiner say go together, fitted on labelled frames.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use farsight_core::MeasuredDepth;
+use farsight_core::agreement::DepthPair;
+use farsight_core::detection::DecodeOptions;
+use farsight_core::score::LEAST_PEAK;
+use farsight_data::{KittiDataset, read_image};
+use farsight_eval::Frame;
+use farsight_eval::ranging::Target;
+use farsight_infer::{Detector, PlateReader};
+use farsight_net::plate::PlateModel;
+use indicatif::ProgressBar;
+
+use super::fit::{fitted_depths, is_plain, told};
+use super::{ExportArgs, Outcome};
+use crate::engines::open_shipped_twice;
+use crate::printer::Printer;
+
+/// Fits the plate reader to `data` and writes it.
+pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
+    let mut model = PlateModel::read(&args.model)?;
+    let pairs = depth_pairs(&model, data)?;
+    model.config.depths = fitted_depths(&pairs, "plate reader", printer).with_context(|| data.display().to_string())?;
+    model.write(&args.out)?;
+    printer.line(&format!("{}: half-precision numbers", args.out.display()));
+    Ok(Outcome::Done)
+}
+
+/// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
+fn depth_pairs(model: &PlateModel, data: &Path) -> Result<Vec<DepthPair>> {
+    let dataset = KittiDataset::open(data, None)?;
+    let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
+    let mut detector = open_shipped_twice(options)?;
+    let mut reader = PlateReader::new(model, None)?;
+    let bar = ProgressBar::new(dataset.len() as u64);
+    let mut pairs = Vec::new();
+    for index in 0..dataset.len() {
+        pairs.extend(pairs_of_frame(&mut detector, &mut reader, &dataset, index)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(pairs)
+}
+
+fn pairs_of_frame(
+    detector: &mut Detector,
+    reader: &mut PlateReader,
+    dataset: &KittiDataset,
+    index: usize,
+) -> Result<Vec<DepthPair>> {
+    let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
+    let image = read_image(&path)?;
+    let known = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let readings = reader.readings(&image, &camera, &known)?;
+    let frame = Frame::new(String::new(), dataset.load_labels(index)?, known);
+    let pair = |(place, target): (usize, Option<Target>)| {
+        let target = target.filter(is_plain)?;
+        let first = MeasuredDepth::of(&frame.claims[place].detection)?;
+        Some(DepthPair { true_m: target.depth_m, first, second: readings[place]? })
+    };
+    Ok(told(&frame).filter_map(pair).collect())
+}
