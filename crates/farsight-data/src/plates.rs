@@ -3,7 +3,6 @@
 //! A data set keeps them beside its labels, in `plates`: one line for each plate that the image shows, with the place of its vehicle's label in the label
 //! file, from 0, and the x, y and z of both ends.
 
-use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -67,15 +66,11 @@ fn plate(line: &str) -> Option<Plate> {
 /// # Errors
 /// When the file cannot be written.
 pub fn write_plates(path: &Path, plates: &[Plate]) -> Result<(), PlatesError> {
-    let mut text = String::new();
-    for Plate { label, ends } in plates {
-        let numbers = ends.as_flattened().iter().fold(String::new(), |mut numbers, at| {
-            // Writing to a string cannot fail.
-            let _ = write!(numbers, " {at:.4}");
-            numbers
-        });
-        text += &format!("{label}{numbers}\n");
-    }
+    let row = |Plate { label, ends }: &Plate| {
+        let numbers: Vec<String> = ends.as_flattened().iter().map(|at| format!("{at:.4}")).collect();
+        format!("{label} {}\n", numbers.join(" "))
+    };
+    let text = plates.iter().map(row).collect::<Vec<String>>().concat();
     write_quickly(path, |file| file.write_all(text.as_bytes()))
         .map_err(|source| PlatesError::File { path: path.to_owned(), source: io::Error::other(source) })
 }

@@ -1,10 +1,13 @@
-//! What trainings on cut-outs of single objects have in common: their config, and the errors of an earlier look that says where to cut.
+//! What trainings on cut-outs of single objects have in common: their config, the network that learns, and the errors of an earlier look that says where to
+//! cut.
 
 pub mod config;
 mod misjudged;
+mod part_learner;
 
 pub use config::{CropNetwork, CropRun};
 pub(crate) use misjudged::{LookErrors, misjudged};
+pub(crate) use part_learner::PartLearner;
 
 use farsight_core::{Label, ObjectClass};
 use rand::Rng;

@@ -45,7 +45,7 @@ struct PlateSample {
 
 /// What a frame teaches.
 #[derive(Debug)]
-pub(super) struct FramePlates {
+pub(crate) struct FramePlates {
     /// Name of the frame.
     pub(super) id: String,
     samples: Vec<PlateSample>,

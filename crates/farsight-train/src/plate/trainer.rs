@@ -4,17 +4,12 @@ use std::path::PathBuf;
 
 use farsight_core::plate::EXPECTED_WIDTH;
 use farsight_core::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT};
-use farsight_net::graph::NodeId;
-use farsight_net::onnx::key;
-use farsight_net::part::{ANSWER, PartConfig};
-use farsight_net::plate::{PlateConfig, PlateModel};
+use farsight_net::plate::PlateConfig;
 use serde::Serialize;
 use tch::{Kind, Tensor};
 
 use super::samples::{FramePlates, PlateBatch, PlateSampler};
-use crate::checkpoint::Progress;
-use crate::crops::CropRun;
-use crate::executor::{ExecutorError, Mode};
+use crate::crops::{CropRun, PartLearner};
 use crate::learner::Learner;
 use crate::metrics::{Lesson, Terms};
 use crate::trainer::{Job, NotFinite, Observer, Pupil, Session, TrainError};
@@ -41,7 +36,7 @@ pub fn train(
     }
     let sampler =
         PlateSampler { source, augmentation: run.augmentation.clone(), train: run.train.clone(), side: config.side };
-    let (mut reader, progress) = Reader::start(run, config, &session)?;
+    let (mut reader, progress) = PartLearner::start(run, config, &session)?;
     let progress = session.teach(&mut reader, progress, move |key| sampler.samples(key), observer)?;
     let path = job.out.join(PLATES_FILE);
     reader.model(progress, session.frames).write(&path)?;
@@ -72,15 +67,7 @@ impl Terms for PlateTerms {
     }
 }
 
-/// A plate reader that learns, and where its answer stands.
-struct Reader<'a> {
-    run: &'a CropRun,
-    config: &'a PlateConfig,
-    learner: Learner,
-    answer: NodeId,
-}
-
-impl Pupil for Reader<'_> {
+impl Pupil for PartLearner<'_, PlateConfig> {
     type Sample = FramePlates;
     type Terms = PlateTerms;
 
@@ -99,7 +86,7 @@ impl Pupil for Reader<'_> {
     fn step(&mut self, samples: Vec<FramePlates>, rate: f64) -> Result<Option<Lesson<PlateTerms>>, NotFinite> {
         let device = self.learner.network.device();
         let Some(batch) = PlateBatch::new(&samples, self.config.side, device) else { return Ok(None) };
-        let answer = self.learner.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
+        let answer = self.answers(&batch.input);
         let [middle, down, wider, error_log] = [0, 1, 2, 3].map(|channel| answer.select(1, channel));
         let error_log = error_log.clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG);
         let off = (&wider - &batch.wider).abs();
@@ -118,27 +105,6 @@ impl Pupil for Reader<'_> {
             told_error: ERROR_UNIT * error_log.exp().mean(Kind::Float).double_value(&[]),
         };
         Ok(Some(Lesson { loss, terms, gradient_norm, samples: batch.input.size()[0] as usize }))
-    }
-}
-
-impl<'a> Reader<'a> {
-    fn start(
-        run: &'a CropRun,
-        config: &'a PlateConfig,
-        session: &Session<'_, CropRun>,
-    ) -> Result<(Self, Progress), TrainError> {
-        let graph = config.graph();
-        let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
-        let (learner, progress) = session.learner(graph)?;
-        Ok((Self { run, config, learner, answer }, progress))
-    }
-
-    fn model(&self, progress: Progress, frames: usize) -> PlateModel {
-        let train = &self.run.train;
-        let mut weights = self.learner.network.weights();
-        let facts = serde_json::json!({ "steps": progress.steps, "epochs": train.epochs, "seed": train.seed, "frames": frames });
-        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
-        PlateModel { config: self.config.clone(), weights }
     }
 }
 

@@ -37,7 +37,7 @@ struct CropSample {
 
 /// What a frame teaches.
 #[derive(Debug)]
-pub(super) struct FrameCrops {
+pub(crate) struct FrameCrops {
     /// Name of the frame.
     pub(super) id: String,
     crops: Vec<CropSample>,

@@ -3,17 +3,12 @@
 use std::path::PathBuf;
 
 use farsight_core::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
-use farsight_net::graph::NodeId;
-use farsight_net::onnx::key;
-use farsight_net::part::{ANSWER, PartConfig};
-use farsight_net::refiner::{RefinerConfig, RefinerModel};
+use farsight_net::refiner::RefinerConfig;
 use serde::Serialize;
 use tch::{Kind, Tensor};
 
 use super::samples::{CropBatch, CropSampler, FrameCrops};
-use crate::checkpoint::Progress;
-use crate::crops::CropRun;
-use crate::executor::{ExecutorError, Mode};
+use crate::crops::{CropRun, PartLearner};
 use crate::learner::Learner;
 use crate::metrics::{Lesson, Terms};
 use crate::trainer::{Job, NotFinite, Observer, Pupil, Session, TrainError};
@@ -40,7 +35,7 @@ pub fn train(
     let (session, source) = Session::open(job)?;
     let sampler =
         CropSampler { source, augmentation: run.augmentation.clone(), train: run.train.clone(), side: config.side };
-    let (mut refiner, progress) = Refiner::start(run, config, &session)?;
+    let (mut refiner, progress) = PartLearner::start(run, config, &session)?;
     let progress = session.teach(&mut refiner, progress, move |key| sampler.samples(key), observer)?;
     let path = job.out.join(REFINER_FILE);
     refiner.model(progress, session.frames).write(&path)?;
@@ -71,15 +66,7 @@ impl Terms for RefinerTerms {
     }
 }
 
-/// A refiner that learns, and where its answer stands.
-struct Refiner<'a> {
-    run: &'a CropRun,
-    config: &'a RefinerConfig,
-    learner: Learner,
-    answer: NodeId,
-}
-
-impl Pupil for Refiner<'_> {
+impl Pupil for PartLearner<'_, RefinerConfig> {
     type Sample = FrameCrops;
     type Terms = RefinerTerms;
 
@@ -98,7 +85,7 @@ impl Pupil for Refiner<'_> {
     fn step(&mut self, samples: Vec<FrameCrops>, rate: f64) -> Result<Option<Lesson<RefinerTerms>>, NotFinite> {
         let device = self.learner.network.device();
         let Some(batch) = CropBatch::new(&samples, self.config.side, device) else { return Ok(None) };
-        let answer = self.learner.network.forward(&batch.input, Mode::Train, &[self.answer]).remove(0).flatten(1, 3);
+        let answer = self.answers(&batch.input);
         let places = PLACE_CHANNELS as i64;
         let place = answer.narrow(1, 0, places).index_select(0, &batch.objects);
         let kinds = answer.narrow(1, places, answer.size()[1] - places).index_select(0, &batch.known);
@@ -112,27 +99,6 @@ impl Pupil for Refiner<'_> {
         let wrong = kinds.argmax(1, false).not_equal_tensor(&batch.kinds).to_kind(Kind::Float).mean(Kind::Float);
         let terms = RefinerTerms { depth_error: depth_error.double_value(&[]), kind_error: wrong.double_value(&[]) };
         Ok(Some(Lesson { loss, terms, gradient_norm, samples: batch.input.size()[0] as usize }))
-    }
-}
-
-impl<'a> Refiner<'a> {
-    fn start(
-        run: &'a CropRun,
-        config: &'a RefinerConfig,
-        session: &Session<'_, CropRun>,
-    ) -> Result<(Self, Progress), TrainError> {
-        let graph = config.graph();
-        let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
-        let (learner, progress) = session.learner(graph)?;
-        Ok((Self { run, config, learner, answer }, progress))
-    }
-
-    fn model(&self, progress: Progress, frames: usize) -> RefinerModel {
-        let train = &self.run.train;
-        let mut weights = self.learner.network.weights();
-        let facts = serde_json::json!({ "steps": progress.steps, "epochs": train.epochs, "seed": train.seed, "frames": frames });
-        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
-        RefinerModel { config: self.config.clone(), weights }
     }
 }
 
