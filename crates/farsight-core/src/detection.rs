@@ -28,11 +28,10 @@ impl Detection {
         Some(self.range_sigma_m? * distance_m / self.box3d.depth_m())
     }
 
-    /// The same picture elsewhere: the box moved along its rays to this depth, growing with the distance.
-    #[must_use]
-    pub fn at_depth(self, MeasuredDepth { depth_m, log_sigma }: MeasuredDepth) -> Self {
-        let box3d = self.box3d.scaled(depth_m / self.box3d.depth_m());
-        Self { box3d, range_sigma_m: Some(log_sigma * depth_m), ..self }
+    /// Moves the box along its rays to this depth; it grows with the distance, so that the picture stays the same.
+    pub fn move_to(&mut self, MeasuredDepth { depth_m, log_sigma }: MeasuredDepth) {
+        self.box3d = self.box3d.scaled(depth_m / self.box3d.depth_m());
+        self.range_sigma_m = Some(log_sigma * depth_m);
     }
 
     /// Observation angle, radians.

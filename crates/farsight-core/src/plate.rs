@@ -4,11 +4,8 @@
 //! camera is cut out of the image where an earlier look has it, at so many pixels a metre that a plate is as wide as expected if that look is right, and a
 //! small network says how much wider it is.
 
-use std::f64::consts::SQRT_2;
-
 use crate::box3d::NEAR_PLANE_M;
-use crate::input::{ChannelOrder, InputRules, Sampling};
-use crate::refine::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT};
+use crate::refine::{LOG_UNIT, told_sigma};
 use crate::{Affine2, Agreement, Box3d, Camera, Detection, MeasuredDepth, ObjectClass};
 
 /// Channels of the cut-out: red, green, blue.
@@ -42,11 +39,6 @@ const MOST_OFF: f64 = 2.5;
 /// Whether vehicles of this class carry their plates where they are looked for.
 pub fn carries_plate(class: &ObjectClass) -> bool {
     matches!(class, ObjectClass::Car | ObjectClass::Van)
-}
-
-/// Size and conventions of a cut-out's pixels: the same for training and for use.
-pub const fn input_rules(side: usize) -> InputRules {
-    InputRules { size: [side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact }
 }
 
 /// The end of a vehicle cut out of an image, `side` x `side` pixels, 1.28 m x 0.8 m if the vehicle is where it is expected.
@@ -84,16 +76,14 @@ impl PlateCrop {
         Some(self.camera.pixel_from_point(point)?.map(|at| at / self.side as f64 - 0.5))
     }
 
-    /// The second channel of what the network should answer when the vehicle is at this depth.
+    /// The third channel of what the network should answer when the vehicle is at this depth.
     pub fn encode(&self, depth_m: f64) -> f64 {
         (self.expected_m / depth_m).ln() / LOG_UNIT
     }
 
     /// What an answer says of the vehicle's depth.
     pub fn decode(&self, [.., wider, error]: [f64; ANSWER_CHANNELS]) -> MeasuredDepth {
-        let error = ERROR_UNIT * error.clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG).exp();
-        // Laplace's distribution deviates by the root of two times its mean absolute error.
-        MeasuredDepth { depth_m: self.expected_m * (-wider * LOG_UNIT).exp(), log_sigma: SQRT_2 * error }
+        MeasuredDepth { depth_m: self.expected_m * (-wider * LOG_UNIT).exp(), log_sigma: told_sigma(error) }
     }
 }
 
@@ -112,12 +102,15 @@ pub fn mean_answer(
 /// `known` at the depth on which it and a reading of its plate agree best, if they can be of the same thing and it says how sure it is of its depth.
 ///
 /// The box is moved along its rays and grows with the distance, so the picture stays the same.
-pub fn measured(known: Detection, reading: MeasuredDepth, agreement: &Agreement) -> Detection {
+pub fn measured(mut known: Detection, reading: MeasuredDepth, agreement: &Agreement) -> Detection {
     let Some(first) = MeasuredDepth::of(&known) else { return known };
     let second = agreement.corrected(reading);
     let off = (second.depth_m / first.depth_m).ln().abs() / first.log_sigma.hypot(second.log_sigma);
     // What is no number is not at most this.
-    if off <= MOST_OFF { known.at_depth(agreement.joint(Some(first), reading)) } else { known }
+    if off <= MOST_OFF {
+        known.move_to(agreement.joint(Some(first), reading));
+    }
+    known
 }
 
 /// The end of a vehicle that faces the camera.
@@ -158,7 +151,7 @@ impl VehicleEnd {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
+    use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
     use proptest::prelude::*;
 
@@ -219,7 +212,7 @@ mod tests {
             let crop = PlateCrop::of(&car(1.0, depth_m, 0.2), &camera(), IMAGE, SIDE).expect("a plate");
             let read = crop.decode([0.0, 0.0, crop.encode(factor * depth_m), error]);
             prop_assert!((read.depth_m - factor * depth_m).abs() < 1e-9);
-            prop_assert!((read.log_sigma - SQRT_2 * ERROR_UNIT * error.exp()).abs() < 1e-12);
+            prop_assert!((read.log_sigma - SQRT_2 * 0.05 * error.exp()).abs() < 1e-12);
         }
 
         #[test]

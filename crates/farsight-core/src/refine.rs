@@ -62,6 +62,11 @@ pub const fn input_rules(side: usize) -> InputRules {
     InputRules { size: [side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact }
 }
 
+/// The standard deviation that a channel for errors tells: Laplace's distribution deviates by the root of two times its mean absolute error.
+pub(crate) fn told_sigma(error_log: f64) -> f64 {
+    SQRT_2 * ERROR_UNIT * error_log.clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG).exp()
+}
+
 /// A square cut-out of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crop {
@@ -148,12 +153,10 @@ impl Crop {
         let location = [x, y + height / 2.0, z];
         let alpha = (-minus_sin).atan2(cos);
         let yaw = wrapped_angle(alpha + ray_angle(location));
-        let error = ERROR_UNIT * depth_error.clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG).exp();
         let box3d = Box3d { dimensions: Dimensions { height, width, length }, location, yaw };
         let numbers = [length, height, width, x, y, z, yaw];
         let is_place = z > 0.0 && numbers.iter().all(|number| number.is_finite());
-        // Laplace's distribution deviates by the root of two times its mean absolute error.
-        is_place.then_some(Refinement { box3d, depth_sigma: SQRT_2 * error, kinds })
+        is_place.then_some(Refinement { box3d, depth_sigma: told_sigma(depth_error), kinds })
     }
 }
 

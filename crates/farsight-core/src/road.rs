@@ -4,8 +4,8 @@
 //! one road, roughly a plane, so each has a say in where the others are; and where the camera's height above the road is known, that has, too. Plane and
 //! factors are looked for together: the likeliest ones by the error bars of the distances, by where the boxes end below, and by how roads lie.
 
-use crate::Detection;
 use crate::linear::{dot, solved};
+use crate::{Detection, MeasuredDepth};
 
 /// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they end below is a guess.
 pub const SURE_SCORE: f64 = 0.5;
@@ -125,8 +125,8 @@ pub fn on_one_road(mut detections: Vec<Detection>, road: Road) -> Vec<Detection>
     let Some(found) = settled(&known, height) else { return detections };
     let moved = detections.iter_mut().zip(&stands).filter(|(_, stand)| stand.is_some());
     for ((detection, _), [log, sigma]) in moved.zip(found) {
-        detection.box3d = detection.box3d.scaled(log.exp());
-        detection.range_sigma_m = Some(sigma * detection.box3d.depth_m());
+        let depth_m = detection.box3d.depth_m() * log.exp();
+        detection.move_to(MeasuredDepth { depth_m, log_sigma: sigma });
     }
     detections
 }

@@ -1,8 +1,7 @@
 //! Number plates as yardsticks ([`farsight_core::plate`]), on the built-in engine.
 
-use farsight_core::plate::{
-    ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, carries_plate, input_rules, mean_answer, measured,
-};
+use farsight_core::plate::{ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, carries_plate, mean_answer, measured};
+use farsight_core::refine::input_rules;
 use farsight_core::{Camera, Detection, MeasuredDepth};
 use farsight_data::network_input_into;
 use farsight_net::plate::{PlateConfig, PlateModel};

@@ -1,7 +1,8 @@
 //! From labelled frames to cut-outs of vehicles' ends and what the plate reader should answer.
 
 use farsight_core::Box3d;
-use farsight_core::plate::{INPUT_CHANNELS, PlateCrop, carries_plate, input_rules};
+use farsight_core::plate::{INPUT_CHANNELS, PlateCrop, carries_plate};
+use farsight_core::refine::input_rules;
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
 use rand::Rng;

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use farsight_core::plate::{ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, input_rules, mean_answer};
+use farsight_core::plate::{ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, mean_answer};
+use farsight_core::refine::input_rules;
 use farsight_core::{Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_data::kitti::write_labels;
 use farsight_data::{AugmentationConfig, Plate, network_input, read_image, write_plates};
