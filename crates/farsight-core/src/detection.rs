@@ -1,10 +1,6 @@
-//! From head maps to detections: the one decoder that every engine shares.
+//! What a detector says: the type that every method, stage and front end shares.
 
-use crate::codec::{CHANNELS, DepthReference, Encoded, Regression};
-use crate::peaks::{Peak, peaks};
-use crate::score::{LEAST_PEAK, logistic, logit};
-use crate::targets::feature_camera;
-use crate::{Box2d, Box3d, Camera, Codec, MeasuredDepth, ObjectClass};
+use crate::{Box2d, Box3d, Camera, ClassReference, DepthReference, MeasuredDepth, ObjectClass};
 
 /// One vehicle or person found in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,18 +49,6 @@ impl Detection {
 /// The overlap from which on a car is in its place, as KITTI judges.
 pub const PLACE_OVERLAP: f64 = 0.7;
 
-/// What a network answers for one image, before any activation.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HeadMaps {
-    /// Heat map logits, `[classes, height, width]`.
-    pub logits: Vec<f32>,
-    /// Raw regression channels, `[8, height, width]`; of a network that ends before its regression head, the features that the head reads,
-    /// `[channels, height, width]`.
-    pub regression: Vec<f32>,
-    /// Width and height, cells.
-    pub map_size: [usize; 2],
-}
-
 /// The image that the detections are for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
@@ -79,7 +63,7 @@ pub struct View {
 impl View {
     /// The virtual depth of something at `depth_m`, as [`DepthReference::virtual_depth_m`] has it.
     pub fn virtual_depth_m(&self, reference: &DepthReference, depth_m: f64) -> f64 {
-        reference.virtual_depth_m(depth_m, &feature_camera(&self.input_camera))
+        reference.virtual_depth_m(depth_m, self.input_camera.focal_y())
     }
 
     /// Whether the image's border cuts a box in it.
@@ -97,7 +81,7 @@ impl View {
 /// What to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DecodeOptions {
-    /// Detections have a score above this; without it above [`usual_min_score`].
+    /// Detections have a score above this; without it above [`default_min_score`].
     pub min_score: Option<f64>,
     /// At most so many detections an image.
     pub max_detections: usize,
@@ -112,91 +96,17 @@ impl Default for DecodeOptions {
 
 impl DecodeOptions {
     /// Detections have a score above this.
-    pub fn min_score(&self, codec: &Codec) -> f64 {
-        self.min_score.unwrap_or_else(|| usual_min_score(codec))
+    pub fn min_score(&self, classes: &[ClassReference]) -> f64 {
+        self.min_score.unwrap_or_else(|| default_min_score(classes))
     }
 }
 
 /// A peak of 0.25, as official SMOKE; where scores are probabilities, what is more likely right than wrong.
-pub fn usual_min_score(codec: &Codec) -> f64 {
-    if is_calibrated(codec) { 0.5 } else { 0.25 }
+pub fn default_min_score(classes: &[ClassReference]) -> f64 {
+    if is_calibrated(classes) { 0.5 } else { 0.25 }
 }
 
-fn is_calibrated(codec: &Codec) -> bool {
-    codec.classes.iter().any(|class| class.score.is_some())
-}
-
-/// Bounds of a score (spec section 4).
-pub(crate) const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
-
-/// The detections in `maps`, highest score first (spec section 10).
-///
-/// Boxes that do not come out finite or lie behind the camera are left out.
-pub fn detections(codec: &Codec, maps: &HeadMaps, view: &View, options: &DecodeOptions) -> Vec<Detection> {
-    let regression = |cell| raw_regression(maps, cell);
-    detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
-}
-
-/// [`detections`] for a regression that is only computed where it is asked for: `regression` gives the raw channels at a cell.
-pub fn detections_at_peaks(
-    codec: &Codec,
-    logits: &[f32],
-    map_size: [usize; 2],
-    regression: impl Fn([usize; 2]) -> [f64; CHANNELS],
-    view: &View,
-    options: &DecodeOptions,
-) -> Vec<Detection> {
-    let min_score = options.min_score(codec);
-    // A low peak of a near object can stand for a high probability, so peaks are not what the highest ones are chosen by then.
-    let (least_peak, most_peaks) =
-        if is_calibrated(codec) { (LEAST_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
-    let camera = feature_camera(&view.input_camera);
-    let mut found: Vec<Detection> = peaks(logits, map_size, most_peaks, logit(least_peak) as f32)
-        .into_iter()
-        .filter_map(|peak| {
-            let regression = Regression::from_raw(regression(peak.cell));
-            let score = logistic(f64::from(peak.value)).clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
-            let mut found = detection(codec, &peak, score, regression, &camera, view)?;
-            if let Some(calibration) = &codec.classes[peak.class].score {
-                let probability = calibration.probability(score, view.input_height_px(&found.box2d));
-                found.score = probability.clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
-            }
-            let is_cut = view.cuts(&found.box2d);
-            found.range_sigma_m = codec.depth.sigma_m(found.box3d.depth_m(), found.score, is_cut, &camera);
-            Some(found)
-        })
-        .filter(|detection| detection.score > min_score)
-        .collect();
-    // Stable: peaks come highest first, and equals stay in the order of the map.
-    found.sort_by(|a, b| b.score.total_cmp(&a.score));
-    found.truncate(options.max_detections);
-    found
-}
-
-/// The raw channels at `cell` of maps that hold them.
-///
-/// # Panics
-/// When `cell` lies outside the maps.
-pub fn raw_regression(maps: &HeadMaps, cell: [usize; 2]) -> [f64; CHANNELS] {
-    let [width, height] = maps.map_size;
-    std::array::from_fn(|channel| f64::from(maps.regression[channel * width * height + cell[1] * width + cell[0]]))
-}
-
-/// The detection that stands at `peak` with these activated regression values; `camera` is the feature map's.
-pub fn detection(
-    codec: &Codec,
-    peak: &Peak,
-    score: f64,
-    regression: Regression<f64>,
-    camera: &Camera,
-    view: &View,
-) -> Option<Detection> {
-    let box3d = codec.decode(&Encoded { cell: peak.cell, regression }, peak.class, camera);
-    if !box3d.location.iter().all(|v| v.is_finite()) {
-        return None;
-    }
-    let [width, height] = view.image_size.map(|s| s as f64);
-    let box2d = box3d.projected(&view.camera)?.clamped(width, height);
-    let class = codec.classes[peak.class].class.clone();
-    Some(Detection { class, score, box2d, box3d, range_sigma_m: None })
+/// Whether scores are probabilities.
+pub fn is_calibrated(classes: &[ClassReference]) -> bool {
+    classes.iter().any(|class| class.score.is_some())
 }

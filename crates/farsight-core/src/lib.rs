@@ -1,4 +1,4 @@
-//! The numerics that every other crate shares: camera, boxes, labels, heat maps, encode and decode.
+//! The numerics that every other crate shares: camera, boxes, labels, heatmaps and their peaks, error bars, NMS, the road plane.
 //!
 //! Frames of reference are KITTI's. Camera coordinates are metres with x right, y **down**, z forward;
 //! pixels are `(u, v)`, u right, v down, with pixel centres at whole numbers. An object stands at the centre of
@@ -7,41 +7,37 @@
 //! Nothing here reads a file, knows an engine or starts a thread.
 
 pub mod affine;
-pub mod agreement;
 pub mod box2d;
 pub mod box3d;
 pub mod camera;
 pub mod class;
-pub mod classic;
-pub mod codec;
-pub mod corner_loss;
+pub mod depth_fusion;
 pub mod detection;
-pub mod duplicates;
+pub mod geometric_baseline;
 pub mod heatmap;
 pub mod input;
 pub mod label;
 pub mod linear;
+pub mod nms;
 pub mod overlap;
 pub mod peaks;
-pub mod plate;
 pub mod range_error;
-pub mod refine;
+pub mod references;
 pub mod road;
 pub mod scalar;
 pub mod score;
 pub mod statistics;
-pub mod targets;
 
 pub use affine::Affine2;
-pub use agreement::{Agreement, MeasuredDepth};
 pub use box2d::Box2d;
 pub use box3d::{Box3d, Dimensions};
 pub use camera::Camera;
 pub use class::ObjectClass;
-pub use codec::{ClassReference, Codec};
-pub use detection::{Detection, HeadMaps};
+pub use depth_fusion::{DepthFusion, MeasuredDepth};
+pub use detection::Detection;
 pub use label::Label;
 pub use range_error::RangeError;
+pub use references::{ClassReference, DepthReference};
 pub use score::ScoreCalibration;
 
 /// The angle equal to `angle_rad` up to whole turns, in `(-pi, pi]`.

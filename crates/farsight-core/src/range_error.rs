@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::codec::DepthReference;
 use crate::linear::{dot, solved};
+use crate::references::DepthReference;
 use crate::score::{LEAST_EXAMPLES, logit};
 use crate::statistics::{quantile, sorted};
 

@@ -11,6 +11,9 @@ use crate::linear::{dot, solved};
 /// Height that the logarithms are taken against, pixels of the network's input.
 const REFERENCE_HEIGHT_PX: f64 = 25.0;
 
+/// Bounds of a score (SMOKE, spec section 4).
+pub const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
+
 /// Pull of the coefficients towards zero, in examples: keeps the fit finite when right and wrong can be told apart perfectly.
 const RIDGE: f64 = 1e-3;
 
@@ -93,7 +96,7 @@ pub fn logistic(log_odds: f64) -> f64 {
 
 /// Logistic regression: the weights of the terms in each row that make its answers (1 for right, 0 for wrong) most likely; none with fewer than
 /// [`LEAST_EXAMPLES`] right or wrong ones.
-pub(crate) fn most_likely(rows: &[([f64; 4], f64)]) -> Option<[f64; 4]> {
+pub fn most_likely(rows: &[([f64; 4], f64)]) -> Option<[f64; 4]> {
     let right = rows.iter().filter(|(_, is_right)| *is_right > 0.5).count();
     if right < LEAST_EXAMPLES || rows.len() - right < LEAST_EXAMPLES {
         return None;

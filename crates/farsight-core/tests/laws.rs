@@ -4,18 +4,18 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use farsight_core::codec::{CHANNELS, DepthReference};
-use farsight_core::corner_loss::corner_loss;
 use farsight_core::detection::{DecodeOptions, View, detections};
-use farsight_core::duplicates::{apart, distinct, exclusive};
 use farsight_core::heatmap::HeatMapRule;
+use farsight_core::nms::{apart, distinct, exclusive};
 use farsight_core::overlap::iou_bev;
 use farsight_core::peaks::peaks;
-use farsight_core::targets::{HeatMapBox, ObjectTarget, TargetRules};
 use farsight_core::{
     Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Detection, Dimensions, HeadMaps, Label, ObjectClass,
     RangeError, ScoreCalibration, wrapped_angle,
 };
+use farsight_methods::smoke::codec::{CHANNELS, DepthReference};
+use farsight_methods::smoke::corner_loss::corner_loss;
+use farsight_methods::smoke::targets::{HeatMapBox, ObjectTarget, TargetRules};
 use proptest::prelude::*;
 
 const EXACT: f64 = 1e-9;

@@ -2,12 +2,14 @@
 
 use std::f64::consts::PI;
 
-use farsight_core::codec::STRIDE;
 use farsight_core::input::InputRules;
 use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
 
 use crate::{ColorJitter, Detail, Frame, Reflections, Shade, network_input};
+
+/// Input pixels per cell of the map of surface depths.
+pub const SURFACE_STRIDE: usize = 4;
 
 /// What is done to one frame to make a network's input of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,11 +124,11 @@ impl Transform {
 
     /// Looks `depth_m`, of an image of this size, up amid the cells of the feature map.
     fn surface(&self, depth_m: &[f32], (width, height): (u32, u32), rules: &InputRules) -> Vec<f32> {
-        let map_size = rules.size.map(|side| side / STRIDE);
+        let map_size = rules.size.map(|side| side / SURFACE_STRIDE);
         let Some(image_from_input) = self.input_from_image(width as usize).inverse() else {
             return vec![f32::INFINITY; map_size[0] * map_size[1]];
         };
-        let amid = |cell: usize| (cell * STRIDE) as f64 + (STRIDE as f64 - 1.0) / 2.0;
+        let amid = |cell: usize| (cell * SURFACE_STRIDE) as f64 + (SURFACE_STRIDE as f64 - 1.0) / 2.0;
         let cells = (0..map_size[1]).flat_map(|row| (0..map_size[0]).map(move |column| [column, row]));
         let depth_at = |cell: [usize; 2]| {
             let [x, y] = image_from_input.apply(cell.map(amid)).map(f64::round);

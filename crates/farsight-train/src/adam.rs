@@ -1,6 +1,6 @@
 //! Adam with L2 weight decay; its state is plain tensors, so a checkpoint can hold all of it.
 
-use farsight_net::weights::Weights;
+use farsight_graph::weights::Weights;
 use tch::{Tensor, no_grad};
 
 use crate::executor::{Network, fill, weight_from_tensor};

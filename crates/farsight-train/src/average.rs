@@ -1,6 +1,6 @@
 //! Running means of a network's weights: an average of many steps is steadier than the last one, and often better on what the network has never seen.
 
-use farsight_net::weights::Weights;
+use farsight_graph::weights::Weights;
 use tch::{Tensor, no_grad};
 
 use crate::executor::{Network, fill, weight_from_tensor};

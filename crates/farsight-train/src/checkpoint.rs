@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use farsight_data::Position;
-use farsight_net::weights::{Weights, WeightsError};
+use farsight_graph::weights::{Weights, WeightsError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Key of the header under which the progress stands as JSON.
-const PROGRESS_KEY: &str = farsight_net::onnx::key::PROGRESS;
+const PROGRESS_KEY: &str = farsight_onnx::key::PROGRESS;
 
 /// Key of the header under which the run's config stands as JSON.
 const RUN_KEY: &str = "farsight.run";

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
-use farsight_net::config::ModelConfig;
+use farsight_methods::smoke::config::SmokeConfig;
 use farsight_synth::WorldConfig;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ use crate::schedule::Schedule;
 #[serde(default, deny_unknown_fields)]
 pub struct RunConfig {
     /// The network.
-    pub model: ModelConfig,
+    pub model: SmokeConfig,
     /// Where the frames come from.
     pub data: DataConfig,
     /// How they vary.

@@ -1,6 +1,6 @@
 //! Modulated deformable convolution (`DCNv2`) from libtorch's own operations: no extension to build, CPU and CUDA, with gradients.
 
-use farsight_net::graph::Window;
+use farsight_graph::graph::Window;
 use tch::{Kind, Tensor};
 
 /// libtorch's numbers for bilinear interpolation and zero padding in `grid_sampler`.

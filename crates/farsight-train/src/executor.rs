@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use farsight_net::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window};
-use farsight_net::weights::{WeightTensor, Weights};
+use farsight_graph::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window};
+use farsight_graph::weights::{WeightTensor, Weights};
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Tensor, no_grad};
 use thiserror::Error;
@@ -89,7 +89,7 @@ impl Network {
     /// # Errors
     /// When a parameter is missing from the weights or has another shape there.
     pub fn new(graph: Graph, weights: &Weights, device: Device, precision: Precision) -> Result<Self, ExecutorError> {
-        let parameter = |p: &farsight_net::graph::Parameter| {
+        let parameter = |p: &farsight_graph::graph::Parameter| {
             let tensor = weights.tensors.get(&p.name).ok_or_else(|| ExecutorError::Missing(p.name.clone()))?;
             if tensor.shape != p.shape {
                 let (found, expected) = (tensor.shape.clone(), p.shape.clone());

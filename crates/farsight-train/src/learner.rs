@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use farsight_net::graph::Graph;
-use farsight_net::init::initial_weights;
-use farsight_net::weights::Weights;
+use farsight_graph::graph::Graph;
+use farsight_graph::init::initial_weights;
+use farsight_graph::weights::Weights;
 use serde::Serialize;
 use tch::{Device, Tensor};
 

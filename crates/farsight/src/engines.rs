@@ -6,12 +6,16 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
-use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, PlateReader, Refiner, RtenEngine};
-use farsight_net::config::ModelConfig;
-use farsight_net::onnx::{OnnxModel, PeaksOnly, Target, key};
-use farsight_net::part::{PartConfig, PartModel};
+use farsight_graph::model::{Model, NetworkConfig};
+use farsight_methods::plate_reader::PlateReader;
+use farsight_methods::refiner::Refiner;
+use farsight_methods::roi::{self, RoiRunner};
+use farsight_methods::smoke::{DetectorFile, DetectorSpec, REGRESSION, SmokeDetector, SmokeModel, SparseHead};
+use farsight_onnx::{LocalHeadFile, OnnxModel, Target, key};
+use farsight_runtime::{RtenRunner, Runner};
 
 use crate::libraries::{Found, Library};
+use crate::pipeline::Pipeline;
 use crate::{model_files, shipped, untrained};
 
 /// What runs the network.
@@ -87,32 +91,32 @@ impl SecondLookArgs {
         self.plates.as_deref().is_some_and(|word| !is_none(word))
     }
 
-    /// The detector with the second looks that there are to be.
-    fn beside(&self, Opened { mut detector, is_shipped }: Opened, args: &EngineArgs) -> Result<Detector> {
-        let refiner = part(self.refiner.as_deref(), is_shipped, shipped::refiner)?;
+    /// The pipeline with the second stages that there are to be.
+    fn beside(&self, Opened { mut pipeline, is_shipped }: Opened, args: &EngineArgs) -> Result<Pipeline> {
+        let refiner = second_stage(self.refiner.as_deref(), is_shipped, shipped::refiner)?;
         if let Some(model) = refiner {
-            detector = detector.with_refiner(Refiner::new(&model, args.threads)?);
+            pipeline = pipeline.with_refiner(Refiner::new(roi_runner(args, &model)?, model.config));
         }
         let has_shipped_refiner = is_shipped && self.refiner.is_none();
-        let plates = part(self.plates.as_deref(), has_shipped_refiner, shipped::plates)?;
+        let plates = second_stage(self.plates.as_deref(), has_shipped_refiner, shipped::plates)?;
         if let Some(model) = plates {
-            detector = detector.with_plate_reader(PlateReader::new(&model, args.threads)?);
+            pipeline = pipeline.with_plate_reader(PlateReader::new(roi_runner(args, &model)?, model.config));
         }
-        Ok(detector)
+        Ok(pipeline)
     }
 }
 
-/// The small network that is named, or the shipped one where that is the default.
-fn part<C: PartConfig>(
+/// The second stage that is named, or the shipped one where that is the default.
+fn second_stage<C: NetworkConfig>(
     word: Option<&Path>,
     is_default: bool,
-    shipped: impl FnOnce() -> Result<PartModel<C>>,
-) -> Result<Option<PartModel<C>>> {
+    shipped: impl FnOnce() -> Result<Model<C>>,
+) -> Result<Option<Model<C>>> {
     match word {
         Some(word) if is_none(word) => Ok(None),
         Some(path) => {
             model_files::check(path, &format!("{} that `farsight train` wrote, or none", C::NAME))?;
-            Ok(Some(PartModel::read(path)?))
+            Ok(Some(Model::read(path)?))
         }
         None if is_default => shipped().map(Some),
         None => Ok(None),
@@ -178,50 +182,58 @@ pub(crate) fn open_whole(
     road: RoadArgs,
     path: Option<&Path>,
     options: DecodeOptions,
-) -> Result<Detector> {
+) -> Result<Pipeline> {
     let opened = open(args, path, options)?;
     let road_under_it = road.under(opened.is_shipped);
-    let detector = second_look.beside(opened, args)?;
+    let pipeline = second_look.beside(opened, args)?;
     for (option, is_asked_for) in [("--plates", second_look.names_plates()), ("--above-road", road.is_asked_for())] {
         ensure!(
-            detector.has_error_bars() || !is_asked_for,
+            pipeline.has_error_bars() || !is_asked_for,
             "{}: a model without error bars, which {option} goes by; `farsight export --fit-on` fits them",
             path.unwrap_or(Path::new(shipped::NAME)).display()
         );
     }
-    Ok(detector.with_road(road_under_it))
+    Ok(pipeline.with_road(road_under_it))
 }
 
-/// The shipped model, ready to look at images, with nothing to follow its first look.
-pub(crate) fn open_shipped(args: &EngineArgs, options: DecodeOptions) -> Result<Detector> {
-    Ok(open(args, None, options)?.detector)
+/// The refiner that comes with the program, on the engine that is asked for.
+pub(crate) fn shipped_refiner(args: &EngineArgs) -> Result<Refiner> {
+    let model = shipped::refiner()?;
+    Ok(Refiner::new(roi_runner(args, &model)?, model.config))
 }
 
-/// The shipped model and its refiner, ready to look at images, with nothing to follow their looks.
-pub(crate) fn open_shipped_twice(options: DecodeOptions) -> Result<Detector> {
-    let args = EngineArgs::default();
-    Ok(open_shipped(&args, options)?.with_refiner(Refiner::new(&shipped::refiner()?, args.threads)?))
-}
-
-/// A model ready to look at images.
+/// A pipeline, and what the second stages and the road go by.
 struct Opened {
-    detector: Detector,
+    pipeline: Pipeline,
     /// Whether its weights are those that come with the program, in whatever file they are: the refiner and the road are made for them.
     is_shipped: bool,
 }
 
-/// The model at `path`, or the shipped one. Its regression head is only computed where it is needed, if it is of that kind.
+/// The model at `path`, or the shipped one.
 fn open(args: &EngineArgs, path: Option<&Path>, options: DecodeOptions) -> Result<Opened> {
+    let (detector, is_shipped) = open_detector(args, path)?;
+    Ok(Opened { pipeline: Pipeline::new(Box::new(detector), options), is_shipped })
+}
+
+/// The first look of the model at `path`, or of the shipped one, and whether it has the shipped weights. Its regression head is only computed where it is
+/// needed, if it is of that kind.
+fn open_detector(args: &EngineArgs, path: Option<&Path>) -> Result<(SmokeDetector, bool)> {
     args.check()?;
+    let source = path.unwrap_or(Path::new(shipped::NAME));
     if args.engine == EngineName::Libtorch {
-        let (engine, config, weights) = libtorch(args, path)?;
-        let detector = Detector::new(engine, DetectorSpec::new(&config, options));
-        return Ok(Opened { detector, is_shipped: shipped::has_weights(&weights)? });
+        let model = own_model(path)?;
+        let spec = DetectorSpec::new(&model.config);
+        let is_shipped = shipped::has_weights(&model.weights.sha256())?;
+        return Ok((SmokeDetector::new(libtorch(args, &model)?, spec, None), is_shipped));
     }
-    let model = read(args.engine, path)?;
-    let is_shipped = has_shipped_weights(&model)?;
-    let detector = detector_of(args, model, path.unwrap_or(Path::new(shipped::NAME)), options)?;
-    Ok(Opened { detector, is_shipped })
+    let file = read(args.engine, path)?;
+    let is_shipped = has_shipped_weights(&file.onnx)?;
+    Ok((detector_of(args, file, source)?, is_shipped))
+}
+
+/// The first look of the model that comes with the program.
+pub(crate) fn open_shipped() -> Result<SmokeDetector> {
+    Ok(open_detector(&EngineArgs::default(), None)?.0)
 }
 
 fn has_shipped_weights(model: &OnnxModel) -> Result<bool> {
@@ -229,15 +241,10 @@ fn has_shipped_weights(model: &OnnxModel) -> Result<bool> {
 }
 
 /// A model in memory, ready to look at images; `path` is only what errors call it.
-pub(crate) fn detector_of(
-    args: &EngineArgs,
-    model: OnnxModel,
-    path: &Path,
-    options: DecodeOptions,
-) -> Result<Detector> {
+pub(crate) fn detector_of(args: &EngineArgs, file: DetectorFile, path: &Path) -> Result<SmokeDetector> {
     args.check()?;
-    let spec = DetectorSpec::new(model.config(), options);
-    detector(args, model, path, spec)
+    let spec = DetectorSpec::new(&file.config);
+    detector(args, file.onnx, path, spec)
 }
 
 /// How a network is to be run when only the time matters.
@@ -255,7 +262,7 @@ pub(crate) fn open_to_time(
     second_look: &SecondLookArgs,
     path: Option<&Path>,
     timing: Timing,
-) -> Result<Detector> {
+) -> Result<Pipeline> {
     second_look.beside(first_look_to_time(args, path, timing)?, args)
 }
 
@@ -269,53 +276,69 @@ fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) ->
         );
         return open(args, path, DecodeOptions::default());
     }
-    let model = match path {
-        Some(path) if is_config => OnnxModel::from_model(&untrained::model(path)?, target(args.engine), path)?,
+    let file = match path {
+        Some(path) if is_config => DetectorFile::from_model(&untrained::model(path)?, target(args.engine), path)?,
         _ => read(args.engine, path)?,
     };
-    let mut spec = DetectorSpec::new(model.config(), DecodeOptions::default());
+    let mut spec = DetectorSpec::new(&file.config);
     if let Some(size) = timing.input {
         spec.input.size = size;
         // The camera must not change the size.
         spec.focal_range_px = None;
     }
     let source = path.unwrap_or(Path::new(shipped::NAME));
-    let is_shipped = has_shipped_weights(&model)?;
+    let is_shipped = has_shipped_weights(&file.onnx)?;
     let detector = if timing.dense_head {
-        Detector::new(start(args, model, source)?, spec)
+        SmokeDetector::new(start(args, file.onnx, source)?, spec, None)
     } else {
-        detector(args, model, source, spec)?
+        detector(args, file.onnx, source, spec)?
     };
-    Ok(Opened { detector, is_shipped })
+    Ok(Opened { pipeline: Pipeline::new(Box::new(detector), DecodeOptions::default()), is_shipped })
 }
 
-fn detector(args: &EngineArgs, model: OnnxModel, source: &Path, spec: DetectorSpec) -> Result<Detector> {
-    Ok(match PeaksOnly::new(&model, source)? {
+fn detector(args: &EngineArgs, onnx: OnnxModel, source: &Path, spec: DetectorSpec) -> Result<SmokeDetector> {
+    Ok(match LocalHeadFile::new(&onnx, REGRESSION, source)? {
         Some(cut) => {
-            let head = PeaksHead::new(&cut);
-            Detector::with_peaks_head(start(args, cut.model, source)?, spec, head)
+            let head = SparseHead::new(&cut);
+            SmokeDetector::new(start(args, cut.model, source)?, spec, Some(head))
         }
-        None => Detector::new(start(args, model, source)?, spec),
+        None => SmokeDetector::new(start(args, onnx, source)?, spec, None),
     })
 }
 
-/// The whole network of the model at `path`, every head map as it is.
-pub(crate) fn open_engine(args: &EngineArgs, path: &Path) -> Result<Box<dyn Engine>> {
+/// The whole network of the model at `path`, every output as it is.
+pub(crate) fn open_runner(args: &EngineArgs, path: &Path) -> Result<Box<dyn Runner>> {
     args.check()?;
     match args.engine {
-        EngineName::Libtorch => Ok(libtorch(args, Some(path))?.0),
-        engine => start(args, read(engine, Some(path))?, path),
+        EngineName::Libtorch => libtorch(args, &own_model(Some(path))?),
+        engine => start(args, read(engine, Some(path))?.onnx, path),
     }
 }
 
+/// The network of a second stage on the engine that is asked for.
+pub(crate) fn roi_runner<C: NetworkConfig>(args: &EngineArgs, model: &Model<C>) -> Result<RoiRunner> {
+    let runner = match args.engine {
+        EngineName::Libtorch => libtorch(args, model)?,
+        engine => start(args, roi::runner::onnx(model, target(engine), Path::new(C::NAME))?, Path::new(C::NAME))?,
+    };
+    Ok(RoiRunner::new(runner))
+}
+
 /// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.
-fn read(engine: EngineName, path: Option<&Path>) -> Result<OnnxModel> {
+fn read(engine: EngineName, path: Option<&Path>) -> Result<DetectorFile> {
     let target = target(engine);
     let Some(path) = path else {
-        return Ok(OnnxModel::from_model(&shipped::model()?, target, Path::new(shipped::NAME))?);
+        return Ok(DetectorFile::from_model(&shipped::model()?, target, Path::new(shipped::NAME))?);
     };
     model_files::check_detector(path)?;
-    Ok(OnnxModel::read_any(path, target)?)
+    Ok(DetectorFile::read(path, target)?)
+}
+
+/// A model file of our own, or the shipped model.
+fn own_model(path: Option<&Path>) -> Result<SmokeModel> {
+    let Some(path) = path else { return shipped::model() };
+    model_files::check_detector(path)?;
+    Ok(SmokeModel::read(path)?)
 }
 
 fn target(engine: EngineName) -> Target {
@@ -326,14 +349,14 @@ fn target(engine: EngineName) -> Target {
 }
 
 /// A model in memory on an engine that runs ONNX; `source` is only what errors call it.
-pub(crate) fn start(args: &EngineArgs, model: OnnxModel, source: &Path) -> Result<Box<dyn Engine>> {
+pub(crate) fn start(args: &EngineArgs, model: OnnxModel, source: &Path) -> Result<Box<dyn Runner>> {
     ensure!(
         args.engine == EngineName::Onnxruntime || !model.has_deform_conv(),
         "{}: its deformable convolutions are in the form that only ONNX Runtime has; export it with --target portable, or say --engine onnxruntime",
         source.display()
     );
     match args.engine {
-        EngineName::Rten => Ok(Box::new(RtenEngine::new(model, args.threads)?)),
+        EngineName::Rten => Ok(Box::new(RtenRunner::new(model, args.threads)?)),
         EngineName::Onnxruntime => {
             let Found { path, .. } = Library::Onnxruntime.find(args.engine_path.as_deref())?;
             onnxruntime(&path, &model, args).with_context(|| path.display().to_string())
@@ -347,47 +370,39 @@ pub(crate) fn start(args: &EngineArgs, model: OnnxModel, source: &Path) -> Resul
 }
 
 #[cfg(feature = "onnxruntime")]
-fn onnxruntime(library: &Path, model: &OnnxModel, args: &EngineArgs) -> Result<Box<dyn Engine>> {
-    Ok(Box::new(farsight_infer::OrtEngine::new(library, model, args.threads)?))
+fn onnxruntime(library: &Path, model: &OnnxModel, args: &EngineArgs) -> Result<Box<dyn Runner>> {
+    Ok(Box::new(farsight_runtime::OrtRunner::new(library, model, args.threads)?))
 }
 
 #[cfg(not(feature = "onnxruntime"))]
-fn onnxruntime(_: &Path, _: &OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
+fn onnxruntime(_: &Path, _: &OnnxModel, _: &EngineArgs) -> Result<Box<dyn Runner>> {
     bail!("this farsight was built without the engine onnxruntime (cargo feature \"onnxruntime\")")
 }
 
 #[cfg(feature = "openvino")]
-fn openvino(library: &Path, model: OnnxModel, args: &EngineArgs) -> Result<Box<dyn Engine>> {
-    use farsight_infer::{OpenvinoEngine, OpenvinoPrecision};
+fn openvino(library: &Path, model: OnnxModel, args: &EngineArgs) -> Result<Box<dyn Runner>> {
+    use farsight_runtime::{OpenvinoPrecision, OpenvinoRunner};
     let precision = match args.precision {
         Precision::F32 => OpenvinoPrecision::F32,
         Precision::Bf16 => OpenvinoPrecision::Bf16,
     };
-    Ok(Box::new(OpenvinoEngine::new(library, model, args.threads, precision)?))
+    Ok(Box::new(OpenvinoRunner::new(library, model, args.threads, precision)?))
 }
 
 #[cfg(not(feature = "openvino"))]
-fn openvino(_: &Path, _: OnnxModel, _: &EngineArgs) -> Result<Box<dyn Engine>> {
+fn openvino(_: &Path, _: OnnxModel, _: &EngineArgs) -> Result<Box<dyn Runner>> {
     bail!("this farsight was built without the engine openvino (cargo feature \"openvino\")")
 }
 
-/// Engine, config and the hash of the weights: libtorch runs our own model files, and no ONNX.
+/// libtorch runs our own model files, and no ONNX.
 #[cfg(feature = "train")]
-fn libtorch(args: &EngineArgs, path: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
+fn libtorch<C: NetworkConfig>(args: &EngineArgs, model: &Model<C>) -> Result<Box<dyn Runner>> {
     farsight_train::set_threads(args.threads);
-    let model = match path {
-        None => shipped::model()?,
-        Some(path) => {
-            model_files::check_detector(path)?;
-            farsight_net::model::Model::read(path)?
-        }
-    };
-    let (config, weights) = (model.config.clone(), model.weights.sha256());
-    Ok((Box::new(farsight_train::engine::TorchEngine::on_any_device(model)?), config, weights))
+    Ok(Box::new(farsight_train::runner::TorchRunner::on_any_device(model)?))
 }
 
 #[cfg(not(feature = "train"))]
-fn libtorch(_: &EngineArgs, _: Option<&Path>) -> Result<(Box<dyn Engine>, ModelConfig, String)> {
+fn libtorch<C: NetworkConfig>(_: &EngineArgs, _: &Model<C>) -> Result<Box<dyn Runner>> {
     bail!(
         "this farsight was built without libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run range ...` builds and runs with it"
     )

@@ -10,6 +10,7 @@ mod libraries;
 mod model_files;
 mod names;
 mod outputs;
+mod pipeline;
 mod printer;
 mod range_json;
 mod range_table;
@@ -50,7 +51,7 @@ fn main() -> ExitCode {
 fn report_no_caught_panics() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if !farsight_infer::library::inside_library() {
+        if !farsight_runtime::library::inside_library() {
             report(panic);
         }
     }));

@@ -5,10 +5,10 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
-use farsight_net::model::Model;
-use farsight_net::onnx::OnnxModel;
-use farsight_net::plate::PlateModel;
-use farsight_net::refiner::RefinerModel;
+use farsight_methods::plate_reader::PlateReaderModel;
+use farsight_methods::refiner::RefinerModel;
+use farsight_methods::smoke::SmokeModel;
+use farsight_onnx::OnnxModel;
 
 use crate::outputs::start_of;
 
@@ -32,15 +32,15 @@ pub(crate) fn check_detector(path: &Path) -> Result<()> {
     check(path, "a model that `farsight train`, `farsight import` or `farsight export` wrote")?;
     let is_refiner = RefinerModel::is_one(path);
     ensure!(!is_refiner, "{}: a refiner; expected a detector, name it with --refiner", path.display());
-    let is_plate_reader = PlateModel::is_one(path);
+    let is_plate_reader = PlateReaderModel::is_one(path);
     ensure!(!is_plate_reader, "{}: a plate reader; expected a detector, name it with --plates", path.display());
     Ok(())
 }
 
 /// Reads a model of our own; what `farsight export` made of one is worth a word.
-pub(crate) fn read_own(path: &Path) -> Result<Model> {
+pub(crate) fn read_own(path: &Path) -> Result<SmokeModel> {
     check(path, "a model that `farsight train` or `farsight import` wrote")?;
-    Model::read(path).or_else(|error| match OnnxModel::read(path) {
+    SmokeModel::read(path).or_else(|error| match OnnxModel::read(path) {
         Ok(_) => {
             bail!("{}: an ONNX file already; expected the model that it was made from (.safetensors)", path.display())
         }

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use farsight_files::write_quickly;
-use farsight_net::model::Model;
-use farsight_net::plate::PlateModel;
-use farsight_net::refiner::RefinerModel;
+use farsight_methods::plate_reader::PlateReaderModel;
+use farsight_methods::refiner::RefinerModel;
+use farsight_methods::smoke::SmokeModel;
 
 /// Name of the model; its card is `models/farsight-s.md`.
 pub(crate) const NAME: &str = "farsight-s";
@@ -38,8 +38,8 @@ macro_rules! scene {
 const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), scene!("000002"), scene!("000003")];
 
 /// The model that comes with the program.
-pub(crate) fn model() -> Result<Model> {
-    Ok(Model::from_safetensors(MODEL, Path::new(NAME))?)
+pub(crate) fn model() -> Result<SmokeModel> {
+    Ok(SmokeModel::from_safetensors(MODEL, Path::new(NAME))?)
 }
 
 /// Whether `sha256`, of a model's weights, is that of the model that comes with the program.
@@ -53,8 +53,8 @@ pub(crate) fn refiner() -> Result<RefinerModel> {
 }
 
 /// The plate reader that comes with the program.
-pub(crate) fn plates() -> Result<PlateModel> {
-    Ok(PlateModel::from_safetensors(PLATES, Path::new(PLATES_NAME))?)
+pub(crate) fn plates() -> Result<PlateReaderModel> {
+    Ok(PlateReaderModel::from_safetensors(PLATES, Path::new(PLATES_NAME))?)
 }
 
 /// Writes the scenes to `folder` in KITTI's layout and returns the folder of the images.

@@ -5,13 +5,12 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use farsight_data::AugmentationConfig;
-use farsight_net::build::network;
-use farsight_net::config::ModelConfig;
-use farsight_net::init::initial_weights;
-use farsight_net::model::Model;
-use farsight_net::part::PartConfig;
-use farsight_net::plate::PlateConfig;
-use farsight_net::refiner::RefinerConfig;
+use farsight_graph::init::initial_weights;
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::plate_reader::PlateReaderConfig;
+use farsight_methods::refiner::RefinerConfig;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::config::SmokeConfig;
 use serde::Deserialize;
 
 /// The parts of a training's config that describe what is trained.
@@ -20,9 +19,9 @@ use serde::Deserialize;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct RunFile {
-    model: Option<ModelConfig>,
+    model: Option<SmokeConfig>,
     refiner: Option<RefinerConfig>,
-    plates: Option<PlateConfig>,
+    plates: Option<PlateReaderConfig>,
     #[serde(rename = "data")]
     _data: toml::Table,
     #[serde(rename = "augmentation")]
@@ -40,9 +39,9 @@ impl RunFile {
 
 /// What a config's training is of.
 pub(crate) enum Untrained {
-    Detector(ModelConfig),
+    Detector(SmokeConfig),
     Refiner(RefinerConfig),
-    Plates(PlateConfig),
+    Plates(PlateReaderConfig),
 }
 
 /// Whether a file is the config of a training rather than a model.
@@ -65,7 +64,7 @@ pub(crate) fn read(path: &Path) -> Result<Untrained> {
     })
 }
 
-fn usable<C: PartConfig>(config: C, path: &Path) -> Result<C> {
+fn usable<C: NetworkConfig>(config: C, path: &Path) -> Result<C> {
     match config.problem() {
         Some(problem) => bail!("{}: {problem}", path.display()),
         None => Ok(config),
@@ -73,18 +72,18 @@ fn usable<C: PartConfig>(config: C, path: &Path) -> Result<C> {
 }
 
 /// What the config of a training says about its detector.
-pub(crate) fn read_config(path: &Path) -> Result<ModelConfig> {
+pub(crate) fn read_config(path: &Path) -> Result<SmokeConfig> {
     let other = match read(path)? {
         Untrained::Detector(config) => return Ok(config),
         Untrained::Refiner(_) => RefinerConfig::NAME,
-        Untrained::Plates(_) => PlateConfig::NAME,
+        Untrained::Plates(_) => PlateReaderConfig::NAME,
     };
     bail!("{}: the config of {other}; expected that of a detector", path.display())
 }
 
 /// The network of a config with random weights.
-pub(crate) fn model(path: &Path) -> Result<Model> {
+pub(crate) fn model(path: &Path) -> Result<SmokeModel> {
     let config = read_config(path)?;
-    let weights = initial_weights(&network(&config), 0);
-    Ok(Model::new(config, weights)?)
+    let weights = initial_weights(&config.graph(), 0);
+    Ok(SmokeModel::new(config, weights)?)
 }

@@ -164,16 +164,16 @@ fn info_reads_the_model_part_of_a_config() {
 
 /// Writes a small model with fresh weights to `folder` and returns its path.
 fn small_model(folder: &Path) -> std::path::PathBuf {
-    let config = farsight_net::config::ModelConfig {
+    let config = farsight_methods::smoke::config::SmokeConfig {
         input: [96, 64],
         width: 0.25,
-        norm: farsight_net::config::NormKind::Batch,
-        msfe: farsight_net::config::Msfe::A,
-        ..farsight_net::config::ModelConfig::default()
+        norm: farsight_methods::smoke::config::NormKind::Batch,
+        msfe: farsight_methods::smoke::config::Msfe::A,
+        ..farsight_methods::smoke::config::SmokeConfig::default()
     };
-    let weights = farsight_net::init::initial_weights(&farsight_net::build::network(&config), 1);
+    let weights = farsight_graph::init::initial_weights(&farsight_graph::layers::network(&config), 1);
     let path = folder.join("m.safetensors");
-    farsight_net::model::Model::new(config, weights).unwrap().write(&path).unwrap();
+    farsight_graph::model::Model::new(config, weights).unwrap().write(&path).unwrap();
     path
 }
 

@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use farsight_core::HeadMaps;
+use farsight_graph::init::initial_weights;
+use farsight_graph::layers::network;
+use farsight_graph::model::Model;
+use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_infer::{Engine, RtenEngine, probe};
-use farsight_net::build::network;
-use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
-use farsight_net::init::initial_weights;
-use farsight_net::model::Model;
-use farsight_net::onnx::{OnnxModel, Target};
-use farsight_net::weights::{WeightTensor, Weights};
+use farsight_methods::smoke::config::{Msfe, NeckKind, NormKind, SmokeConfig};
+use farsight_onnx::{OnnxModel, Target};
 use serde_json::Value;
 
 use program::{done, farsight, root};
@@ -50,7 +50,7 @@ fn engines(folder: &Path) -> Vec<String> {
 /// Networks with drawn weights: one whose head is cut off, one with everything that is hard to export.
 fn models() -> [(&'static str, Model); 2] {
     let model = |norm, neck, msfe| {
-        let config = ModelConfig { input: [320, 96], width: 0.25, norm, neck, msfe, ..ModelConfig::default() };
+        let config = SmokeConfig { input: [320, 96], width: 0.25, norm, neck, msfe, ..SmokeConfig::default() };
         let mut weights = initial_weights(&network(&config), 9);
         for (name, tensor) in &mut weights.tensors {
             // Offsets of a fraction of a cell; a fresh network has none.

@@ -9,12 +9,12 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use farsight_core::ObjectClass;
-use farsight_core::codec::ClassReference;
-use farsight_net::build::network;
-use farsight_net::config::{ModelConfig, NeckKind, NormKind};
-use farsight_net::init::initial_weights;
-use farsight_net::model::Model;
-use farsight_net::weights::Weights;
+use farsight_graph::init::initial_weights;
+use farsight_graph::layers::network;
+use farsight_graph::model::Model;
+use farsight_graph::weights::Weights;
+use farsight_methods::smoke::codec::ClassReference;
+use farsight_methods::smoke::config::{NeckKind, NormKind, SmokeConfig};
 use program::{done, farsight, root};
 
 /// What the program says when it refuses to run.
@@ -32,7 +32,7 @@ fn write_small_model(folder: &Path) {
         class.class = name;
     }
     let (norm, neck) = (NormKind::Batch, NeckKind::Plain);
-    let config = ModelConfig { input: [96, 64], width: 0.25, norm, neck, classes, ..ModelConfig::default() };
+    let config = SmokeConfig { input: [96, 64], width: 0.25, norm, neck, classes, ..SmokeConfig::default() };
     let weights = initial_weights(&network(&config), 1);
     Model::new(config, weights).unwrap().write(&folder.join("m.safetensors")).unwrap();
 }

@@ -7,8 +7,8 @@ mod program;
 use std::fs;
 use std::path::Path;
 
-use farsight_net::graph::Role;
-use farsight_net::model::Model;
+use farsight_graph::graph::Role;
+use farsight_graph::model::Model;
 use program::{done, farsight, root};
 use serde_json::Value;
 

@@ -1,10 +1,10 @@
 //! Single layers and losses against reference tensors computed in double precision.
 
 use crate::golden_support::{Golden, assert_close, assert_close_relative, golden};
-use farsight_net::build::{Builder, NormKind, msfe};
-use farsight_net::graph::{Graph, Op, Window};
-use farsight_net::init::initial_weights;
-use farsight_net::weights::{WeightTensor, Weights};
+use farsight_graph::layers::{Builder, NormKind, msfe};
+use farsight_graph::graph::{Graph, Op, Window};
+use farsight_graph::init::initial_weights;
+use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_train::deform::deformable_samples;
 use farsight_train::executor::{Mode, Network, Precision, weight_from_tensor};
 use farsight_train::loss::focal_loss;

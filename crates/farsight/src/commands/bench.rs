@@ -10,8 +10,8 @@ use farsight_core::Camera;
 use farsight_core::statistics::{quantile, sorted};
 use farsight_data::read_image;
 use farsight_files::write_atomically;
-use farsight_infer::timing::timed;
-use farsight_infer::{Detector, StageTimes};
+use farsight_runtime::StageTimes;
+use farsight_runtime::timing::timed;
 use farsight_viz::{DrawOptions, Scene, picture};
 use image::RgbImage;
 use serde::Serialize;
@@ -20,6 +20,7 @@ use super::Outcome;
 use crate::camera_source::KITTI_HFOV_DEG;
 use crate::engines::{EngineArgs, SecondLookArgs, Timing, open_to_time};
 use crate::outputs;
+use crate::pipeline::Pipeline;
 use crate::printer::{Printer, counted};
 use crate::shipped;
 
@@ -104,12 +105,12 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
     };
     let timing = Timing { input: args.input, dense_head: args.dense_head };
-    let mut detector = open_to_time(&args.engine, &args.second_look, args.model.as_deref(), timing)?;
+    let mut pipeline = open_to_time(&args.engine, &args.second_look, args.model.as_deref(), timing)?;
     for _ in 0..WARM_UP {
-        pass(&image, args.batch, &mut detector)?;
+        pass(&image, args.batch, &mut pipeline)?;
     }
-    let passes = (0..args.runs).map(|_| pass(&image, args.batch, &mut detector)).collect::<Result<Vec<Pass>>>()?;
-    let figures = figures(args, &image, &detector, &passes)?;
+    let passes = (0..args.runs).map(|_| pass(&image, args.batch, &mut pipeline)).collect::<Result<Vec<Pass>>>()?;
+    let figures = figures(args, &image, &pipeline, &passes)?;
     print(&figures, printer);
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&figures)? + "\n";
@@ -118,12 +119,12 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn pass(path: &Path, batch: usize, detector: &mut Detector) -> Result<Pass> {
+fn pass(path: &Path, batch: usize, pipeline: &mut Pipeline) -> Result<Pass> {
     let (images, load) = timed(|| (0..batch).map(|_| read_image(path)).collect::<Result<Vec<_>, _>>());
     let images = images?;
     let camera = camera(images[0].width() as usize, images[0].height() as usize)?;
     let views: Vec<(&RgbImage, &Camera)> = images.iter().map(|image| (image, &camera)).collect();
-    let (answers, times) = detector.detect_batch_timed(&views)?;
+    let (answers, times) = pipeline.detect_batch_timed(&views)?;
     let ((), draw) = timed(|| {
         for (image, detections) in images.iter().zip(&answers) {
             picture(image, &Scene { camera: &camera, detections, truth: &[] }, &DrawOptions::default());
@@ -137,15 +138,15 @@ fn camera(width: usize, height: usize) -> Result<Camera> {
     Ok(Camera::from_hfov(KITTI_HFOV_DEG, width, height)?)
 }
 
-fn figures(args: &BenchArgs, path: &std::path::Path, detector: &Detector, passes: &[Pass]) -> Result<Figures> {
+fn figures(args: &BenchArgs, path: &std::path::Path, pipeline: &Pipeline, passes: &[Pass]) -> Result<Figures> {
     let (width, height) = image::image_dimensions(path).with_context(|| path.display().to_string())?;
     let image = [width as usize, height as usize];
     let stage = |time: fn(&Pass) -> Duration| Spread::of(passes.iter().map(time));
     Ok(Figures {
-        engine: detector.engine_name().to_owned(),
+        engine: pipeline.detector().engine().to_owned(),
         model: args.model.as_ref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string()),
         image,
-        input: detector.spec().input_for(image, &camera(image[0], image[1])?).size,
+        input: pipeline.detector().input_size(image, &camera(image[0], image[1])?),
         threads: args.engine.threads,
         batch: args.batch,
         runs: passes.len(),

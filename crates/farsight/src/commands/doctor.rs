@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use farsight_net::model::Model;
-use farsight_net::onnx::{OnnxModel, key};
-use farsight_net::plate::PlateModel;
-use farsight_net::refiner::RefinerModel;
-use farsight_net::weights::Weights;
+use farsight_graph::weights::Weights;
+use farsight_methods::plate_reader::PlateReaderModel;
+use farsight_methods::refiner::RefinerModel;
+use farsight_methods::smoke::SmokeModel;
+use farsight_onnx::{OnnxModel, key};
 use serde::Serialize;
 
 use super::Outcome;
@@ -175,12 +175,12 @@ fn model_state(path: &Path) -> Option<ModelState> {
     }
     let (kind, read) = if RefinerModel::is_one(path) {
         (ModelKind::Refiner, RefinerModel::read(path).map(drop).map_err(anyhow::Error::from))
-    } else if PlateModel::is_one(path) {
-        (ModelKind::PlateReader, PlateModel::read(path).map(drop).map_err(anyhow::Error::from))
+    } else if PlateReaderModel::is_one(path) {
+        (ModelKind::PlateReader, PlateReaderModel::read(path).map(drop).map_err(anyhow::Error::from))
     } else if path.extension().is_some_and(|extension| extension == "onnx") {
         (ModelKind::Detector, OnnxModel::read(path).map(drop).map_err(anyhow::Error::from))
     } else {
-        (ModelKind::Detector, Model::read(path).map(drop).map_err(anyhow::Error::from))
+        (ModelKind::Detector, SmokeModel::read(path).map(drop).map_err(anyhow::Error::from))
     };
     Some(ModelState { path: path.display().to_string(), kind, problem: read.err().map(|error| error.to_string()) })
 }

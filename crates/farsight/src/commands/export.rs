@@ -9,18 +9,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight_core::HeadMaps;
 use farsight_files::write_atomically;
-use farsight_infer::Engine;
-use farsight_infer::probe::{self, Difference};
+use farsight_graph::model::NetworkConfig;
+use farsight_graph::transform::Network;
+use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
+use farsight_methods::refiner::{RefinerConfig, RefinerModel};
+use farsight_methods::smoke::{DetectorFile, SmokeModel};
 #[cfg(not(feature = "train"))]
-use farsight_net::graph::{LOGITS, REGRESSION};
-use farsight_net::model::Model;
-use farsight_net::onnx::{Facts, OnnxModel, Target, key, write};
-use farsight_net::part::PartConfig;
-use farsight_net::plate::{PlateConfig, PlateModel};
-use farsight_net::refiner::{RefinerConfig, RefinerModel};
-use farsight_net::transform::Network;
+use farsight_methods::smoke::{LOGITS, REGRESSION};
+use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
+use farsight_runtime::probe::{self, Difference};
+use farsight_runtime::{Runner, Tensor, TensorView};
 
 use super::Outcome;
 use crate::engines::{self, EngineArgs, EngineName};
@@ -126,8 +125,8 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if RefinerModel::is_one(&args.model) {
         return refiner::run(args, args.part_data(RefinerConfig::NAME)?, printer);
     }
-    if PlateModel::is_one(&args.model) {
-        return plates::run(args, args.part_data(PlateConfig::NAME)?, printer);
+    if PlateReaderModel::is_one(&args.model) {
+        return plates::run(args, args.part_data(PlateReaderConfig::NAME)?, printer);
     }
     let mut model = read_own(&args.model)?;
     if let Some(size) = args.input {
@@ -144,7 +143,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         return int8::run(&model, args, target, printer);
     }
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
-    let file = OnnxModel::from_bytes(bytes, &args.out)?;
+    let file = DetectorFile::from_bytes(bytes, &args.out)?.onnx;
     let differences = check(&model, &file, &args.out, printer)?;
     for Difference { name, largest, scale } in &differences {
         printer.line(&format!("{name:10} largest difference {largest:.1e}, values up to {scale:.1}"));
@@ -165,7 +164,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
 
 /// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless its depths are virtual.
 /// What was fitted at the old size is rough at the new one.
-fn resize_input(model: &mut Model, size: [usize; 2], args: &ExportArgs, printer: &mut Printer) -> Result<()> {
+fn resize_input(model: &mut SmokeModel, size: [usize; 2], args: &ExportArgs, printer: &mut Printer) -> Result<()> {
     let [width, height] = model.config.input;
     if size == [width, height] {
         return Ok(());
@@ -195,15 +194,15 @@ fn focal_range(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.
-fn half(mut model: Model, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+fn half(mut model: SmokeModel, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     model.weights.metadata.extend(told(args)?.into_iter().map(|(key, fact)| (key.to_owned(), fact)));
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
 }
 
-fn facts(args: &ExportArgs, model: &Model, target: Target) -> Result<Facts> {
-    let mut facts = Facts::new(model, target);
+fn facts(args: &ExportArgs, model: &SmokeModel, target: Target) -> Result<Facts> {
+    let mut facts = DetectorFile::facts(model, target);
     told(args)?.into_iter().for_each(|(key, fact)| facts.set(key, fact));
     Ok(facts)
 }
@@ -222,19 +221,25 @@ fn told(args: &ExportArgs) -> Result<Vec<(&'static str, String)>> {
 }
 
 /// How far the head maps of the file are from those of the model on a fixed input of noise.
-fn check(model: &Model, file: &OnnxModel, path: &Path, printer: &mut Printer) -> Result<Vec<Difference>> {
+fn check(model: &SmokeModel, file: &OnnxModel, path: &Path, printer: &mut Printer) -> Result<Vec<Difference>> {
     let input = probe::input(probe::SIZE);
-    let mut engine = file_engine(file, path)?;
-    let found = engine.head_maps(&input, probe::SIZE)?;
+    let mut runner = file_runner(file, path)?;
+    let found = outputs_of(&mut *runner, &input)?;
     let (expected, reference) = reference(model, file, &input)?;
     let [width, height] = probe::SIZE;
-    let by = engine.name();
+    let by = runner.engine();
     printer.status(&format!("checked: the file on {by} against {reference}, {width} x {height} pixels of noise"));
-    Ok(probe::differences(&found, &expected))
+    Ok(probe::differences(runner.outputs(), &found, &expected))
+}
+
+/// What `runner` answers to an image of [`probe::SIZE`].
+fn outputs_of(runner: &mut dyn Runner, values: &[f32]) -> Result<Vec<Tensor>> {
+    let [width, height] = probe::SIZE;
+    Ok(runner.run(&[(INPUT, TensorView { shape: &[1, 3, height, width], values })])?)
 }
 
 /// An engine that runs the file as it is.
-fn file_engine(file: &OnnxModel, path: &Path) -> Result<Box<dyn Engine>> {
+fn file_runner(file: &OnnxModel, path: &Path) -> Result<Box<dyn Runner>> {
     let engine = if file.has_deform_conv() { EngineName::Onnxruntime } else { EngineName::Rten };
     let args = EngineArgs { engine, ..EngineArgs::default() };
     engines::start(&args, file.clone(), path)
@@ -243,22 +248,22 @@ fn file_engine(file: &OnnxModel, path: &Path) -> Result<Box<dyn Engine>> {
 
 /// What the model itself answers: libtorch's answer.
 #[cfg(feature = "train")]
-fn reference(model: &Model, _: &OnnxModel, input: &[f32]) -> Result<(HeadMaps, String)> {
-    let mut engine = farsight_train::engine::TorchEngine::on_cpu(model.clone())?;
-    Ok((engine.head_maps(input, probe::SIZE)?, "libtorch".to_owned()))
+fn reference(model: &SmokeModel, _: &OnnxModel, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
+    let mut runner = farsight_train::runner::TorchRunner::on_cpu(model)?;
+    Ok((outputs_of(&mut runner, input)?, "libtorch".to_owned()))
 }
 
 /// What the model itself answers: the network before any transform, on an engine that the file itself was not run on where there is one,
 /// with deformable convolutions in the other form where that can be.
 #[cfg(not(feature = "train"))]
-fn reference(model: &Model, file: &OnnxModel, input: &[f32]) -> Result<(HeadMaps, String)> {
+fn reference(model: &SmokeModel, file: &OnnxModel, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
     let library = Library::Onnxruntime.find(None).is_ok_and(|found| Library::Onnxruntime.version(&found.path).is_ok());
     let engine = if library && !file.has_deform_conv() { EngineName::Onnxruntime } else { EngineName::Rten };
     let target = if engine == EngineName::Onnxruntime { Target::OnnxRuntime } else { Target::Portable };
     let whole = Network::new(model).keeping(&[LOGITS, REGRESSION]);
     let source = Path::new("the untransformed network");
-    let whole = OnnxModel::from_bytes(write(&whole, &Facts::new(model, target), target)?, source)?;
-    let mut engine = engines::start(&EngineArgs { engine, ..EngineArgs::default() }, whole, source)?;
-    let maps = engine.head_maps(input, probe::SIZE)?;
-    Ok((maps, format!("the untransformed network on {}", engine.name())))
+    let whole = OnnxModel::from_bytes(write(&whole, &DetectorFile::facts(model, target), target)?, source)?;
+    let mut runner = engines::start(&EngineArgs { engine, ..EngineArgs::default() }, whole, source)?;
+    let outputs = outputs_of(&mut *runner, input)?;
+    Ok((outputs, format!("the untransformed network on {}", runner.engine())))
 }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use farsight_net::checkpoint::{ImportOptions, import};
-use farsight_net::model::Model;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::import::{ImportOptions, import};
 
 use super::Outcome;
 use crate::outputs;
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
             imported.missing.len()
         );
     }
-    Model::new(config, imported.weights)?.write(&args.out)?;
+    SmokeModel::new(config, imported.weights)?.write(&args.out)?;
     printer.line(&format!("{}: a model for `farsight range --model`", args.out.display()));
     Ok(Outcome::Done)
 }

@@ -4,17 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
-use farsight_core::Agreement;
-use farsight_core::codec::DepthReference;
-use farsight_net::build::network;
-use farsight_net::config::ModelConfig;
-use farsight_net::count::{StageCount, count, total};
-use farsight_net::graph::Graph;
-use farsight_net::model::Model;
-use farsight_net::onnx::{Facts, OnnxModel, Target, is_safetensors, key};
-use farsight_net::part::PartConfig;
-use farsight_net::plate::{PlateConfig, PlateModel};
-use farsight_net::refiner::{RefinerConfig, RefinerModel};
+use farsight_core::DepthFusion;
+use farsight_core::DepthReference;
+use farsight_graph::count::{StageCount, count, total};
+use farsight_graph::graph::Graph;
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
+use farsight_methods::refiner::{RefinerConfig, RefinerModel};
+use farsight_methods::smoke::config::SmokeConfig;
+use farsight_methods::smoke::{DetectorFile, SmokeModel};
+use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
 use crate::printer::Printer;
@@ -56,7 +55,7 @@ struct Described {
 
 impl Described {
     /// A detector, and what else its file tells.
-    fn new(config: &ModelConfig, graph: Graph, told: Vec<(&'static str, String)>) -> Self {
+    fn new(config: &SmokeConfig, graph: Graph, told: Vec<(&'static str, String)>) -> Self {
         Self { input: config.input, graph, facts: facts(config).into_iter().chain(told).collect() }
     }
 }
@@ -64,7 +63,7 @@ impl Described {
 fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
         return Ok(match untrained::read(path)? {
-            Untrained::Detector(config) => Described::new(&config, network(&config), Vec::new()),
+            Untrained::Detector(config) => Described::new(&config, config.graph(), Vec::new()),
             Untrained::Refiner(config) => refiner(&config, None),
             Untrained::Plates(config) => plates(&config, None),
         });
@@ -72,25 +71,25 @@ fn read(path: &Path) -> Result<Described> {
     model_files::check(path, "a model, a refiner, a plate reader or the config of a training (.toml)")?;
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
         if RefinerModel::is_one(path) {
-            let RefinerModel { config, weights } = RefinerModel::read(path)?;
+            let RefinerModel { config, weights, .. } = RefinerModel::read(path)?;
             return Ok(refiner(&config, weights.metadata.get(key::TRAINING)));
         }
-        if PlateModel::is_one(path) {
-            let PlateModel { config, weights } = PlateModel::read(path)?;
+        if PlateReaderModel::is_one(path) {
+            let PlateReaderModel { config, weights, .. } = PlateReaderModel::read(path)?;
             return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
         }
         // A pruned model is narrower than its config says.
-        let model = Model::read(path)?;
-        let told = told(&Facts::new(&model, Target::default()));
+        let model = SmokeModel::read(path)?;
+        let told = told(&DetectorFile::facts(&model, Target::default()));
         return Ok(Described::new(&model.config, model.graph, told));
     }
-    let file = OnnxModel::read(path)?;
-    let mut told = told(file.facts());
-    if file.facts().get(key::NARROWED).is_some() {
+    let file = DetectorFile::from_onnx(OnnxModel::read(path)?, path)?;
+    let mut told = told(file.onnx.facts());
+    if file.onnx.facts().get(key::NARROWED).is_some() {
         // How wide the layers are stands in the file's constants alone.
         told.push(("pruned", "yes; these are the counts of the network before pruning".to_owned()));
     }
-    Ok(Described::new(file.config(), network(file.config()), told))
+    Ok(Described::new(&file.config, file.config.graph(), told))
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
@@ -104,8 +103,8 @@ fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
     Described { input: [*side; 2], graph: config.graph(), facts }
 }
 
-fn plates(config: &PlateConfig, training: Option<&String>) -> Described {
-    let PlateConfig { side, channels, depths, .. } = config;
+fn plates(config: &PlateReaderConfig, training: Option<&String>) -> Described {
+    let PlateReaderConfig { side, channels, depths, .. } = config;
     let mut facts = vec![
         ("plate reader", format!("measures cars by their number plates, cut out at {side} x {side} pixels")),
         ("channels", format!("{channels:?}")),
@@ -115,7 +114,7 @@ fn plates(config: &PlateConfig, training: Option<&String>) -> Described {
     Described { input: [*side; 2], graph: config.graph(), facts }
 }
 
-fn correlation(depths: &Agreement) -> String {
+fn correlation(depths: &DepthFusion) -> String {
     format!("errors correlated by {:.2}", depths.correlation)
 }
 
@@ -133,7 +132,7 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
     names.into_iter().filter_map(|(name, key)| Some((name, facts.get(key)?.to_owned()))).collect()
 }
 
-fn facts(config: &ModelConfig) -> Vec<(&'static str, String)> {
+fn facts(config: &SmokeConfig) -> Vec<(&'static str, String)> {
     let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
     let [width, height] = config.input;
     vec![

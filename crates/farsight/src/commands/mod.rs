@@ -16,7 +16,7 @@ mod train;
 
 use anyhow::Result;
 use clap::Subcommand;
-use farsight_net::config::{LARGEST_SIDE, SIZE_STEP};
+use farsight_methods::smoke::config::{LARGEST_SIDE, SIZE_STEP};
 
 use crate::printer::Printer;
 

@@ -4,12 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight_core::HeadMaps;
 use farsight_files::write_atomically;
-use farsight_infer::Engine;
-use farsight_infer::probe::largest_difference;
-use farsight_net::graph::{LOGITS, REGRESSION};
-use farsight_net::weights::{WeightTensor, Weights};
+use farsight_graph::weights::{WeightTensor, Weights};
+use farsight_runtime::probe::largest_difference;
+use farsight_runtime::{Runner, Tensor, TensorView};
 use serde::Serialize;
 
 use super::Outcome;
@@ -55,7 +53,7 @@ struct Parity {
 
 #[derive(Debug, Serialize)]
 struct Output {
-    name: &'static str,
+    name: String,
     /// Null where the maps cannot be compared: sizes differ, or a value is not a number.
     largest_difference: Option<f32>,
     within: bool,
@@ -72,8 +70,8 @@ pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
         outputs::check_json(json, [args.model.as_path(), &args.golden])?;
     }
     let golden = Weights::read(&args.golden)?;
-    let mut engine = engines::open_engine(&args.engine, &args.model)?;
-    let parity = compare(args, &golden, &mut *engine).with_context(|| args.golden.display().to_string())?;
+    let mut runner = engines::open_runner(&args.engine, &args.model)?;
+    let parity = compare(args, &golden, &mut *runner).with_context(|| args.golden.display().to_string())?;
     for Output { name, largest_difference, within } in &parity.outputs {
         let difference = largest_difference.map_or_else(|| "cannot be compared".to_owned(), |d| format!("{d:.1e}"));
         printer.line(&format!("{name:10} {difference:>8}  {}", if *within { "same" } else { "DIFFERENT" }));
@@ -87,7 +85,7 @@ pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(if parity.within { Outcome::Done } else { Outcome::Told })
 }
 
-fn compare(args: &ParityArgs, golden: &Weights, engine: &mut dyn Engine) -> Result<Parity> {
+fn compare(args: &ParityArgs, golden: &Weights, runner: &mut dyn Runner) -> Result<Parity> {
     let input = golden.tensors.get(INPUT).with_context(|| format!("no tensor \"{INPUT}\""))?;
     let &[batch @ 1..=usize::MAX, 3, height, width] = &input.shape[..] else {
         bail!(
@@ -95,37 +93,35 @@ fn compare(args: &ParityArgs, golden: &Weights, engine: &mut dyn Engine) -> Resu
             input.shape
         )
     };
-    let answers = (0..batch)
-        .map(|item| Ok(engine.head_maps(part(input, item, batch), [width, height])?))
-        .collect::<Result<Vec<HeadMaps>>>()?;
+    let answer = |runner: &mut dyn Runner, item| {
+        let view = TensorView { shape: &[1, 3, height, width], values: part(input, item, batch) };
+        runner.run(&[(farsight_onnx::INPUT, view)])
+    };
+    let answers = (0..batch).map(|item| answer(runner, item)).collect::<Result<Vec<Vec<Tensor>>, _>>()?;
     let mut outputs = Vec::new();
-    for (name, values) in [(LOGITS, logits as fn(&HeadMaps) -> &[f32]), (REGRESSION, regression)] {
-        if let Some(expected) = golden.tensors.get(name) {
-            let apart = |(item, answer)| largest_difference(values(answer), part(expected, item, batch));
+    for (place, info) in runner.outputs().iter().enumerate() {
+        if let Some(expected) = golden.tensors.get(&info.name) {
+            let apart = |(item, answer): (usize, &Vec<Tensor>)| {
+                largest_difference(&answer[place].values, part(expected, item, batch))
+            };
             let largest = answers.iter().enumerate().map(apart).fold(0.0, f32::max);
             let largest_difference = largest.is_finite().then_some(largest);
+            let name = info.name.clone();
             outputs.push(Output { name, largest_difference, within: largest <= args.tolerance });
         }
     }
-    ensure!(!outputs.is_empty(), "neither \"{LOGITS}\" nor \"{REGRESSION}\" among its tensors");
+    let names: Vec<&str> = runner.outputs().iter().map(|output| output.name.as_str()).collect();
+    ensure!(!outputs.is_empty(), "none of the network's outputs {names:?} among its tensors");
     let known = |name: &str| name == INPUT || outputs.iter().any(|output| output.name == name);
     Ok(Parity {
         model: args.model.display().to_string(),
         golden: args.golden.display().to_string(),
-        engine: engine.name().to_owned(),
+        engine: runner.engine().to_owned(),
         tolerance: args.tolerance,
         within: outputs.iter().all(|output| output.within),
         not_compared: golden.tensors.keys().filter(|name| !known(name)).cloned().collect(),
         outputs,
     })
-}
-
-fn logits(maps: &HeadMaps) -> &[f32] {
-    &maps.logits
-}
-
-fn regression(maps: &HeadMaps) -> &[f32] {
-    &maps.regression
 }
 
 /// One image's share of a tensor whose first axis is the batch.

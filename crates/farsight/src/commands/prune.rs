@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
-use farsight_net::count::{count, total};
-use farsight_net::model::Model;
-use farsight_net::prune::prune;
+use farsight_graph::count::{count, total};
+use farsight_graph::prune::prune;
+use farsight_methods::smoke::SmokeModel;
 
 use super::Outcome;
 use crate::model_files::read_own;
@@ -38,7 +38,7 @@ pub(crate) fn run(args: &PruneArgs, printer: &mut Printer) -> Result<Outcome> {
     let model = read_own(&args.model)?;
     let pruned = prune(&model, args.keep)?;
     let [width, height] = model.config.input;
-    let costs = |model: &Model| count(&model.graph, width, height).map(|stages| total(&stages));
+    let costs = |model: &SmokeModel| count(&model.graph, width, height).map(|stages| total(&stages));
     let (before, after) = costs(&model).zip(costs(&pruned)).context("the model's input does not fit its network")?;
     pruned.write(&args.out)?;
     printer.line(&format!("parameters {:>12} -> {:>12}", before.parameters, after.parameters));

@@ -120,7 +120,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let job = Job::new(args, found.images, printer)?;
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut detector = engines::open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
-    let failed = found.problems.len() + job.run(&mut detector, printer)?;
+    let mut pipeline = engines::open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
+    let failed = found.problems.len() + job.run(&mut pipeline, printer)?;
     Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
 }

@@ -152,7 +152,7 @@ pub(crate) fn data_folder() -> Option<PathBuf> {
 
 #[cfg(feature = "onnxruntime")]
 fn onnxruntime_version(path: &Path) -> Result<String> {
-    Ok(farsight_infer::OrtEngine::version(path)?)
+    Ok(farsight_runtime::OrtRunner::version(path)?)
 }
 
 #[cfg(not(feature = "onnxruntime"))]
@@ -162,7 +162,7 @@ fn onnxruntime_version(_: &Path) -> Result<String> {
 
 #[cfg(feature = "openvino")]
 fn openvino_version(path: &Path) -> Result<String> {
-    Ok(farsight_infer::OpenvinoEngine::version(path)?)
+    Ok(farsight_runtime::OpenvinoRunner::version(path)?)
 }
 
 #[cfg(not(feature = "openvino"))]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use farsight_core::classic::{depth_from_ground, depth_from_height};
+use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height};
 use farsight_core::{Camera, Detection};
 use farsight_data::kitti::Calibration;
 use farsight_eval::ranging::RangingOptions;

@@ -9,13 +9,13 @@ use farsight_core::detection::DecodeOptions;
 use farsight_data::KittiDataset;
 use farsight_data::kitti::{read_split, write_results};
 use farsight_data::read_image;
-use farsight_infer::Detector;
 use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
 use crate::engines::open_whole;
 use crate::outputs;
+use crate::pipeline::Pipeline;
 use crate::printer::{Printer, counted};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
@@ -76,17 +76,17 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         (folder.path().to_owned(), Some(folder))
     };
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let mut detector = open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
-    let ids = write_results_of(&mut detector, &dataset, &results, printer)?;
+    let mut pipeline = open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
+    let ids = write_results_of(&mut pipeline, &dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
-    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), detector.engine_name()));
+    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.detector().engine()));
     Ok(Files { labels: dataset.label_folder(), results, ids: Some(ids), by_model: true, failed, _folder: folder })
 }
 
 /// Writes a result file for each frame of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
-    detector: &mut Detector,
+    pipeline: &mut Pipeline,
     dataset: &KittiDataset,
     results: &Path,
     printer: &mut Printer,
@@ -95,7 +95,7 @@ pub(in crate::commands) fn write_results_of(
     let mut done = Vec::new();
     for (index, id) in dataset.ids().iter().enumerate() {
         let path = results.join(format!("{id}.txt"));
-        match looked_at(detector, dataset, index) {
+        match looked_at(pipeline, dataset, index) {
             Ok(detections) => {
                 write_results(&path, &detections)?;
                 done.push(id.clone());
@@ -114,8 +114,8 @@ pub(in crate::commands) fn write_results_of(
     Ok(done)
 }
 
-fn looked_at(detector: &mut Detector, dataset: &KittiDataset, index: usize) -> Result<Vec<Detection>> {
+fn looked_at(pipeline: &mut Pipeline, dataset: &KittiDataset, index: usize) -> Result<Vec<Detection>> {
     let path = dataset.image_path(index);
-    let detections = detector.detect(&read_image(&path)?, &dataset.load_camera(index)?);
+    let detections = pipeline.detect(&read_image(&path)?, &dataset.load_camera(index)?);
     detections.with_context(|| path.display().to_string())
 }

@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use farsight_core::agreement::DepthPair;
+use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::range_error::DepthExample;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
-use farsight_core::{Agreement, ObjectClass, RangeError, ScoreCalibration};
+use farsight_core::{Camera, DepthFusion, Detection, ObjectClass, RangeError, ScoreCalibration};
 use farsight_data::{KittiDataset, read_image};
 use farsight_eval::ranging::{RangingOptions, Target, matched};
 use farsight_eval::{Difficulty, Frame};
-use farsight_infer::Detector;
-use farsight_net::model::Model;
-use farsight_net::onnx::{self, OnnxModel};
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::{DetectorFile, SmokeDetector};
+use farsight_methods::{DetectError, Detector};
+use image::RgbImage;
 use indicatif::ProgressBar;
 
 use crate::engines::{EngineArgs, detector_of};
@@ -47,7 +48,7 @@ impl Judged {
 }
 
 /// Fits `model` to all frames of `data`: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
-pub(super) fn fit(model: &mut Model, source: &Path, data: &Path, printer: &mut Printer) -> Result<()> {
+pub(super) fn fit(model: &mut SmokeModel, source: &Path, data: &Path, printer: &mut Printer) -> Result<()> {
     for class in &mut model.config.classes {
         class.score = None;
     }
@@ -70,7 +71,7 @@ fn depth_examples<'a>(judged: impl IntoIterator<Item = &'a Judged>) -> Vec<Depth
     judged.into_iter().filter_map(Judged::depth_example).collect()
 }
 
-fn fit_distances(model: &mut Model, judged: &[Judged], printer: &mut Printer) -> Result<()> {
+fn fit_distances(model: &mut SmokeModel, judged: &[Judged], printer: &mut Printer) -> Result<()> {
     let examples = depth_examples(judged.iter().filter(|judged| judged.is_plain));
     let old = model.config.depth;
     let Some(new) = old.refitted(&examples) else {
@@ -87,7 +88,7 @@ fn fit_distances(model: &mut Model, judged: &[Judged], printer: &mut Printer) ->
 }
 
 /// A class with enough examples gets the fit of its own ones, the others that of all.
-fn fit_scores(model: &mut Model, judged: &[Judged], printer: &mut Printer) -> Result<()> {
+fn fit_scores(model: &mut SmokeModel, judged: &[Judged], printer: &mut Printer) -> Result<()> {
     let mut examples: BTreeMap<&ObjectClass, Vec<ScoreExample>> = BTreeMap::new();
     for judged in judged {
         examples.entry(&judged.class).or_default().push(judged.score_example());
@@ -110,32 +111,37 @@ fn fit_scores(model: &mut Model, judged: &[Judged], printer: &mut Printer) -> Re
 }
 
 /// The fitted score of a detection whose score is still its peak.
-fn probability(model: &Model, judged: &Judged) -> f64 {
+fn probability(model: &SmokeModel, judged: &Judged) -> f64 {
     let class = model.config.classes.iter().find(|class| class.class == judged.class);
     let calibration = class.and_then(|class| class.score);
     calibration.map_or(judged.score, |calibration| calibration.probability(judged.score, judged.height_px))
 }
 
 /// What `model` finds in all frames of `dataset`, but for what the labels do not judge.
-fn judged_by_model(model: &Model, source: &Path, dataset: &KittiDataset) -> Result<Vec<Judged>> {
-    let file = OnnxModel::from_model(model, onnx::Target::Portable, source)?;
+fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &KittiDataset) -> Result<Vec<Judged>> {
+    let file = DetectorFile::from_model(model, farsight_onnx::Target::Portable, source)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let mut detector = detector_of(&EngineArgs::default(), file, source, options)?;
+    let mut detector = detector_of(&EngineArgs::default(), file, source)?;
     let mut found = Vec::new();
     let bar = ProgressBar::new(dataset.len() as u64);
     for index in 0..dataset.len() {
-        found.extend(judged_in_frame(&mut detector, dataset, index)?);
+        found.extend(judged_in_frame(&mut detector, &options, dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
     Ok(found)
 }
 
-fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize) -> Result<Vec<Judged>> {
+fn judged_in_frame(
+    detector: &mut SmokeDetector,
+    options: &DecodeOptions,
+    dataset: &KittiDataset,
+    index: usize,
+) -> Result<Vec<Judged>> {
     let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
     let image = read_image(&path)?;
     let view = detector.spec().view([image.width() as usize, image.height() as usize], &camera);
-    let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let detections = first_look(detector, options, &image, &camera).with_context(|| path.display().to_string())?;
     let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
     let reference = &detector.spec().codec.depth;
     let judged = |(place, target): (usize, Option<Target>)| {
@@ -153,9 +159,20 @@ fn judged_in_frame(detector: &mut Detector, dataset: &KittiDataset, index: usize
     Ok(told(&frame).map(judged).collect())
 }
 
+/// What a detector finds in one image, with nothing to follow.
+pub(super) fn first_look(
+    detector: &mut SmokeDetector,
+    options: &DecodeOptions,
+    image: &RgbImage,
+    camera: &Camera,
+) -> Result<Vec<Detection>, DetectError> {
+    let (mut found, _) = detector.detect_batch(&[(image, camera)], options)?;
+    Ok(found.pop().unwrap_or_default())
+}
+
 /// How the depths of two measurements go together; `second` is what messages call the one that is corrected.
-pub(super) fn fitted_depths(pairs: &[DepthPair], second: &str, printer: &mut Printer) -> Result<Agreement> {
-    let Some(depths) = Agreement::fit(pairs) else {
+pub(super) fn fitted_depths(pairs: &[DepthPair], second: &str, printer: &mut Printer) -> Result<DepthFusion> {
+    let Some(depths) = DepthFusion::fit(pairs) else {
         bail!("{} objects found; expected at least {LEAST_EXAMPLES}", pairs.len());
     };
     printer.status(&format!(

@@ -8,15 +8,15 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::Camera;
-use farsight_core::detection::DecodeOptions;
 use farsight_data::read_image;
 use farsight_files::write_atomically;
-use farsight_infer::damage::Reference;
-use farsight_infer::{Answers, Calibration, Damage, DetectorSpec};
-use farsight_net::model::Model;
-use farsight_net::onnx::{Facts, OnnxModel, Target, key};
-use farsight_net::quantize::Observer;
-use farsight_net::transform::Network;
+use farsight_graph::quantize::Observer;
+use farsight_graph::transform::Network;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::sensitivity::{Answers, Reference, Sensitivity};
+use farsight_methods::smoke::{DetectorFile, DetectorSpec, LOGITS};
+use farsight_onnx::{Facts, Target, key};
+use farsight_runtime::{Calibration, TensorView};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
@@ -99,14 +99,14 @@ impl Int8Args {
 }
 
 /// Runs the command.
-pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
+pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
     let images = Images::find(args, &model.config)?;
     let facts = facts(args, model, target)?;
     let network = Network::deployable(model)?;
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
     printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
     let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
-    let Trial { quantization, damage } = chosen(&sweep, args.int8.float_layers, printer)?;
+    let Trial { quantization, sensitivity } = chosen(&sweep, args.int8.float_layers, printer)?;
     let float_layers = sweep.float_layers(&quantization);
     printer.line(&format!(
         "{} convolutions in 8 bits, {} left in float{}",
@@ -114,11 +114,11 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
         float_layers.len(),
         if float_layers.is_empty() { String::new() } else { format!(": {}", float_layers.join(", ")) }
     ));
-    tell_damage(&damage, &args.out, printer)?;
+    tell_sensitivity(&sensitivity, &args.out, printer)?;
 
     let mut told = json!({
         "bits": 8, "observer": args.int8.observer_name(), "images": images.paths.len(), "layers": quantization.layer_count(),
-        "float_layers": float_layers, "distance_change": damage.distance, "score_change": damage.score,
+        "float_layers": float_layers, "distance_change": sensitivity.distance, "score_change": sensitivity.score,
     });
     let file = |told: &Value| {
         let mut facts = facts.clone();
@@ -127,14 +127,19 @@ pub(super) fn run(model: &Model, args: &ExportArgs, target: Target, printer: &mu
     };
     let mut written = file(&told)?;
     if let Some(data) = &args.int8.data {
-        let whole = OnnxModel::from_model(model, target, &args.model)?;
+        let whole = DetectorFile::from_model(model, target, &args.model)?;
         let metres = Metres::measure(&whole, &written, data, args, printer)?;
         metres.lines().iter().for_each(|line| printer.line(line));
         told["evaluation"] = metres.to_json();
         written = file(&told)?;
     }
-    write_atomically(&args.out, |out| out.write_all(written.bytes()))?;
-    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), written.bytes().len() as f64 / 1e6, target.name()));
+    write_atomically(&args.out, |out| out.write_all(written.onnx.bytes()))?;
+    printer.line(&format!(
+        "{}: {:.1} MB, {}",
+        args.out.display(),
+        written.onnx.bytes().len() as f64 / 1e6,
+        target.name()
+    ));
     Ok(Outcome::Done)
 }
 
@@ -149,8 +154,8 @@ fn chosen(sweep: &Sweep<'_>, float_layers: Option<usize>, printer: &mut Printer)
 }
 
 /// Says how far the answers are from those in float; an error when they have nothing to do with them.
-fn tell_damage(damage: &Damage, out: &Path, printer: &mut Printer) -> Result<()> {
-    let Damage { distance, score, peaks } = damage;
+fn tell_sensitivity(sensitivity: &Sensitivity, out: &Path, printer: &mut Printer) -> Result<()> {
+    let Sensitivity { distance, score, peaks } = sensitivity;
     let (percent, limit) = (100.0 * distance, 100.0 * HOPELESS);
     printer.line(&format!("distances change by {percent:.2}% and scores by {score:.4} on average, at {peaks} peaks"));
     // What is not a number is not below any limit.
@@ -172,7 +177,7 @@ struct Images {
 }
 
 impl Images {
-    fn find(args: &ExportArgs, config: &farsight_net::config::ModelConfig) -> Result<Self> {
+    fn find(args: &ExportArgs, config: &farsight_methods::smoke::config::SmokeConfig) -> Result<Self> {
         let folder = args.int8.calibration.clone().context("--int8 needs --calibration DIR")?;
         let found = inputs::find(std::slice::from_ref(&folder));
         if let Some(problem) = found.problems.first() {
@@ -180,7 +185,7 @@ impl Images {
         }
         let paths = found.images;
         let cameras = CameraSource::of_layout(&paths);
-        Ok(Self { folder, paths, cameras, spec: DetectorSpec::new(config, DecodeOptions::default()) })
+        Ok(Self { folder, paths, cameras, spec: DetectorSpec::new(config) })
     }
 
     /// Writes the network's input for an image to `input`; its size and its camera.
@@ -214,15 +219,18 @@ fn calibrate(
     args: &ExportArgs,
 ) -> Result<(sweep::Ranges, Vec<Reference>)> {
     let threads = args.int8.engine.threads;
-    let mut calibration = Calibration::new(network, facts, threads)?;
-    let file = OnnxModel::from_bytes(farsight_net::onnx::write(network, facts, Target::Portable)?, &args.model)?;
+    let mut calibration = Calibration::new(network, LOGITS, facts, threads)?;
+    let file = DetectorFile::from_bytes(farsight_onnx::write(network, facts, Target::Portable)?, &args.model)?;
     let mut answers = Answers::new(&file, &args.model, threads)?;
     let mut references = Vec::new();
     let bar = ProgressBar::new(images.paths.len() as u64);
     let mut input = Vec::new();
     for (index, path) in images.paths.iter().enumerate() {
         let (size, camera) = images.input_into(&mut input, path)?;
-        calibration.observe(&input, size).with_context(|| path.display().to_string())?;
+        let shape = [1, 3, size[1], size[0]];
+        calibration
+            .observe(TensorView { shape: &shape, values: &input })
+            .with_context(|| path.display().to_string())?;
         if images.in_sweep(index) {
             references.push(answers.reference(input.clone(), size, camera)?);
         }

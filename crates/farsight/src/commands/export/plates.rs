@@ -4,41 +4,43 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use farsight_core::MeasuredDepth;
-use farsight_core::agreement::DepthPair;
+use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::score::LEAST_PEAK;
 use farsight_data::{KittiDataset, read_image};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
-use farsight_infer::{Detector, PlateReader};
-use farsight_net::plate::PlateModel;
+use farsight_methods::plate_reader::PlateReader;
+use farsight_methods::plate_reader::PlateReaderModel;
 use indicatif::ProgressBar;
 
 use super::fit::{fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::engines::open_shipped_twice;
+use crate::engines::{EngineArgs, open_shipped, roi_runner, shipped_refiner};
+use crate::pipeline::Pipeline;
 use crate::printer::Printer;
 
 /// Fits the plate reader to `data` and writes it.
 pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
-    let mut model = PlateModel::read(&args.model)?;
+    let mut model = PlateReaderModel::read(&args.model)?;
     let pairs = depth_pairs(&model, data)?;
     model.config.depths = fitted_depths(&pairs, "plate reader", printer).with_context(|| data.display().to_string())?;
-    model.write(&args.out)?;
+    model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
 }
 
 /// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
-fn depth_pairs(model: &PlateModel, data: &Path) -> Result<Vec<DepthPair>> {
+fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> {
     let dataset = KittiDataset::open(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let mut detector = open_shipped_twice(options)?;
-    let mut reader = PlateReader::new(model, None)?;
+    let engine = EngineArgs::default();
+    let mut pipeline = Pipeline::new(Box::new(open_shipped()?), options).with_refiner(shipped_refiner(&engine)?);
+    let mut reader = PlateReader::new(roi_runner(&engine, model)?, model.config.clone());
     let bar = ProgressBar::new(dataset.len() as u64);
     let mut pairs = Vec::new();
     for index in 0..dataset.len() {
-        pairs.extend(pairs_of_frame(&mut detector, &mut reader, &dataset, index)?);
+        pairs.extend(pairs_of_frame(&mut pipeline, &mut reader, &dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -46,14 +48,14 @@ fn depth_pairs(model: &PlateModel, data: &Path) -> Result<Vec<DepthPair>> {
 }
 
 fn pairs_of_frame(
-    detector: &mut Detector,
+    pipeline: &mut Pipeline,
     reader: &mut PlateReader,
     dataset: &KittiDataset,
     index: usize,
 ) -> Result<Vec<DepthPair>> {
     let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
     let image = read_image(&path)?;
-    let known = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let known = pipeline.detect(&image, &camera).with_context(|| path.display().to_string())?;
     let readings = reader.readings(&image, &camera, &known)?;
     let frame = Frame::new(String::new(), dataset.load_labels(index)?, known);
     let pair = |(place, target): (usize, Option<Target>)| {

@@ -3,21 +3,23 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_core::agreement::DepthPair;
+use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
-use farsight_core::refine::{LooksScores, Refinement, ScoredLooks, TwoLooks};
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
 use farsight_core::{Camera, Detection, Label, MeasuredDepth, ObjectClass};
 use farsight_data::{KittiDataset, read_image};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
-use farsight_infer::{Detector, Refiner};
-use farsight_net::refiner::RefinerModel;
+use farsight_methods::Detector;
+use farsight_methods::refiner::Refiner;
+use farsight_methods::refiner::RefinerModel;
+use farsight_methods::refiner::geometry::{LooksScores, Refinement, ScoredLooks, TwoLooks};
+use farsight_methods::smoke::SmokeDetector;
 use indicatif::ProgressBar;
 
-use super::fit::{fitted_depths, is_plain, told};
+use super::fit::{first_look, fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::engines::{EngineArgs, open_shipped};
+use crate::engines::{EngineArgs, open_shipped, roi_runner};
 use crate::printer::Printer;
 
 /// Fits the refiner to `data` and writes it.
@@ -29,7 +31,7 @@ pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Resu
     model.config.looks = TwoLooks { depths, ..TwoLooks::default() };
     let scores = fitted_scores(&model.config.looks, &seen, &classes, printer);
     model.config.looks.scores = scores.with_context(|| data.display().to_string())?;
-    model.write(&args.out)?;
+    model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
 }
@@ -97,18 +99,17 @@ impl SeenTwice {
 fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<ObjectClass>)> {
     let dataset = KittiDataset::open(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let mut detector = open_shipped(&EngineArgs::default(), options)?;
-    let codec = &detector.spec().codec;
+    let mut detector = open_shipped()?;
     ensure!(
-        codec.depth.error.is_some(),
+        detector.has_error_bars(),
         "the first look has no error bars; expected a model after `farsight export --fit-on`"
     );
-    let classes = codec.classes.iter().map(|class| class.class.clone()).collect();
-    let mut refiner = Refiner::new(model, None)?;
+    let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
+    let mut refiner = Refiner::new(roi_runner(&EngineArgs::default(), model)?, model.config.clone());
     let bar = ProgressBar::new(dataset.len() as u64);
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
-        seen.push(frame_seen_twice(&mut detector, &mut refiner, &dataset, index)?);
+        seen.push(frame_seen_twice(&mut detector, &options, &mut refiner, &dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -116,14 +117,15 @@ fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<
 }
 
 fn frame_seen_twice(
-    detector: &mut Detector,
+    detector: &mut SmokeDetector,
+    options: &DecodeOptions,
     refiner: &mut Refiner,
     dataset: &KittiDataset,
     index: usize,
 ) -> Result<SeenTwice> {
     let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
     let image = read_image(&path)?;
-    let first = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let first = first_look(detector, options, &image, &camera).with_context(|| path.display().to_string())?;
     let second = refiner.second_looks(&image, &camera, &first)?;
     let image_size = [image.width(), image.height()].map(|side| side as usize);
     Ok(SeenTwice { camera, image_size, labels: dataset.load_labels(index)?, first, second })

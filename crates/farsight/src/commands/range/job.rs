@@ -6,12 +6,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_core::duplicates::apart;
+use farsight_core::nms::bev_nms;
 use farsight_core::{Box3d, Camera, Detection};
 use farsight_data::kitti::write_results;
 use farsight_data::read_image;
 use farsight_files::write_atomically;
-use farsight_infer::{Detector, UnfamiliarCamera};
+use farsight_methods::UnfamiliarCamera;
 use farsight_viz::{DrawOptions, Scene, picture};
 use image::RgbImage;
 use image::codecs::png::PngEncoder;
@@ -22,6 +22,7 @@ use crate::camera_source::CameraSource;
 use crate::inputs::identity;
 use crate::names::output_names;
 use crate::outputs;
+use crate::pipeline::Pipeline;
 use crate::printer::{Printer, counted};
 use crate::range_json::{self, ImageJson};
 use crate::range_table::RangeTable;
@@ -108,7 +109,7 @@ impl<'a> Job<'a> {
     /// Looks at every image and returns how many failed.
     ///
     /// An error when none could be done, or the JSON file could not be written.
-    pub(super) fn run(&self, detector: &mut Detector, printer: &mut Printer) -> Result<usize> {
+    pub(super) fn run(&self, pipeline: &mut Pipeline, printer: &mut Printer) -> Result<usize> {
         let table = RangeTable::new(&self.names, self.range_m);
         printer.heading(&table.heading());
         let bar = if self.images.len() < MANY_IMAGES {
@@ -118,7 +119,7 @@ impl<'a> Job<'a> {
         };
         let (mut done, mut found, mut failed, mut warnings) = (Vec::new(), 0, 0, BTreeMap::new());
         for (image, name) in self.images.iter().zip(&self.names) {
-            match self.image(image, name, detector) {
+            match self.image(image, name, pipeline) {
                 Ok((size, detections, unfamiliar)) => {
                     if let Some(camera) = unfamiliar {
                         *warnings.entry(camera.to_string()).or_insert(0) += 1;
@@ -160,19 +161,19 @@ impl<'a> Job<'a> {
     }
 
     /// The size of one image, what is in it, and what is odd about its camera, after its files are written.
-    fn image(&self, path: &Path, name: &str, detector: &mut Detector) -> Result<Looked> {
+    fn image(&self, path: &Path, name: &str, pipeline: &mut Pipeline) -> Result<Looked> {
         let image = read_image(path)?;
         let size = [image.width() as usize, image.height() as usize];
         let camera = self.cameras.camera(path, size)?;
-        let detections = detector.detect(&image, &camera).with_context(|| path.display().to_string())?;
-        let detections = apart(detections, self.args.max_overlap);
+        let detections = pipeline.detect(&image, &camera).with_context(|| path.display().to_string())?;
+        let detections = bev_nms(detections, self.args.max_overlap);
         if let Some(target) = self.picture_path(name) {
             self.write_picture(&target, &image, &camera, &detections)?;
         }
         if let Some(target) = self.rows_path(name) {
             write_results(&target, &detections)?;
         }
-        Ok((image.dimensions(), detections, detector.spec().unfamiliar(size, &camera)))
+        Ok((image.dimensions(), detections, pipeline.detector().unfamiliar(size, &camera)))
     }
 
     /// What an earlier run found in an image must not be taken for an answer of this one, in which it failed.

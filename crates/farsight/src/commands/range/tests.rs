@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use clap::Parser;
-use farsight_core::codec::{CHANNELS, STRIDE};
 use farsight_core::detection::DecodeOptions;
 use farsight_core::{Box3d, HeadMaps};
 use farsight_infer::{Detector, DetectorSpec, Engine, EngineError};
-use farsight_net::config::ModelConfig;
+use farsight_methods::smoke::codec::{CHANNELS, STRIDE};
+use farsight_methods::smoke::config::SmokeConfig;
 use image::RgbImage;
 
 use super::job::Job;
@@ -78,7 +78,7 @@ fn run(arguments: &[&Path], mut printer: Printer) -> anyhow::Result<usize> {
         [Path::new("range")].into_iter().chain(arguments.iter().copied()).map(|word| word.as_os_str().to_owned());
     let fixed = ["--hfov", "80", "--model", "none"].map(Into::into);
     let args = TestCli::try_parse_from(words.chain(fixed)).unwrap().args;
-    let spec = DetectorSpec::new(&ModelConfig::default(), DecodeOptions::default());
+    let spec = DetectorSpec::new(&SmokeConfig::default(), DecodeOptions::default());
     let mut detector = Detector::new(Box::new(OneCar), spec);
     let job = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)?;
     job.run(&mut detector, &mut printer)

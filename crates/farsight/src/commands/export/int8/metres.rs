@@ -8,12 +8,13 @@ use farsight_data::KittiDataset;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Bootstrap, Difference, Figure, Group, RangingComparison, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
-use farsight_net::onnx::OnnxModel;
+use farsight_methods::smoke::DetectorFile;
 use serde_json::{Map, Value, json};
 
 use super::super::ExportArgs;
 use crate::commands::eval::{MIN_SCORE, write_results_of};
 use crate::engines::detector_of;
+use crate::pipeline::Pipeline;
 use crate::printer::{Printer, counted};
 
 /// Figures of Moderate cars, by the network in float and by it in 8 bits.
@@ -42,22 +43,23 @@ const FIGURES: [(&str, &str); 6] = [
 impl Metres {
     /// Runs both networks over the frames of `data`.
     pub(super) fn measure(
-        float: &OnnxModel,
-        int8: &OnnxModel,
+        float: &DetectorFile,
+        int8: &DetectorFile,
         data: &Path,
         args: &ExportArgs,
         printer: &mut Printer,
     ) -> Result<Self> {
         let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
-        let mut judged = |model: &OnnxModel| -> Result<_> {
+        let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
             let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-            let mut detector = detector_of(&args.int8.engine, model.clone(), &args.model, options)?;
-            let done = write_results_of(&mut detector, &dataset, folder.path(), printer)?;
+            let detector = detector_of(&args.int8.engine, file.clone(), &args.model)?;
+            let mut pipeline = Pipeline::new(Box::new(detector), options);
+            let done = write_results_of(&mut pipeline, &dataset, folder.path(), printer)?;
             ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
             let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
-            Ok((files.evaluate(&options)?.0, detector.engine_name().to_owned()))
+            Ok((files.evaluate(&options)?.0, pipeline.detector().engine().to_owned()))
         };
         let (float, engine) = judged(float)?;
         let (int8, _) = judged(int8)?;

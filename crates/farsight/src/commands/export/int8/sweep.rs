@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::Result;
-use farsight_infer::damage::Reference;
-use farsight_infer::{Answers, Damage};
-use farsight_net::graph::{NodeId, Op};
-use farsight_net::onnx::{Facts, OnnxModel, Target, write_quantized};
-use farsight_net::quantize::{Quantization, Range, layers};
-use farsight_net::transform::Network;
+use farsight_graph::graph::{NodeId, Op};
+use farsight_graph::quantize::{Quantization, Range, layers};
+use farsight_graph::transform::Network;
+use farsight_methods::smoke::sensitivity::{Answers, Reference, Sensitivity};
+use farsight_methods::smoke::{DetectorFile, LOGITS};
+use farsight_onnx::{Facts, Target, write_quantized};
 use indicatif::ProgressBar;
 
 /// Range of each map.
@@ -36,11 +36,11 @@ pub(super) struct Sweep<'a> {
 /// One way to quantise it, and what that does.
 pub(super) struct Trial {
     pub(super) quantization: Quantization,
-    pub(super) damage: Damage,
+    pub(super) sensitivity: Sensitivity,
 }
 
 /// The layers, the one that does the most harm first, with their names.
-pub(super) struct Harm(Vec<(NodeId, String, Damage)>);
+pub(super) struct Harm(Vec<(NodeId, String, Sensitivity)>);
 
 impl<'a> Sweep<'a> {
     pub(super) fn new(
@@ -55,17 +55,17 @@ impl<'a> Sweep<'a> {
 
     /// All layers in 8 bits.
     pub(super) fn everything(&self) -> Result<Trial> {
-        self.trial(&layers(&self.network.graph))
+        self.trial(&layers(&self.network.graph, LOGITS))
     }
 
     /// Tries each layer on its own.
     pub(super) fn harm_of_layers(&self) -> Result<Harm> {
-        let layers = layers(&self.network.graph);
+        let layers = layers(&self.network.graph, LOGITS);
         let bar = ProgressBar::new(layers.len() as u64);
         let mut harm = Vec::new();
         for id in layers {
-            let Trial { damage, .. } = self.trial(&BTreeSet::from([id]))?;
-            harm.push((id, self.name(id), damage));
+            let Trial { sensitivity, .. } = self.trial(&BTreeSet::from([id]))?;
+            harm.push((id, self.name(id), sensitivity));
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -81,12 +81,12 @@ impl<'a> Sweep<'a> {
         }
         let mut best = self.without_worst(harm, 0)?;
         for count in 1..=MOST_FLOAT {
-            if best.damage.total() <= GOOD {
+            if best.sensitivity.total() <= GOOD {
                 break;
             }
             let trial = self.without_worst(harm, count)?;
             // Of what is no number anything is better.
-            if trial.damage.total() < best.damage.total() || best.damage.total().is_nan() {
+            if trial.sensitivity.total() < best.sensitivity.total() || best.sensitivity.total().is_nan() {
                 best = trial;
             }
         }
@@ -102,8 +102,8 @@ impl<'a> Sweep<'a> {
         let quantization = Quantization::new(&self.network.graph, layers, &self.ranges);
         let source = Path::new("the quantised network");
         let file = self.file(&quantization, self.facts, Target::Portable, source)?;
-        let damage = Answers::new(&file, source, self.threads)?.damage(self.references)?;
-        Ok(Trial { quantization, damage })
+        let sensitivity = Answers::new(&file, source, self.threads)?.change(self.references)?;
+        Ok(Trial { quantization, sensitivity })
     }
 
     /// The file; `source` is only what errors call it.
@@ -113,14 +113,14 @@ impl<'a> Sweep<'a> {
         facts: &Facts,
         target: Target,
         source: &Path,
-    ) -> Result<OnnxModel> {
+    ) -> Result<DetectorFile> {
         let bytes = write_quantized(self.network, quantization, facts, target)?;
-        Ok(OnnxModel::from_bytes(bytes, source)?)
+        Ok(DetectorFile::from_bytes(bytes, source)?)
     }
 
     /// Names of the layers that could be in 8 bits and are not.
     pub(super) fn float_layers(&self, quantization: &Quantization) -> Vec<String> {
-        let all = layers(&self.network.graph);
+        let all = layers(&self.network.graph, LOGITS);
         all.into_iter().filter(|&id| !quantization.has_layer(id)).map(|id| self.name(id)).collect()
     }
 
@@ -138,8 +138,8 @@ impl Harm {
     /// The worst layers.
     pub(super) fn table(&self) -> Vec<String> {
         let heading = format!("{:<52} {:>10} {:>10}", "in 8 bits alone", "distance", "score");
-        let row = |(_, name, damage): &(NodeId, String, Damage)| {
-            format!("{name:<52} {:>9.3}% {:>10.5}", 100.0 * damage.distance, damage.score)
+        let row = |(_, name, sensitivity): &(NodeId, String, Sensitivity)| {
+            format!("{name:<52} {:>9.3}% {:>10.5}", 100.0 * sensitivity.distance, sensitivity.score)
         };
         [heading].into_iter().chain(self.0.iter().take(LISTED).map(row)).collect()
     }

@@ -1,0 +1,180 @@
+//! One depth from two measurements of it, whose errors go together: how far to trust each, fitted on labelled frames.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Detection;
+use crate::range_error::WITHIN_ONE_SIGMA;
+use crate::score::LEAST_EXAMPLES;
+use crate::statistics::{quantile, sorted};
+
+/// A depth and how sure it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredDepth {
+    /// Metres.
+    pub depth_m: f64,
+    /// Standard deviation of its logarithm.
+    pub log_sigma: f64,
+}
+
+impl MeasuredDepth {
+    /// What a detection says of its depth, if it says how sure it is.
+    pub fn of(detection: &Detection) -> Option<Self> {
+        let depth_m = detection.box3d.depth_m();
+        Some(Self { depth_m, log_sigma: detection.range_sigma_m? / depth_m })
+    }
+
+    /// How far this is from the truth, in its own standard deviations.
+    fn off(&self, true_m: f64) -> f64 {
+        (self.depth_m / true_m).ln() / self.log_sigma
+    }
+}
+
+/// A depth that was measured twice and is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthPair {
+    /// What is right, metres.
+    pub true_m: f64,
+    /// The measurement that counts as it is.
+    pub first: MeasuredDepth,
+    /// The measurement that is to be corrected.
+    pub second: MeasuredDepth,
+}
+
+/// How two measurements of one depth go together, fitted on labelled frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthFusion {
+    /// Factor on the second one's depths.
+    pub depth_factor: f64,
+    /// Factor on the error bars of the second one.
+    pub error_factor: f64,
+    /// Correlation of their errors.
+    pub correlation: f64,
+    /// Factor on the error bars of both together.
+    pub joint_error_factor: f64,
+}
+
+impl Default for DepthFusion {
+    /// Unfitted.
+    fn default() -> Self {
+        Self { depth_factor: 1.0, error_factor: 1.0, correlation: 0.5, joint_error_factor: 1.0 }
+    }
+}
+
+impl DepthFusion {
+    /// What makes the second depths of `pairs` right in the median and all error bars hold two thirds of them; none when they are fewer than
+    /// [`LEAST_EXAMPLES`].
+    pub fn fit(pairs: &[DepthPair]) -> Option<Self> {
+        if pairs.len() < LEAST_EXAMPLES {
+            return None;
+        }
+        let log_off = |pair: &DepthPair| (pair.second.depth_m / pair.true_m).ln();
+        let unfitted =
+            Self { depth_factor: (-quantile(&sorted(pairs.iter().map(log_off)), 0.5)).exp(), ..Self::default() };
+        let second = |fitted: &Self, pair: &DepthPair| fitted.corrected(pair.second).off(pair.true_m);
+        let fitted = Self { error_factor: one_sigma(pairs.iter().map(|pair| second(&unfitted, pair))), ..unfitted };
+        let offs =
+            |pair: &DepthPair| [pair.first.off(pair.true_m), second(&fitted, pair)].map(|off| off.clamp(-3.0, 3.0));
+        let offs: Vec<[f64; 2]> = pairs.iter().map(offs).collect();
+        let product = |a: usize, b: usize| offs.iter().map(|pair| pair[a] * pair[b]).sum::<f64>();
+        let fitted = Self { correlation: product(0, 1) / (product(0, 0) * product(1, 1)).sqrt(), ..fitted };
+        let joint = |pair: &DepthPair| fitted.joint(Some(pair.first), pair.second).off(pair.true_m);
+        let fitted = Self { joint_error_factor: one_sigma(pairs.iter().map(joint)), ..fitted };
+        fitted.is_usable().then_some(fitted)
+    }
+
+    /// Whether these are numbers that a fit could have given: files from strangers may hold others.
+    pub fn is_usable(&self) -> bool {
+        let factors = [self.depth_factor, self.error_factor, self.joint_error_factor];
+        let are_factors = factors.iter().all(|factor| (0.01..100.0).contains(factor));
+        are_factors && (-0.99..=0.99).contains(&self.correlation)
+    }
+
+    /// The best linear combination of both measurements, of which the first may be missing.
+    pub fn joint(&self, first: Option<MeasuredDepth>, second: MeasuredDepth) -> MeasuredDepth {
+        let second = self.corrected(second);
+        let MeasuredDepth { depth_m, log_sigma } =
+            first.map_or(second, |first| combined(first, second, self.correlation));
+        MeasuredDepth { depth_m, log_sigma: log_sigma * self.joint_error_factor }
+    }
+
+    /// The second measurement as it counts.
+    pub fn corrected(&self, second: MeasuredDepth) -> MeasuredDepth {
+        MeasuredDepth { depth_m: second.depth_m * self.depth_factor, log_sigma: second.log_sigma * self.error_factor }
+    }
+}
+
+/// Mean of two measurements that deviates least, when the correlation of their errors is this.
+fn combined(first: MeasuredDepth, second: MeasuredDepth, correlation: f64) -> MeasuredDepth {
+    let (a, b) = (first.log_sigma, second.log_sigma);
+    let shared = correlation * a * b;
+    let spread = a * a + b * b - 2.0 * shared;
+    let weight = if spread > 0.0 { ((a * a - shared) / spread).clamp(0.0, 1.0) } else { 0.5 };
+    let rest = 1.0 - weight;
+    let variance = weight * weight * b * b + rest * rest * a * a + 2.0 * weight * rest * shared;
+    let log = rest * first.depth_m.ln() + weight * second.depth_m.ln();
+    MeasuredDepth { depth_m: log.exp(), log_sigma: variance.sqrt() }
+}
+
+/// What as many of the values lie within, either way, as of a normal distribution within one standard deviation.
+fn one_sigma(values: impl Iterator<Item = f64>) -> f64 {
+    quantile(&sorted(values.map(f64::abs)), WITHIN_ONE_SIGMA)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Three independent numbers of mean 0 and deviation 1 for each `k`: an even spread over a unit cube, made normal (Box and Muller).
+    fn normals(k: u32) -> [f64; 3] {
+        let share = |power: i32| (0.5 + f64::from(k) * 0.856_674_883_854_502_9_f64.powi(power)).fract();
+        let pair = |a: f64, b: f64| {
+            let (radius, angle) = ((-2.0 * (1.0 - a).ln()).sqrt(), std::f64::consts::TAU * b);
+            [radius * angle.cos(), radius * angle.sin()]
+        };
+        let ([first, second], [third, _]) = (pair(share(1), share(2)), pair(share(3), share(4)));
+        [first, second, third]
+    }
+
+    proptest! {
+        #[test]
+        fn two_measurements_meet_between_them_and_the_surer_one_counts_more(
+            first_m in 10.0..40.0_f64, share in 0.9..1.1_f64, a in 0.01..0.2_f64, b in 0.01..0.2_f64, correlation in -0.5..0.9_f64,
+        ) {
+            let agreement = DepthFusion { correlation, ..DepthFusion::default() };
+            let second_m = first_m * share;
+            let first = MeasuredDepth { depth_m: first_m, log_sigma: a };
+            let both = agreement.joint(Some(first), MeasuredDepth { depth_m: second_m, log_sigma: b });
+            let log = both.depth_m.ln();
+            prop_assert!(log >= first_m.min(second_m).ln() - 1e-9 && log <= first_m.max(second_m).ln() + 1e-9);
+            prop_assert!(both.log_sigma <= a.min(b) + 1e-12, "{} of {} and {}", both.log_sigma, a, b);
+            let middle = f64::midpoint(first_m.ln(), second_m.ln());
+            let towards_second = (log - middle) * (second_m.ln() - first_m.ln()).signum();
+            let as_it_should = towards_second * (a - b) >= -1e-9;
+            prop_assert!(as_it_should, "{} of {} and {}", towards_second, a, b);
+        }
+    }
+
+    #[test]
+    fn a_fit_finds_factors_and_correlation() {
+        let truth = DepthFusion { depth_factor: 1.03, error_factor: 2.0, correlation: 0.6, ..DepthFusion::default() };
+        let pairs: Vec<DepthPair> = (0..4000)
+            .map(|k| {
+                let true_m = 5.0 + f64::from(k % 60);
+                let [common, a, b] = normals(k);
+                let mixed = |own: f64| 0.6_f64.sqrt() * common + 0.4_f64.sqrt() * own;
+                let first = MeasuredDepth { depth_m: true_m * (0.06 * mixed(a)).exp(), log_sigma: 0.06 };
+                let second_m = true_m * (0.04 * mixed(b)).exp() / truth.depth_factor;
+                DepthPair { true_m, first, second: MeasuredDepth { depth_m: second_m, log_sigma: 0.02 } }
+            })
+            .collect();
+        let found = DepthFusion::fit(&pairs).expect("enough pairs");
+        assert!((found.depth_factor - truth.depth_factor).abs() < 0.003, "{found:?}");
+        assert!((found.error_factor - truth.error_factor).abs() < 0.08, "{found:?}");
+        assert!((found.correlation - truth.correlation).abs() < 0.04, "{found:?}");
+        assert!((found.joint_error_factor - 1.0).abs() < 0.05, "{found:?}");
+        assert_eq!(DepthFusion::fit(&pairs[..3]), None);
+    }
+}

@@ -1,0 +1,81 @@
+//! What a detector's regression is relative to: mean sizes of classes, and the depth that counts as zero.
+
+use serde::{Deserialize, Serialize};
+
+use crate::ObjectClass;
+use crate::range_error::RangeError;
+use crate::score::ScoreCalibration;
+
+/// Mean and standard deviation of the depth of objects; centres the depth channel.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DepthReference {
+    /// Mean depth, metres.
+    pub mean_m: f64,
+    /// Standard deviation of the depth, metres.
+    pub std_m: f64,
+    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true depth. Under another focal length
+    /// the same picture means a distance larger or smaller by the ratio of the two. Without it the network's depth is taken as it is, as in SMOKE.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focal_px: Option<f64>,
+    /// How far off the model's depths are, where that was fitted: gives detections their error bars.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<RangeError>,
+}
+
+impl DepthReference {
+    /// Depth of KITTI's objects (SMOKE, spec 5.1).
+    pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32, focal_px: None, error: None };
+
+    /// The depth that a network sees at `depth_m` through an input of this focal length, pixels.
+    pub fn virtual_depth_m(&self, depth_m: f64, input_focal_px: f64) -> f64 {
+        depth_m / self.scale(input_focal_px)
+    }
+
+    /// Standard deviation, metres, of a depth seen through an input of this focal length (pixels) with this score (0 to 1, both excluded), in a box that the
+    /// image's border cuts or not. None where it was not fitted.
+    pub fn sigma_m(&self, depth_m: f64, score: f64, is_cut: bool, input_focal_px: f64) -> Option<f64> {
+        let virtual_m = self.virtual_depth_m(depth_m, input_focal_px);
+        let sigma_m = self.error?.sigma_m(virtual_m, score, is_cut) * self.scale(input_focal_px);
+        sigma_m.is_finite().then_some(sigma_m)
+    }
+
+    /// True depth over virtual depth through an input of this focal length, pixels.
+    pub fn scale(&self, input_focal_px: f64) -> f64 {
+        self.focal_px.map_or(1.0, |focal_px| input_focal_px / focal_px)
+    }
+}
+
+/// What the codec must know of a class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClassReference {
+    /// The class.
+    pub class: ObjectClass,
+    /// Reference length, height and width, metres; the dimension channels are relative to it.
+    pub dimensions_lhw: [f64; 3],
+    /// Factor on the dynamic heat map's alpha for this class.
+    #[serde(default = "one")]
+    pub heat_map_factor: f64,
+    /// Makes probabilities of the peaks; without it the peak is the score, as in SMOKE.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub score: Option<ScoreCalibration>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl ClassReference {
+    /// SMOKE's three classes with its reference sizes, in the official order of channels: car, cyclist, pedestrian (spec 5.1).
+    ///
+    /// The car's height and width look exchanged; both public code bases carry it and it only shifts a learnt offset.
+    pub fn smoke() -> Vec<Self> {
+        let reference = |class, dimensions_lhw| Self { class, dimensions_lhw, heat_map_factor: 1.0, score: None };
+        vec![
+            reference(ObjectClass::Car, [3.88, 1.63, 1.53]),
+            reference(ObjectClass::Cyclist, [1.78, 1.70, 0.58]),
+            reference(ObjectClass::Pedestrian, [0.88, 1.73, 0.67]),
+        ]
+    }
+}

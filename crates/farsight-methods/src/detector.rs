@@ -1,0 +1,116 @@
+//! What every detector can do, whatever its method.
+
+use farsight_core::detection::DecodeOptions;
+use farsight_core::{Camera, ClassReference, Detection};
+use farsight_runtime::{EngineError, StageTimes};
+use image::RgbImage;
+use thiserror::Error;
+
+/// A model ready to look at images: its first look, with nothing to follow it.
+pub trait Detector: Send {
+    /// Tag of its method.
+    fn method(&self) -> &'static str;
+
+    /// Name of the engine that runs it.
+    fn engine(&self) -> &str;
+
+    /// The classes that it knows.
+    fn classes(&self) -> &[ClassReference];
+
+    /// Whether what it finds has error bars.
+    fn has_error_bars(&self) -> bool;
+
+    /// Width and height, pixels, of the network's input for an image of `image_size` taken by `camera`.
+    fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2];
+
+    /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
+    fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera>;
+
+    /// What is in each image, highest score first, and the time of each stage for all of them. The engine sees the images together, so they must need inputs
+    /// of one size ([`Detector::input_size`]).
+    ///
+    /// Locations are in the camera's coordinates, metres, 2D boxes in pixels of the image.
+    ///
+    /// # Errors
+    /// When an image has no pixels, the sizes differ, the engine fails, or its answer does not fit the model.
+    fn detect_batch(
+        &mut self,
+        images: &[(&RgbImage, &Camera)],
+        options: &DecodeOptions,
+    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError>;
+
+    /// The same detector for another thread; weights are shared where the engine can.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    fn share(&self) -> Result<Box<dyn Detector>, EngineError>;
+}
+
+/// An image for which there is no answer.
+#[derive(Debug, Error)]
+pub enum DetectError {
+    /// The image has no pixels.
+    #[error("the image is {width} x {height} pixels; expected at least one pixel")]
+    Empty {
+        /// Its width, pixels.
+        width: u32,
+        /// Its height, pixels.
+        height: u32,
+    },
+    /// The images of a batch need inputs of different sizes.
+    #[error("image {index} of the batch needs an input of {found:?} pixels; the first one needs {expected:?}")]
+    InputSize {
+        /// Its place in the batch, from 0.
+        index: usize,
+        /// Width and height of its input.
+        found: [usize; 2],
+        /// Width and height of the first one's.
+        expected: [usize; 2],
+    },
+    /// The engine failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The engine's answer does not fit the model's description.
+    #[error("the engine {engine} gave a {map} of the shape {found:?}; expected {expected:?}")]
+    Maps {
+        /// Name of the engine.
+        engine: String,
+        /// `heatmap` or `regression map`.
+        map: &'static str,
+        /// Its shape.
+        found: Vec<usize>,
+        /// The shape that the model has: images, channels, rows, columns.
+        expected: [usize; 4],
+    },
+}
+
+/// A camera unlike those that a model was trained with: its distances are not to be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum UnfamiliarCamera {
+    /// It looks past its own image.
+    #[error(
+        "the camera's principal point ({:.0}, {:.0}) lies outside the image of {} x {} pixels, so distances are a guess; is it the camera of another image?",
+        center_px[0],
+        center_px[1],
+        image_size[0],
+        image_size[1]
+    )]
+    Center {
+        /// Its principal point (column and row), pixels.
+        center_px: [f64; 2],
+        /// Width and height of the image, pixels.
+        image_size: [usize; 2],
+    },
+    /// It sees much more or much less of the world.
+    #[error(
+        "the camera's focal length is {focal_px:.0} pixels of the network's input; the model was trained with {} to {}, so its distances are a guess",
+        range_px[0],
+        range_px[1]
+    )]
+    Focal {
+        /// Its focal length, pixels of the network's input.
+        focal_px: f64,
+        /// Smallest and largest that the model was trained with.
+        range_px: [f64; 2],
+    },
+}

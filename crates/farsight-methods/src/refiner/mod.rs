@@ -1,0 +1,16 @@
+//! The refiner: each found object is cropped from the original image, and a small network says again, from the crop and its camera alone, what it is and
+//! where.
+
+pub mod config;
+pub mod geometry;
+pub mod refine;
+#[cfg(feature = "train")]
+pub mod train;
+
+use farsight_graph::model::Model;
+
+pub use config::RefinerConfig;
+pub use refine::{Refiner, Sides};
+
+/// A refining network with its weights.
+pub type RefinerModel = Model<RefinerConfig>;

@@ -1,0 +1,153 @@
+//! The second look at what was found ([`crate::refiner::geometry`]).
+
+use farsight_core::nms::{class_nms, soft_suppression};
+use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
+use farsight_core::{Box2d, Camera, ClassReference, Detection};
+use farsight_data::network_input_into;
+use crate::refiner::RefinerConfig;
+use farsight_runtime::EngineError;
+use image::RgbImage;
+
+use crate::roi::RoiRunner;
+use crate::roi::runner::BATCH;
+
+/// How often each object is looked at, every time where it was seen the last time, and whether at its mirror image, too.
+const LOOKS: [Sides; 3] = [Sides::AsItIs, Sides::AsItIs, Sides::Both];
+
+/// What of a cut-out is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sides {
+    /// The cut-out.
+    AsItIs,
+    /// The cut-out and its mirror image; the answer is the mean of both.
+    Both,
+}
+
+/// Looks again at what a detector found.
+pub struct Refiner {
+    network: RoiRunner,
+    config: RefinerConfig,
+    /// The input, kept from call to call.
+    input: Vec<f32>,
+}
+
+impl Refiner {
+    /// The network of `config`, which `network` runs.
+    pub fn new(network: RoiRunner, config: RefinerConfig) -> Self {
+        Self { network, config, input: Vec::new() }
+    }
+
+    /// The same for another thread; weights are shared where the engine can.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn share(&self) -> Result<Self, EngineError> {
+        Ok(Self::new(self.network.share()?, self.config.clone()))
+    }
+
+    /// What is in `image`, taken by `camera`, after a second look at each of `candidates`: what has a score above `min_score` then, highest first, each
+    /// object once, of one of `classes`.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn refined(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        candidates: Vec<Detection>,
+        classes: &[ClassReference],
+        min_score: f64,
+    ) -> Result<Vec<Detection>, EngineError> {
+        let image_size = [image.width(), image.height()].map(|side| side as usize);
+        let looks = self.second_looks(image, camera, &candidates)?;
+        let joined = |(first, second): (Detection, Option<Refinement>)| {
+            let joined = self.config.looks.joined(&first, second.as_ref(), camera, image_size);
+            let is_known = classes.iter().any(|known| known.class == joined.class);
+            if is_known { joined } else { Detection { class: first.class, ..joined } }
+        };
+        let mut found: Vec<Detection> = candidates.into_iter().zip(looks).map(joined).collect();
+        // Stable: equals stay in the order of the first look.
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let mut found = soft_suppression(class_nms(found));
+        found.retain(|detection| detection.score > min_score);
+        Ok(found)
+    }
+
+    /// What the second look alone says of each detection; `None` where it has no answer.
+    ///
+    /// It looks several times, each time where it saw the object the last time: a cut-out around a better box shows more of the object and less of the rest.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn second_looks(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        detections: &[Detection],
+    ) -> Result<Vec<Option<Refinement>>, EngineError> {
+        let image_size = [image.width(), image.height()].map(|side| side as usize);
+        let mut looks = vec![None; detections.len()];
+        for sides in LOOKS {
+            let seen = |(first, look): (&Detection, &Option<Refinement>)| {
+                self.config.looks.joined(first, look.as_ref(), camera, image_size).box2d
+            };
+            let boxes: Vec<Box2d> = detections.iter().zip(&looks).map(seen).collect();
+            let again = self.looks(image, camera, &boxes, sides)?;
+            looks = again.into_iter().zip(looks).map(|(look, last)| look.or(last)).collect();
+        }
+        Ok(looks)
+    }
+
+    /// What the network says of cut-outs around `boxes`; `None` where there is nothing to cut out or the answer lies behind the camera.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn looks(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        boxes: &[Box2d],
+        sides: Sides,
+    ) -> Result<Vec<Option<Refinement>>, EngineError> {
+        let crops: Vec<Option<Crop>> =
+            boxes.iter().map(|box2d| Crop::around(box2d, camera, self.config.side)).collect();
+        let there: Vec<Crop> = crops.iter().copied().flatten().collect();
+        let mut answers = Vec::with_capacity(there.len());
+        for batch in there.chunks(BATCH) {
+            answers.extend(self.answers(image, batch, sides)?);
+        }
+        let mut refinements = there.iter().zip(answers).map(|(crop, answer)| crop.decode(&answer));
+        Ok(crops.iter().map(|crop| crop.and_then(|_| refinements.next().flatten())).collect())
+    }
+
+    /// The network's answers for some cut-outs.
+    fn answers(
+        &mut self,
+        image: &RgbImage,
+        crops: &[Crop],
+        sides: Sides,
+    ) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
+        let side = self.config.side;
+        let rules = input_rules(side);
+        self.input.clear();
+        let mut pixels = Vec::new();
+        for crop in crops {
+            network_input_into(&mut pixels, image, &crop.window, &rules, None);
+            self.input.extend_from_slice(&pixels);
+            self.input.extend(crop.rays());
+            if sides == Sides::Both {
+                pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
+                self.input.extend_from_slice(&pixels);
+                self.input.extend(crop.mirrored().rays());
+            }
+        }
+        let answers = self.network.answers::<OUTPUT_CHANNELS>(&self.input, INPUT_CHANNELS, side)?;
+        Ok(match sides {
+            Sides::AsItIs => answers,
+            Sides::Both => {
+                let pairs = answers.chunks_exact(2);
+                crops.iter().zip(pairs).map(|(crop, pair)| crop.mean_answer(&pair[0], &pair[1])).collect()
+            }
+        })
+    }
+}

@@ -1,0 +1,130 @@
+//! From labelled frames to cut-outs and what the refiner should answer.
+
+use crate::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
+use farsight_core::{Box3d, Label};
+use farsight_data::kitti::dataset::DatasetError;
+use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
+use rand::Rng;
+use tch::{Device, Tensor};
+
+use super::false_alarms::false_alarms;
+use crate::crops::config::CropTrainConfig;
+use crate::crops::{LookErrors, drawn, is_seen, misjudged};
+use crate::sources::FrameSource;
+
+/// The detector's own errors are of this size.
+const FIRST_LOOK: LookErrors = LookErrors { depth: 0.06, size: 0.06, center: 0.04, heading_rad: 0.15 };
+
+/// What is cut out.
+#[derive(Debug, Clone, Copy)]
+enum Seen {
+    /// Where it is, and its kind if it has one.
+    Object(Box3d, Option<usize>),
+    /// Where a detector thought that something is.
+    Nothing(Box3d),
+}
+
+/// One cut-out as the refiner sees it.
+#[derive(Debug)]
+struct CropSample {
+    /// `[6, side, side]`.
+    input: Vec<f32>,
+    /// Where the object is; none of what is nothing.
+    targets: Option<[f32; TARGETS]>,
+    /// What it is; none where that is not told from others.
+    kind: Option<usize>,
+}
+
+/// What a frame teaches.
+#[derive(Debug)]
+pub(crate) struct FrameCrops {
+    /// Name of the frame.
+    pub(super) id: String,
+    crops: Vec<CropSample>,
+}
+
+/// Makes the samples of a frame. Shared by the loader's threads.
+#[derive(Debug)]
+pub(super) struct CropSampler {
+    pub(super) source: Box<dyn FrameSource>,
+    pub(super) augmentation: AugmentationConfig,
+    pub(super) train: CropTrainConfig,
+    pub(super) side: usize,
+}
+
+impl CropSampler {
+    /// The samples of the frame that `key` stands for; the same whenever and wherever they are asked for.
+    pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
+        let frame = self.source.frame(key)?;
+        let mut rng = key.rng();
+        let labels = frame.labels.iter().filter(|label| is_seen(label, self.train.least_height_px));
+        let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));
+        let objects = drawn(labels.map(object).collect(), self.train.objects_per_frame, &mut rng);
+        let nothing = match &self.train.first_looks {
+            Some(folder) => false_alarms(folder, &frame, self.train.least_height_px)?,
+            None => Vec::new(),
+        };
+        let nothing = nothing.into_iter().map(Seen::Nothing).collect();
+        let nothing = drawn(nothing, self.train.false_alarms_per_frame, &mut rng);
+        let seen = objects.into_iter().chain(nothing);
+        let crops = seen.filter_map(|seen| self.sample(&frame, seen, &mut rng)).collect();
+        Ok(FrameCrops { id: frame.id.clone(), crops })
+    }
+
+    /// What is there, cut out where a first look with errors would see it.
+    fn sample(&self, frame: &Frame, seen: Seen, rng: &mut impl Rng) -> Option<CropSample> {
+        let (width, height) = frame.image.dimensions();
+        let rules = input_rules(self.side);
+        let image_size = [width, height].map(|side| side as usize);
+        let drawn = self.augmentation.draw(rng, image_size, &rules);
+        let camera = if drawn.mirror { frame.camera.mirrored(image_size[0]) } else { frame.camera };
+        let (Seen::Object(box3d, _) | Seen::Nothing(box3d)) = seen;
+        let box3d = if drawn.mirror { box3d.mirrored() } else { box3d };
+        let first_look = misjudged(&box3d, &camera, &FIRST_LOOK, rng)?.projected(&camera)?;
+        let crop = Crop::around(&first_look.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
+        let (targets, kind) = match seen {
+            Seen::Object(_, kind) => (Some(crop.encode(&box3d)?.map(|target| target as f32)), kind),
+            Seen::Nothing(_) => (None, Some(NOTHING)),
+        };
+        let mut input = Transform { window: crop.window, ..drawn }.input(&frame.image, &rules);
+        input.extend(crop.rays());
+        Some(CropSample { input, targets, kind })
+    }
+}
+
+/// What a step learns from.
+#[derive(Debug)]
+pub(super) struct CropBatch {
+    /// `[cut-outs, 6, side, side]`.
+    pub(super) input: Tensor,
+    /// Which cut-outs show objects, and where those are: `[objects]` and `[objects, 8]`.
+    pub(super) objects: Tensor,
+    pub(super) targets: Tensor,
+    /// Of which cut-outs the kind is known, and that: `[known]` each.
+    pub(super) known: Tensor,
+    pub(super) kinds: Tensor,
+}
+
+impl CropBatch {
+    /// What `frames` teach; none without an object whose kind is known.
+    pub(super) fn new(frames: &[FrameCrops], side: usize, device: Device) -> Option<Self> {
+        let samples = || frames.iter().flat_map(|frame| &frame.crops);
+        let (objects, targets): (Vec<i64>, Vec<[f32; TARGETS]>) =
+            (0..).zip(samples()).filter_map(|(place, sample)| Some((place, sample.targets?))).unzip();
+        let (known, kinds): (Vec<i64>, Vec<i64>) =
+            (0..).zip(samples()).filter_map(|(place, sample)| Some((place, sample.kind? as i64))).unzip();
+        if objects.is_empty() || known.is_empty() {
+            return None;
+        }
+        let shape = [INPUT_CHANNELS as i64, side as i64, side as i64];
+        let inputs: Vec<Tensor> = samples().map(|sample| Tensor::from_slice(&sample.input).view(shape)).collect();
+        let places = |places: &[i64]| Tensor::from_slice(places).to_device(device);
+        Some(Self {
+            input: Tensor::stack(&inputs, 0).to_device(device),
+            objects: places(&objects),
+            targets: Tensor::from_slice(targets.as_flattened()).view([-1, TARGETS as i64]).to_device(device),
+            known: places(&known),
+            kinds: places(&kinds),
+        })
+    }
+}

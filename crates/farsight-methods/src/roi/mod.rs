@@ -1,0 +1,9 @@
+//! What the second stages share: a small network over a crop around one object (a region of interest, RoI), how it runs, and how it learns.
+
+pub mod network;
+pub mod runner;
+#[cfg(feature = "train")]
+pub mod train;
+
+pub use network::ANSWER;
+pub use runner::RoiRunner;

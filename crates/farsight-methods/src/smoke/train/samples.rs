@@ -1,0 +1,99 @@
+//! From labelled frames to the tensors of a batch.
+
+use farsight_core::input::InputRules;
+use crate::smoke::targets::{TargetRules, Targets};
+use farsight_data::kitti::dataset::DatasetError;
+use farsight_data::{AugmentationConfig, ItemKey};
+use crate::smoke::config::{SmokeConfig, Quirks};
+use tch::{Device, Tensor};
+
+use crate::loss::BatchTargets;
+use crate::sources::FrameSource;
+
+/// One image as the network sees it, and what it should answer.
+#[derive(Debug)]
+pub struct TrainSample {
+    /// Name of the frame.
+    pub id: String,
+    /// Network input, `[3, height, width]`.
+    pub input: Vec<f32>,
+    /// What to learn.
+    pub targets: Targets,
+    /// Whether the regression learns from this image.
+    pub regress: bool,
+    /// Virtual depth of the surface in each cell of the feature map, metres, infinite where there is none; if the frame knows it.
+    pub surface_m: Option<Vec<f32>>,
+}
+
+/// Makes samples: frame, transform, targets. Shared by the loader's threads.
+#[derive(Debug)]
+pub struct Sampler {
+    source: Box<dyn FrameSource>,
+    quirks: Quirks,
+    input_rules: InputRules,
+    target_rules: TargetRules,
+    augmentation: AugmentationConfig,
+}
+
+impl Sampler {
+    /// Samples of `source` for `model`.
+    pub fn new(source: Box<dyn FrameSource>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
+        let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
+        Self { source, quirks: model.quirks, input_rules, target_rules, augmentation }
+    }
+
+    /// Number of frames in an epoch.
+    pub fn len(&self) -> usize {
+        self.source.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.source.is_empty()
+    }
+
+    /// The sample that `key` stands for; the same whenever and wherever it is asked for.
+    ///
+    /// # Errors
+    /// When the frame cannot be read.
+    pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
+        let frame = self.source.frame(key)?;
+        let (width, height) = frame.image.dimensions();
+        let image_size = [width as usize, height as usize];
+        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);
+        let sample = transform.apply(&frame, &self.input_rules);
+        // The quirk drops a column, which commutes with every transform of the image.
+        let camera = self.quirks.camera(&sample.camera);
+        let targets = self.target_rules.targets(&sample.labels, &camera, sample.size);
+        let depth = self.target_rules.codec.depth;
+        let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), &targets.camera) as f32;
+        let surface_m = sample.surface_m.map(|surface_m| surface_m.iter().map(seen).collect());
+        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress, surface_m })
+    }
+}
+
+/// Tensors of a batch.
+#[derive(Debug)]
+pub struct TrainBatch {
+    /// Network input, `[batch, 3, height, width]`.
+    pub input: Tensor,
+    /// What to learn.
+    pub targets: BatchTargets,
+}
+
+impl TrainBatch {
+    /// Joins samples of one input size (width, height).
+    pub fn new(samples: Vec<TrainSample>, [width, height]: [usize; 2], device: Device) -> Self {
+        let shape = [3, height as i64, width as i64];
+        let inputs: Vec<Tensor> = samples.iter().map(|s| Tensor::from_slice(&s.input).view(shape)).collect();
+        let regress: Vec<bool> = samples.iter().map(|s| s.regress).collect();
+        let surface_m: Option<Vec<Vec<f32>>> = samples.iter().map(|s| s.surface_m.clone()).collect();
+        let targets: Vec<Targets> = samples.into_iter().map(|s| s.targets).collect();
+        let targets = BatchTargets::new(&targets, &regress, device);
+        let targets = match surface_m {
+            Some(surface_m) => targets.with_surface(&surface_m),
+            None => targets,
+        };
+        Self { input: Tensor::stack(&inputs, 0).to_device(device), targets }
+    }
+}

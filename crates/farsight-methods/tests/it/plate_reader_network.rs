@@ -1,0 +1,49 @@
+//! The plate reader's network and its file.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use farsight_core::DepthFusion;
+use farsight_methods::plate_reader::geometry::{ANSWER_CHANNELS, INPUT_CHANNELS};
+use farsight_graph::init::initial_weights;
+use farsight_graph::model::{ANSWER, NetworkConfig};
+use farsight_methods::plate_reader::{PlateConfig, PlateModel};
+use farsight_methods::refiner::RefinerModel;
+
+#[test]
+fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
+    for (side, hidden) in [(8, 4), (72, 128), (80, 32)] {
+        let config = PlateConfig { side, hidden, ..PlateConfig::default() };
+        assert_eq!(config.problem(), None);
+        let graph = config.graph();
+        assert_eq!(graph.nodes[0].channels, INPUT_CHANNELS);
+        let shapes = graph.shapes(side, side).unwrap();
+        assert_eq!(shapes[graph.tap(ANSWER).unwrap()], [ANSWER_CHANNELS, 1, 1], "{side} pixels");
+    }
+}
+
+#[test]
+fn a_config_of_no_network_is_told() {
+    let depths = DepthFusion { depth_factor: 0.0, ..DepthFusion::default() };
+    for (config, expected) in [
+        (PlateConfig { side: 76, ..PlateConfig::default() }, "plates.side is 76; expected a multiple of 8"),
+        (PlateConfig { hidden: 0, ..PlateConfig::default() }, "has 0; expected 1 to 4096"),
+        (PlateConfig { depths, ..PlateConfig::default() }, "plates.depths is"),
+    ] {
+        let problem = config.problem().unwrap();
+        assert!(problem.contains(expected), "{problem}");
+    }
+}
+
+#[test]
+fn a_file_gives_back_what_was_written_and_is_no_refiner() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plates.safetensors");
+    let depths = DepthFusion { depth_factor: 1.01, error_factor: 1.2, correlation: 0.1, joint_error_factor: 0.9 };
+    let config = PlateConfig { side: 16, channels: [8; 3], hidden: 16, depths };
+    let written = PlateModel { weights: initial_weights(&config.graph(), 1), config };
+    written.write(&path).unwrap();
+    assert!(PlateModel::is_one(&path) && !RefinerModel::is_one(&path));
+    assert_eq!(PlateModel::read(&path).unwrap().config, written.config);
+    let told = RefinerModel::read(&path).unwrap_err().to_string();
+    assert!(told.contains("plates.safetensors") && told.contains("expected a refiner"), "{told}");
+}

@@ -1,0 +1,75 @@
+//! The shipped refiner on a shipped scene.
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+#![cfg(feature = "rten")]
+
+use std::path::{Path, PathBuf};
+
+use farsight_methods::refiner::geometry::Refinement;
+use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
+use farsight_data::kitti::Calibration;
+use farsight_data::read_image;
+use farsight_infer::{Refiner, Sides};
+use farsight_methods::refiner::RefinerModel;
+use image::RgbImage;
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
+}
+
+fn scene() -> (RgbImage, Camera) {
+    let calibration = Calibration::read(&file("assets/scenes/calib/000000.txt")).unwrap();
+    (read_image(&file("assets/scenes/image_2/000000.jpg")).unwrap(), calibration.camera())
+}
+
+fn refiner() -> Refiner {
+    let model = RefinerModel::read(&file("models/farsight-refiner.safetensors")).unwrap();
+    Refiner::new(&model, Some(1)).unwrap()
+}
+
+/// Three cars of the scene, and about how far away they are, metres.
+const CARS: [([f64; 4], f64); 3] =
+    [([232.0, 186.0, 463.0, 353.0], 8.4), ([679.0, 176.0, 741.0, 223.0], 24.7), ([700.0, 155.0, 802.0, 242.0], 17.2)];
+
+/// First looks at a car that are off by this share of its width and height to each of the four sides.
+fn first_looks(car: [f64; 4], depth_m: f64, camera: &Camera, share: f64) -> Vec<Detection> {
+    let [x1, y1, x2, y2] = car;
+    let (dx, dy) = (share * (x2 - x1), share * (y2 - y1));
+    let at = |[dx, dy]: [f64; 2]| {
+        let box2d = Box2d::new(x1 + dx, y1 + dy, x2 + dx, y2 + dy);
+        let height = depth_m * (y2 - y1) / camera.focal_y();
+        let dimensions = Dimensions { height, width: 1.6, length: 3.9 };
+        let [x, y, z] = camera.point_from_pixel([f64::midpoint(x1, x2) + dx, f64::midpoint(y1, y2) + dy], depth_m);
+        let box3d = Box3d { dimensions, location: [x, y + height / 2.0, z], yaw: 0.0 };
+        Detection { class: ObjectClass::Car, score: 0.9, box2d, box3d, range_sigma_m: Some(0.06 * depth_m) }
+    };
+    [[dx, 0.0], [-dx, 0.0], [0.0, dy], [0.0, -dy]].map(at).to_vec()
+}
+
+/// By how much, in all, answers on one object differ from each other: in depth, relative, and in where its centre is seen, tangents.
+fn spread(looks: &[Option<Refinement>]) -> [f64; 2] {
+    let boxes: Vec<Box3d> = looks.iter().map(|look| look.as_ref().unwrap().box3d).collect();
+    let range = |value: &dyn Fn(&Box3d) -> f64| {
+        let values = boxes.iter().map(value);
+        values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+    };
+    let across = |object: &Box3d| object.center()[0] / object.center()[2];
+    [range(&|object| object.depth_m().ln()), range(&across)]
+}
+
+#[test]
+fn several_looks_forget_where_the_first_one_was() {
+    let (image, camera) = scene();
+    let mut refiner = refiner();
+    let (mut once, mut often) = ([0.0; 2], [0.0; 2]);
+    for (car, depth_m) in CARS {
+        let first = first_looks(car, depth_m, &camera, 0.08);
+        let boxes: Vec<Box2d> = first.iter().map(|detection| detection.box2d).collect();
+        let one = spread(&refiner.looks(&image, &camera, &boxes, Sides::Both).unwrap());
+        let all = spread(&refiner.second_looks(&image, &camera, &first).unwrap());
+        for part in 0..2 {
+            once[part] += one[part];
+            often[part] += all[part];
+        }
+    }
+    assert!(often[0] < 0.8 * once[0] && often[1] < 0.8 * once[1], "one look {once:?}, several {often:?}");
+}

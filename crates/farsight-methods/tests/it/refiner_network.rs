@@ -1,0 +1,100 @@
+//! The refining network and its file.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+use std::fs;
+use std::path::Path;
+
+use farsight_methods::refiner::geometry::{Evidence, INPUT_CHANNELS, LooksScores, OUTPUT_CHANNELS, ScoredLooks, TwoLooks};
+use farsight_core::{DepthFusion, ObjectClass};
+use farsight_graph::init::initial_weights;
+use farsight_graph::model::{ANSWER, NetworkConfig, ModelError};
+use farsight_methods::refiner::{RefinerConfig, RefinerModel};
+
+fn small() -> RefinerConfig {
+    RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
+}
+
+fn model(config: RefinerConfig) -> RefinerModel {
+    RefinerModel { weights: initial_weights(&config.graph(), 1), config }
+}
+
+/// Some fit.
+fn scores() -> LooksScores {
+    let evidence = |i: u32| Evidence { score: 0.5, kind: f64::from(i % 7) - 3.0, overlap: 0.8 };
+    let example = |i: u32| ScoredLooks { class: ObjectClass::Car, evidence: evidence(i), is_right: i % 7 + i % 3 > 4 };
+    let examples: Vec<ScoredLooks> = (0..420).map(example).collect();
+    LooksScores::fit(&examples, &[ObjectClass::Car, ObjectClass::Van]).unwrap()
+}
+
+#[test]
+fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
+    for (side, hidden) in [(16, 4), (96, 192), (160, 32)] {
+        let config = RefinerConfig { side, hidden, ..RefinerConfig::default() };
+        assert_eq!(config.problem(), None);
+        let graph = config.graph();
+        assert_eq!(graph.nodes[0].channels, INPUT_CHANNELS);
+        let shapes = graph.shapes(side, side).unwrap();
+        assert_eq!(shapes[graph.tap(ANSWER).unwrap()], [OUTPUT_CHANNELS, 1, 1], "{side} pixels");
+    }
+}
+
+#[test]
+fn a_config_of_no_network_is_told() {
+    let depths = DepthFusion { correlation: 1.5, ..DepthFusion::default() };
+    let looks = TwoLooks { depths, ..TwoLooks::default() };
+    for (config, expected) in [
+        (RefinerConfig { side: 90, ..small() }, "refiner.side is 90"),
+        (RefinerConfig { side: 0, ..small() }, "refiner.side is 0"),
+        (RefinerConfig { channels: [8, 0, 8, 8], ..small() }, "has 0; expected 1 to 4096"),
+        (RefinerConfig { hidden: 0, ..small() }, "has 0; expected 1 to 4096"),
+        (RefinerConfig { looks, ..small() }, "refiner.looks is"),
+    ] {
+        let problem = config.problem().unwrap();
+        assert!(problem.contains(expected), "{problem}");
+    }
+}
+
+#[test]
+fn a_file_gives_back_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("refiner.safetensors");
+    let depths = DepthFusion { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9 };
+    let looks = TwoLooks { depths, scores: scores() };
+    let written = model(RefinerConfig { looks, ..small() });
+    written.write(&path).unwrap();
+    assert!(RefinerModel::is_one(&path));
+    let read = RefinerModel::read(&path).unwrap();
+    assert_eq!(read.config, written.config);
+    for (name, tensor) in &written.weights.tensors {
+        let found = &read.weights.tensors[name];
+        let near = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * a.abs() + 1e-6;
+        assert!(tensor.shape == found.shape && tensor.values.iter().zip(&found.values).all(near), "{name}");
+    }
+    assert!(!read.onnx().unwrap().is_empty());
+}
+
+#[test]
+fn a_file_that_is_no_refiner_is_told_with_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.safetensors");
+    let error = |path: &Path| RefinerModel::read(path).unwrap_err();
+    model(small()).weights.write(&path).unwrap();
+    assert!(!RefinerModel::is_one(&path));
+    let told = error(&path);
+    assert!(matches!(told, ModelError::Config { .. }), "{told:?}");
+    assert!(told.to_string().contains("other.safetensors") && told.to_string().contains("farsight.refiner"), "{told}");
+
+    let mut missing = model(small());
+    missing.weights.tensors.remove("stem.conv.weight");
+    missing.write(&path).unwrap();
+    assert!(error(&path).to_string().contains("stem.conv.weight"));
+
+    let mut wrong = model(small());
+    wrong.config.hidden = 32;
+    wrong.write(&path).unwrap();
+    assert!(error(&path).to_string().contains("whole.conv.weight"));
+
+    fs::write(&path, b"no tensors").unwrap();
+    assert!(error(&path).to_string().contains("other.safetensors"));
+}

@@ -1,0 +1,138 @@
+//! The switches of a model are independent of each other, and a wrong one says what is wrong.
+
+use farsight_methods::smoke::codec::{ClassReference, DepthReference};
+use farsight_core::heatmap::HeatMapRule;
+use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
+use farsight_graph::layers::network;
+use farsight_methods::smoke::config::{SmokeConfig, Msfe, NeckKind, NormKind};
+use farsight_graph::count::{count, total};
+use farsight_graph::graph::{LOGITS, REGRESSION};
+use farsight_graph::init::initial_weights;
+use farsight_graph::model::Model;
+
+#[test]
+fn every_combination_is_a_network_with_heads_at_stride_four() {
+    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
+        for norm in [NormKind::Group, NormKind::Batch] {
+            for neck in [NeckKind::Deformable, NeckKind::Plain] {
+                for (width, input) in [(1.0, [1280, 384]), (0.5, [640, 192]), (0.25, [96, 32])] {
+                    let config = SmokeConfig { msfe, norm, neck, width, input, ..SmokeConfig::default() };
+                    config.validate().unwrap();
+                    let graph = network(&config);
+                    let shapes = graph.shapes(input[0], input[1]).unwrap();
+                    let shape = |name: &str| shapes[graph.tap(name).unwrap()];
+                    assert_eq!(shape(LOGITS), [3, input[1] / 4, input[0] / 4]);
+                    assert_eq!(shape(REGRESSION), [8, input[1] / 4, input[0] / 4]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn multiply_accumulates_are_those_of_the_specification() {
+    let gmacs = |config: &SmokeConfig| {
+        let stages = count(&network(config), 1280, 384).unwrap();
+        let of = |name: &str| stages.iter().filter(|s| s.stage == name).map(|s| s.macs as f64 / 1e9).sum::<f64>();
+        [
+            of("base"),
+            of("dla_up"),
+            of("ida_up"),
+            of("class_head") + of("regression_head"),
+            of("msfe"),
+            total(&stages).macs as f64 / 1e9,
+        ]
+    };
+    let expect = |found: [f64; 6], expected: [f64; 6]| {
+        for (f, e) in found.iter().zip(expected) {
+            assert!((f - e).abs() < 0.006, "{found:?} instead of {expected:?}");
+        }
+    };
+    // The specification's 30.10 for the base, and 56.96 in all, count 0.126 for the two projections that are never computed.
+    expect(gmacs(&SmokeConfig::default()), [29.97, 13.27, 4.44, 9.15, 0.0, 56.83]);
+    for (msfe, added) in [(Msfe::A, 1.864), (Msfe::B, 2.926), (Msfe::C, 1.124)] {
+        let config = SmokeConfig { msfe, ..SmokeConfig::default() };
+        expect(gmacs(&config), [29.97, 13.27, 4.44, 9.15, added, 56.83 + added]);
+    }
+}
+
+#[test]
+fn classes_are_free() {
+    let tram = ClassReference {
+        class: ObjectClass::Tram,
+        dimensions_lhw: [16.0, 3.5, 2.5],
+        heat_map_factor: 1.0,
+        score: None,
+    };
+    let config = SmokeConfig { classes: vec![tram], width: 0.25, ..SmokeConfig::default() };
+    let graph = network(&config);
+    assert_eq!(graph.nodes[graph.tap(LOGITS).unwrap()].channels, 1);
+}
+
+#[test]
+fn wrong_values_say_what_was_found_and_what_was_expected() {
+    let base = SmokeConfig::default;
+    let class = base().classes[0].clone();
+    let heights_px = [20.0, 10.0];
+    let score = ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px };
+    let upside_down = ClassReference { score: Some(score), ..class.clone() };
+    let no_fit = RangeError { bias: f64::INFINITY, depth: 1.0, score: 0.0, cut: 0.0 };
+    let table = [
+        (SmokeConfig { input: [1280, 380], ..base() }, "model.input is 1280x380; expected multiples of 32 pixels"),
+        (SmokeConfig { width: 0.0, ..base() }, "model.width is 0; expected a factor above 0 and at most 8"),
+        (
+            SmokeConfig { head_channels: Some(20), ..base() },
+            "model.head_channels is 20; expected one of the multiples of 16 from 16 to 4096",
+        ),
+        (
+            SmokeConfig { level_channels: Some([16, 16, 16, 1 << 40, 16, 16]), ..base() },
+            "model.level_channels is [16, 16, 16, 1099511627776, 16, 16]; expected six multiples of 16 from 16 to 4096",
+        ),
+        (SmokeConfig { classes: vec![], ..base() }, "model.classes is empty; expected at least one class"),
+        (SmokeConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
+        (
+            SmokeConfig { classes: vec![upside_down], ..base() },
+            "model.classes has Car with a score that no fit gives; expected finite numbers and heights_px with 0 < smallest <= largest",
+        ),
+        (
+            SmokeConfig { depth: DepthReference { std_m: 0.0, ..base().depth }, ..base() },
+            "model.depth has a mean of 28.01 m and a deviation of 0 m; expected a finite mean and a positive deviation",
+        ),
+        (
+            SmokeConfig { depth: DepthReference { error: Some(no_fit), ..base().depth }, ..base() },
+            "model.depth.error has bias inf, depth 1, score 0 and cut 0; expected the numbers of a fit",
+        ),
+        (
+            SmokeConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },
+            "model.heat_map heat map alpha is -1; expected a positive number",
+        ),
+        (
+            SmokeConfig { heat_map: HeatMapRule::Fixed { radius: 1e5 }, ..base() },
+            "model.heat_map heat map radius is 100000; expected 0 to 10000 cells",
+        ),
+    ];
+    for (config, expected) in table {
+        assert_eq!(config.validate().unwrap_err().to_string(), expected);
+    }
+}
+
+#[test]
+fn a_model_comes_back_from_its_file_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let config = SmokeConfig { width: 0.25, msfe: Msfe::C, norm: NormKind::Batch, ..SmokeConfig::default() };
+    let weights = initial_weights(&network(&config), 3);
+    let model = Model::new(config, weights).unwrap();
+    model.write(&path).unwrap();
+    let back = Model::read(&path).unwrap();
+    assert_eq!(back.config, model.config);
+    assert!(back.weights.tensors == model.weights.tensors);
+}
+
+#[test]
+fn a_block_more_changes_no_initial_weight_elsewhere() {
+    let weights =
+        |msfe| initial_weights(&network(&SmokeConfig { msfe, width: 0.25, ..SmokeConfig::default() }), 5).tensors;
+    let (plain, with_msfe) = (weights(Msfe::None), weights(Msfe::A));
+    assert!(plain.iter().all(|(name, tensor)| with_msfe[name] == *tensor));
+}

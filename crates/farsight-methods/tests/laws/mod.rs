@@ -1,0 +1,27 @@
+//! What must hold for any bytes in a model file: nothing panics, and what is accepted can be used. The fuzz target and the replay of its saved
+//! inputs share this.
+#![allow(unreachable_pub)] // Each user is a crate of its own.
+
+use std::path::Path;
+
+use farsight_onnx::{OnnxModel, PeaksOnly};
+use farsight_graph::weights::Weights;
+
+/// Any bytes as a model file, of either kind.
+pub fn model(bytes: &[u8]) {
+    let path = Path::new("fuzz");
+    if let Ok(model) = OnnxModel::from_bytes(bytes.to_vec(), path) {
+        assert!(model.config().validate().is_ok());
+        if let Ok(Some(cut)) = PeaksOnly::new(&model, path) {
+            let [hidden, channels] = [cut.hidden.weight.shape[0], cut.hidden.weight.shape[1]];
+            assert_eq!(cut.hidden.bias.values.len(), hidden);
+            assert_eq!(cut.output.weight.values.len(), 8 * hidden);
+            assert!(cut.hidden.weight.values.len() >= hidden * channels);
+        }
+    }
+    if let Ok(weights) = Weights::from_safetensors(bytes, path) {
+        for tensor in weights.tensors.values() {
+            assert_eq!(tensor.shape.iter().product::<usize>(), tensor.values.len());
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Whole runs of a small refiner, and the built-in engine's answers against libtorch's.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use farsight_methods::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of};
+use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
+use farsight_data::kitti::write_results;
+use farsight_data::{AugmentationConfig, network_input};
+use farsight_infer::{Refiner, Sides};
+use farsight_graph::init::initial_weights;
+use farsight_graph::model::{ANSWER, NetworkConfig};
+use farsight_methods::refiner::{RefinerConfig, RefinerModel};
+use farsight_graph::weights::{WeightTensor, Weights};
+use farsight_train::config::DataConfig;
+use farsight_train::crops::CropRun;
+use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
+use farsight_train::metrics::Record;
+use farsight_train::refiner::{RefinerTerms, train};
+use farsight_train::trainer::{Beginning, Job, Observer, TrainError};
+use image::{Rgb, RgbImage};
+use tch::{Device, Tensor, no_grad};
+
+use crate::tiny::{camera, car, data_set};
+
+#[derive(Debug, Default)]
+struct Kept {
+    records: Vec<Record<RefinerTerms>>,
+}
+
+impl Observer<RefinerTerms> for Kept {
+    fn begin(&mut self, _: Beginning) {}
+
+    fn step(&mut self, record: &Record<RefinerTerms>) {
+        self.records.push(*record);
+    }
+}
+
+fn small() -> RefinerConfig {
+    RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
+}
+
+fn run(data: &Path) -> CropRun {
+    let mut run = CropRun {
+        refiner: Some(small()),
+        plates: None,
+        data: DataConfig { root: Some(data.to_owned()), ..DataConfig::default() },
+        augmentation: AugmentationConfig::none(),
+        train: toml::from_str("frames_per_step = 4\nlog_steps = 1\nthreads = 1\nleast_height_px = 5").unwrap(),
+    };
+    run.train.warm_up_steps = 5;
+    run
+}
+
+fn detection(box2d: Box2d, box3d: Box3d) -> Detection {
+    Detection { class: ObjectClass::Car, score: 0.5, box2d, box3d, range_sigma_m: None }
+}
+
+fn trained(run: &CropRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
+    let mut kept = Kept::default();
+    let job = Job { run: run.clone(), out: out.to_owned(), resume };
+    train(&job, &small(), &mut kept).map(|path| (fs::read(path).unwrap(), kept))
+}
+
+#[test]
+fn a_small_refiner_learns_a_small_set() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 400;
+    let (_, kept) = trained(&run, &folder.path().join("run"), false).unwrap();
+    let mean = |records: &[Record<RefinerTerms>]| {
+        records.iter().map(|r| r.terms.depth_error).sum::<f64>() / records.len() as f64
+    };
+    let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
+    assert!(last < 0.3 * first, "depths off by {first} to {last}");
+}
+
+#[test]
+fn false_alarms_teach_what_nothing_looks_like() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 300;
+    let looks = folder.path().join("looks");
+    fs::create_dir(&looks).unwrap();
+    let image_path = |frame: usize| folder.path().join(format!("training/image_2/{frame:06}.png"));
+    // In each frame the car itself, which is no false alarm, and something in the dark to the right of it.
+    let mut found = Vec::new();
+    for frame in 0..4 {
+        let mut image = image::open(image_path(frame)).unwrap().into_rgb8();
+        image.enumerate_pixels_mut().filter(|(x, _, _)| *x > 125).for_each(|(_, _, pixel)| *pixel = Rgb([0; 3]));
+        image.save(image_path(frame)).unwrap();
+        let car = car(frame);
+        let mut nothing = car.box3d;
+        nothing.location[0] += 6.0;
+        let box2d = nothing.projected(&camera()).unwrap().clamped(199.0, 63.0);
+        found = vec![detection(car.box2d, car.box3d), detection(box2d, nothing)];
+        write_results(&looks.join(format!("{frame:06}.txt")), &found).unwrap();
+    }
+    run.train.first_looks = Some(looks.clone());
+    let out = folder.path().join("run");
+    let (_, kept) = trained(&run, &out, false).unwrap();
+    let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| record.terms.kind_error).sum();
+    assert!(mistaken < 20.0 * 0.1, "{mistaken} of 20 cut-outs mistaken");
+    assert!(kept.records[0].terms.kind_error > 0.3, "nothing was to be learnt");
+
+    let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
+    let image = image::open(image_path(3)).unwrap().into_rgb8();
+    let second = Refiner::new(&model, Some(1)).unwrap().second_looks(&image, &camera(), &found).unwrap();
+    let likeliest = |look: &Option<Refinement>| {
+        let kinds = look.as_ref().unwrap().kinds;
+        (0..kinds.len()).max_by(|&a, &b| kinds[a].total_cmp(&kinds[b])).unwrap()
+    };
+    assert_eq!(second.iter().map(likeliest).collect::<Vec<_>>(), [kind_of(&ObjectClass::Car).unwrap(), NOTHING]);
+
+    // A frame without its file is told, with the file.
+    fs::remove_file(looks.join("000002.txt")).unwrap();
+    let missing = trained(&run, &folder.path().join("missing"), false).unwrap_err().to_string();
+    assert!(missing.contains("looks") && missing.contains("000002.txt"), "{missing}");
+}
+
+#[test]
+fn a_run_starts_from_another_refiner() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 200;
+    trained(&run, &folder.path().join("first"), false).unwrap();
+    let started = |start: Option<PathBuf>, out: &str| {
+        let mut run = run.clone();
+        (run.train.epochs, run.train.learning_rate, run.train.start_from) = (1, 1e-6, start);
+        trained(&run, &folder.path().join(out), false).map(|(_, kept)| kept.records[0].loss)
+    };
+    let fresh = started(None, "fresh").unwrap();
+    let going_on = started(Some(folder.path().join("first/refiner.safetensors")), "second").unwrap();
+    assert!(going_on < 0.5 * fresh, "{going_on}, and {fresh} from nothing");
+    let missing = started(Some("nowhere.safetensors".into()), "third").unwrap_err().to_string();
+    assert!(missing.contains("nowhere.safetensors"), "{missing}");
+    // A file of another kind of network would leave everything random.
+    let other = folder.path().join("other.safetensors");
+    let tensor = WeightTensor { shape: vec![1], values: vec![0.5] };
+    Weights { tensors: [("elsewhere".to_owned(), tensor)].into(), ..Weights::default() }.write(&other).unwrap();
+    let nothing_fits = started(Some(other), "fourth").unwrap_err().to_string();
+    assert!(nothing_fits.contains("other.safetensors: train.start_from: none of its tensors"), "{nothing_fits}");
+}
+
+#[test]
+fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
+    let folder = data_set(6);
+    let mut run = run(folder.path());
+    run.augmentation = AugmentationConfig::default();
+    (run.train.epochs, run.train.frames_per_step, run.train.checkpoint_steps) = (3, 2, 4);
+    run.train.ema_decay = Some(0.8);
+    let (whole, _) = trained(&run, &folder.path().join("whole"), false).unwrap();
+    // As if it had been killed after the checkpoint at step 4 of 9: the refiner is not there, the checkpoint is.
+    let out = folder.path().join("parts");
+    let mut stopper = Stopper { after: 5, seen: 0 };
+    run.data.workers = 3;
+    let job = Job { run: run.clone(), out: out.clone(), resume: false };
+    let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| train(&job, &small(), &mut stopper)));
+    assert!(stopped.is_err() && !out.join("refiner.safetensors").exists());
+    let (parts, kept) = trained(&run, &out, true).unwrap();
+    assert!(whole == parts, "the refiners differ");
+    assert_eq!(kept.records[0].step, 5);
+    let again = trained(&run, &out, false).unwrap_err().to_string();
+    assert!(again.contains("there is a run here already"), "{again}");
+    run.train.seed += 1;
+    let other = trained(&run, &out, true).unwrap_err().to_string();
+    assert!(other.contains("another config"), "{other}");
+}
+
+/// Stands for a process that is killed.
+struct Stopper {
+    after: usize,
+    seen: usize,
+}
+
+impl Observer<RefinerTerms> for Stopper {
+    fn begin(&mut self, _: Beginning) {}
+
+    fn step(&mut self, _: &Record<RefinerTerms>) {
+        self.seen += 1;
+        assert!(self.seen < self.after, "stopped");
+    }
+}
+
+#[test]
+fn mistakes_in_a_config_are_told_with_file_and_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("refiner.toml");
+    let error = |text: &str| {
+        fs::write(&path, text).unwrap();
+        CropRun::read(&path).unwrap_err().to_string()
+    };
+    for (text, expected) in [
+        ("[refiner]\nside = 90", "refiner.side is 90; expected a multiple of 16"),
+        ("[refiner]\n[train]\nepochs = 0", "train.epochs is 0; expected at least 1"),
+        ("[refiner]\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
+        ("[refiner]\n[train]\nema_decay = 1.0", "train.ema_decay is 1; expected a number between 0 and 1"),
+        ("[refiner]\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
+        ("[refiner]\nsides = 96", "unknown field `sides`"),
+        ("[refiner]\n[data.rendered]\n[train]\nfirst_looks = \"x\"", "train.first_looks needs data.root"),
+        ("[refiner]\n[plates]", "[refiner] and [plates]; expected one of them"),
+        ("[plates]\nside = 70", "plates.side is 70; expected a multiple of 8"),
+        ("[plates]\n[train]\nfirst_looks = \"x\"", "train.first_looks is for refiners"),
+    ] {
+        let error = error(text);
+        assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");
+    }
+    let is_meant = ["[refiner]\n", "[plates]\n", "[model]\n"].map(CropRun::is_meant);
+    assert_eq!(is_meant, [true, true, false]);
+}
+
+#[test]
+fn the_built_in_engine_answers_as_libtorch_does() {
+    let config = small();
+    let model = RefinerModel { weights: initial_weights(&config.graph(), 3), config: config.clone() };
+    let camera = Camera::from_intrinsics(210.0, 210.0, 100.0, 60.0).unwrap();
+    let image =
+        RgbImage::from_fn(200, 120, |x, y| Rgb([(x * 7 % 251) as u8, (y * 13 % 241) as u8, (x * y % 239) as u8]));
+    let boxes =
+        [Box2d::new(20.0, 30.0, 90.0, 80.0), Box2d::new(150.0, 10.0, 199.0, 119.0), Box2d::new(5.0, 5.0, 6.0, 6.0)];
+    let mut refiner = Refiner::new(&model, Some(1)).unwrap();
+    let found = [Sides::AsItIs, Sides::Both].map(|sides| refiner.looks(&image, &camera, &boxes, sides).unwrap());
+    assert!(found.iter().all(|looks| looks[2].is_none()), "a box of one pixel shows nothing");
+
+    let graph = config.graph();
+    let tap = graph.tap(ANSWER).unwrap();
+    let network = Network::new(graph, &model.weights, Device::Cpu, Precision::F32).unwrap();
+    let rules = input_rules(config.side);
+    for (place, box2d) in boxes.iter().enumerate().take(2) {
+        let crop = Crop::around(box2d, &camera, config.side).unwrap();
+        let mut pixels = network_input(&image, &crop.window, &rules, None);
+        let mut answer = |crop: &Crop| -> [f64; OUTPUT_CHANNELS] {
+            let shape = [1, INPUT_CHANNELS, config.side, config.side].map(|side| side as i64);
+            let input = Tensor::from_slice(&[&pixels[..], &crop.rays()].concat()).view(shape);
+            pixels.chunks_mut(config.side).for_each(<[f32]>::reverse);
+            let answer = no_grad(|| network.forward(&input, Mode::Evaluate, &[tap]));
+            let values = values_from_tensor(&answer[0]);
+            assert_eq!(values.len(), OUTPUT_CHANNELS);
+            std::array::from_fn(|channel| f64::from(values[channel]))
+        };
+        let [plain, mirrored] = [answer(&crop), answer(&crop.mirrored())];
+        for (looks, expected) in found.iter().zip([plain, crop.mean_answer(&plain, &mirrored)]) {
+            let (found, expected) = (looks[place].as_ref().unwrap(), crop.decode(&expected).unwrap());
+            let off = (found.box3d.depth_m() / expected.box3d.depth_m() - 1.0).abs();
+            assert!(off < 1e-4, "{found:?}, expected {expected:?}");
+            assert!((found.depth_sigma / expected.depth_sigma - 1.0).abs() < 1e-4);
+            assert!((found.box3d.yaw - expected.box3d.yaw).abs() < 1e-3);
+            assert!(found.kinds.iter().zip(expected.kinds).all(|(a, b)| (a - b).abs() < 1e-3));
+        }
+    }
+}

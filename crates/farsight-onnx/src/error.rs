@@ -1,0 +1,108 @@
+//! Why an ONNX file is no model.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::wire::WireError;
+
+/// A file that cannot be used, and why.
+#[derive(Debug, Error)]
+#[error("{}: {problem}", path.display())]
+pub struct OnnxError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub problem: OnnxProblem,
+}
+
+impl OnnxError {
+    /// `problem` of the file at `path`.
+    pub fn new(path: &Path, problem: impl Into<OnnxProblem>) -> Self {
+        Self { path: path.to_owned(), problem: problem.into() }
+    }
+}
+
+/// What is wrong with an ONNX file.
+#[derive(Debug, Error)]
+pub enum OnnxProblem {
+    /// It could not be read.
+    #[error("{0}")]
+    Read(#[from] io::Error),
+    /// It is larger than any model of ours.
+    #[error("{found} bytes; expected an ONNX file of at most {limit}")]
+    Size {
+        /// Its size, bytes.
+        found: u64,
+        /// The largest size.
+        limit: u64,
+    },
+    /// It is no protobuf message: cut short, or something else.
+    #[error("not a whole ONNX file: {0}")]
+    Wire(#[from] WireError),
+    /// It has more parts than any model of ours.
+    #[error("more than {limit} {what}; no model of ours has so many")]
+    Count {
+        /// Parts of which kind.
+        what: &'static str,
+        /// The largest count.
+        limit: usize,
+    },
+    /// It has no graph.
+    #[error("no graph in it; expected an ONNX model")]
+    NoGraph,
+    /// It was not written by us.
+    #[error("no \"{0}\" in its metadata; expected a file written by `farsight export`", crate::key::MODEL)]
+    Foreign,
+    /// It ends too early, between two parts.
+    #[error("no \"{}\" in its metadata; the file has been cut short", crate::key::WEIGHTS_SHA256)]
+    Cut,
+    /// Its description is broken.
+    #[error("\"{}\" in its metadata: {problem}", crate::key::MODEL)]
+    Config {
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The weights do not fit the network that it is made from.
+    #[error(transparent)]
+    Weights(#[from] farsight_graph::weights::WeightsError),
+    /// An operator that no file of ours has.
+    #[error("operator \"{name}\"; expected only those that `farsight export` writes")]
+    Operator {
+        /// Its name, shortened.
+        name: String,
+    },
+    /// A constant lies in another file.
+    #[error("constant \"{name}\" lies in another file; expected everything in one")]
+    External {
+        /// Its name, shortened.
+        name: String,
+    },
+    /// An input or output is missing.
+    #[error("no {kind} \"{name}\"; found {found:?}")]
+    Value {
+        /// `input` or `output`.
+        kind: &'static str,
+        /// The name that was looked for.
+        name: &'static str,
+        /// The names that are there.
+        found: Vec<String>,
+    },
+    /// Its local head is not what its metadata says.
+    #[error("\"{}\" in its metadata: {problem}", crate::key::PEAKS_HEAD)]
+    Head {
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// An output has another number of channels than the description says.
+    #[error("output \"{name}\" has {found} channels; its description says {expected}")]
+    Channels {
+        /// The output.
+        name: &'static str,
+        /// Its channels.
+        found: u64,
+        /// Those of the description.
+        expected: usize,
+    },
+}

@@ -1,0 +1,198 @@
+//! A file without one of its heads, and the head on its own.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use prost::Message as _;
+use prost::encoding::{WireType, encode_key, encode_varint};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{OnnxError, OnnxProblem};
+use crate::proto::{FLOAT, GraphProto};
+use crate::read::{counted, shortened, text_in};
+use crate::wire::{Message, Value, WireError};
+use crate::write::map_info;
+use crate::{OnnxModel, field, key};
+use farsight_graph::weights::WeightTensor;
+
+/// Where a head lies in a file, by name, as its metadata say.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HeadNames {
+    /// The value that the head reads.
+    pub(super) features: String,
+    /// Weight and bias of its first convolution.
+    pub(super) hidden: [String; 2],
+    /// Weight and bias of its second.
+    pub(super) output: [String; 2],
+}
+
+impl HeadNames {
+    pub(super) fn to_json(&self) -> String {
+        serde_json::json!(self).to_string()
+    }
+}
+
+/// A convolution of a head.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeadLayer {
+    /// `[out, in, k, k]`, `k` odd.
+    pub weight: WeightTensor,
+    /// `[out]`.
+    pub bias: WeightTensor,
+}
+
+/// A network that ends where one head begins, and the head: a convolution, `ReLU`, a 1x1 convolution.
+///
+/// The file itself stays a whole network that any program can run. The head need only be computed at the peaks of a heatmap.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LocalHeadFile {
+    /// The network without the head. Its last output holds the features.
+    pub model: OnnxModel,
+    /// First convolution, `[hidden, features, k, k]`, stride 1, the map keeps its size.
+    pub hidden: HeadLayer,
+    /// Second convolution, `[channels, hidden, 1, 1]`.
+    pub output: HeadLayer,
+}
+
+impl LocalHeadFile {
+    /// Cuts `model` before the head that makes `output`; `None` when the head looks at the whole map, as with group norm. `source` is only what errors call it.
+    ///
+    /// # Errors
+    /// When the file is not what its metadata say.
+    pub fn new(model: &OnnxModel, output: &str, source: &Path) -> Result<Option<Self>, OnnxError> {
+        let failed = |problem| OnnxError::new(source, problem);
+        let Some(names) = model.facts().get(key::PEAKS_HEAD) else { return Ok(None) };
+        let names: HeadNames = serde_json::from_str(names).map_err(|error| failed(bad(error.to_string())))?;
+        Self::cut(model, output, names).map(Some).map_err(failed)
+    }
+
+    fn cut(model: &OnnxModel, made: &str, names: HeadNames) -> Result<Self, OnnxProblem> {
+        let file = Message::new(model.bytes());
+        let graph = file.last(field::MODEL_GRAPH)?.ok_or(OnnxProblem::NoGraph)?;
+        let hidden = layer(graph, &names.hidden)?;
+        let output = layer(graph, &names.output)?;
+        let [width, channels, kernel, _] = hidden.weight.shape[..] else { unreachable!("layer() has checked it") };
+        if kernel.is_multiple_of(2) {
+            return Err(bad(format!("a kernel of {kernel} cells; expected an odd number")));
+        }
+        let expected = [model.channels(made).unwrap_or(output.weight.shape[0]), width, 1, 1];
+        if output.weight.shape != expected {
+            return Err(bad(format!("a last convolution of shape {:?}; expected {expected:?}", output.weight.shape)));
+        }
+        let graph = graph_ending_at(graph, model, made, &names.features, channels)?;
+        let mut bytes = Vec::with_capacity(model.bytes().len());
+        for part in file.fields() {
+            let part = part?;
+            if part.number != field::MODEL_GRAPH {
+                bytes.extend(part.raw);
+            }
+        }
+        append(&mut bytes, field::MODEL_GRAPH, &graph);
+        Ok(Self { model: model.ending_at(made, names.features, channels, bytes), hidden, output })
+    }
+}
+
+/// A file whose head is not what it should be.
+fn bad(problem: String) -> OnnxProblem {
+    OnnxProblem::Head { problem }
+}
+
+/// The graph with `features` in the place of the output `made`, and nothing that its outputs do not need.
+fn graph_ending_at(
+    graph: Message<'_>,
+    model: &OnnxModel,
+    made: &str,
+    features: &str,
+    channels: usize,
+) -> Result<Vec<u8>, OnnxProblem> {
+    let others = model.outputs().iter().map(|output| output.name.as_str()).filter(|name| *name != made);
+    let needed = needed(graph, &others.chain([features]).collect::<Vec<_>>())?;
+    let mut bytes = Vec::new();
+    for part in graph.fields() {
+        let part = part?;
+        let keep = match (part.number, part.value) {
+            (field::GRAPH_NODE, Value::Bytes(node)) => produces(node, &needed)?,
+            (field::GRAPH_CONSTANT, Value::Bytes(tensor)) => needed.contains(text_in(tensor, field::TENSOR_NAME)?),
+            (field::GRAPH_OUTPUT, Value::Bytes(output)) => text_in(output, field::VALUE_NAME)? != made,
+            _ => true,
+        };
+        if keep {
+            bytes.extend(part.raw);
+        }
+    }
+    let output = GraphProto { output: vec![map_info(features, channels)], ..GraphProto::default() };
+    bytes.extend(output.encode_to_vec());
+    Ok(bytes)
+}
+
+/// Names of all values that the `outputs` are made from.
+fn needed<'a>(graph: Message<'a>, outputs: &[&'a str]) -> Result<HashSet<&'a str>, OnnxProblem> {
+    let nodes: Vec<Message<'a>> = counted(graph.all(field::GRAPH_NODE), "nodes").collect::<Result<_, _>>()?;
+    let mut needed: HashSet<&str> = outputs.iter().copied().collect();
+    let mut made = HashSet::new();
+    // Nodes stand in an order in which they can be computed.
+    for node in nodes.into_iter().rev() {
+        if produces(node, &needed)? {
+            made.extend(texts(node, field::NODE_OUTPUT)?);
+            needed.extend(texts(node, field::NODE_INPUT)?);
+        }
+    }
+    match outputs.iter().find(|output| !made.contains(**output)) {
+        Some(missing) => Err(bad(format!("no node makes \"{}\"", shortened(missing)))),
+        None => Ok(needed),
+    }
+}
+
+fn produces(node: Message<'_>, needed: &HashSet<&str>) -> Result<bool, WireError> {
+    Ok(texts(node, field::NODE_OUTPUT)?.iter().any(|name| needed.contains(name)))
+}
+
+fn texts(message: Message<'_>, number: u64) -> Result<Vec<&str>, WireError> {
+    message.all(number).map(|text| text?.text()).collect()
+}
+
+/// Weight and bias of these names, their shapes checked.
+fn layer(graph: Message<'_>, [weight, bias]: &[String; 2]) -> Result<HeadLayer, OnnxProblem> {
+    let layer = HeadLayer { weight: constant(graph, weight)?, bias: constant(graph, bias)? };
+    match (&layer.weight.shape[..], &layer.bias.shape[..]) {
+        ([out, _, height, width], [values]) if out == values && height == width => Ok(layer),
+        (weight, bias) => Err(bad(format!("a convolution of shape {weight:?} with a bias of shape {bias:?}"))),
+    }
+}
+
+/// The constant called `name`, of floats.
+fn constant(graph: Message<'_>, name: &str) -> Result<WeightTensor, OnnxProblem> {
+    let shown = shortened(name);
+    let mut found = None;
+    for tensor in counted(graph.all(field::GRAPH_CONSTANT), "constants") {
+        let tensor = tensor?;
+        if text_in(tensor, field::TENSOR_NAME)? == name {
+            found = Some(tensor);
+        }
+    }
+    let tensor = found.ok_or_else(|| bad(format!("no constant \"{shown}\"")))?;
+    if tensor.number(field::TENSOR_TYPE)? != FLOAT as u64 {
+        return Err(bad(format!("constant \"{shown}\" holds no floats")));
+    }
+    let mut shape = Vec::new();
+    for part in tensor.fields() {
+        match part? {
+            part if part.number != field::TENSOR_AXIS => {}
+            part => match part.value {
+                Value::Number(size) if shape.len() < 4 => shape.push(usize::try_from(size).unwrap_or(usize::MAX)),
+                _ => return Err(bad(format!("constant \"{shown}\" has a shape of more than four axes"))),
+            },
+        }
+    }
+    let raw = tensor.last(field::TENSOR_RAW)?.map(Message::bytes).unwrap_or_default();
+    let values = raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    WeightTensor::new(shape, values).map_err(|error| bad(format!("constant \"{shown}\": {error}")))
+}
+
+/// Appends a field that holds `message`.
+fn append(bytes: &mut Vec<u8>, number: u64, message: &[u8]) {
+    encode_key(number as u32, WireType::LengthDelimited, bytes);
+    encode_varint(message.len() as u64, bytes);
+    bytes.extend(message);
+}

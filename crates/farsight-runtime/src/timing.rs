@@ -1,0 +1,32 @@
+//! Where the time goes.
+
+use std::time::{Duration, Instant};
+
+/// Time that each stage took for the images of one call.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct StageTimes {
+    /// Reading and decoding the image file; zero from a detector, which gets pixels.
+    pub load: Duration,
+    /// Warping and normalising.
+    pub warp: Duration,
+    /// The engine.
+    pub network: Duration,
+    /// From head maps to detections.
+    pub decode: Duration,
+    /// The second look, where there is one.
+    pub refine: Duration,
+}
+
+impl StageTimes {
+    /// All stages.
+    pub fn total(&self) -> Duration {
+        self.load + self.warp + self.network + self.decode + self.refine
+    }
+}
+
+/// The answer of `work` and the time it took.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+    let start = Instant::now();
+    let answer = work();
+    (answer, start.elapsed())
+}
