@@ -1,14 +1,15 @@
 //! The switches of a model are independent of each other, and a wrong one says what is wrong.
 
-use farsight_methods::smoke::codec::{ClassReference, DepthReference};
 use farsight_core::heatmap::HeatMapRule;
+use farsight_core::{ClassReference, DepthReference};
 use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
-use farsight_graph::layers::network;
-use farsight_methods::smoke::config::{SmokeConfig, Msfe, NeckKind, NormKind};
 use farsight_graph::count::{count, total};
-use farsight_graph::graph::{LOGITS, REGRESSION};
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::Model;
+use farsight_graph::layers::{Msfe, NeckKind, NormKind};
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::{LOGITS, REGRESSION};
 
 #[test]
 fn every_combination_is_a_network_with_heads_at_stride_four() {
@@ -18,7 +19,7 @@ fn every_combination_is_a_network_with_heads_at_stride_four() {
                 for (width, input) in [(1.0, [1280, 384]), (0.5, [640, 192]), (0.25, [96, 32])] {
                     let config = SmokeConfig { msfe, norm, neck, width, input, ..SmokeConfig::default() };
                     config.validate().unwrap();
-                    let graph = network(&config);
+                    let graph = config.graph();
                     let shapes = graph.shapes(input[0], input[1]).unwrap();
                     let shape = |name: &str| shapes[graph.tap(name).unwrap()];
                     assert_eq!(shape(LOGITS), [3, input[1] / 4, input[0] / 4]);
@@ -32,7 +33,7 @@ fn every_combination_is_a_network_with_heads_at_stride_four() {
 #[test]
 fn multiply_accumulates_are_those_of_the_specification() {
     let gmacs = |config: &SmokeConfig| {
-        let stages = count(&network(config), 1280, 384).unwrap();
+        let stages = count(&config.graph(), 1280, 384).unwrap();
         let of = |name: &str| stages.iter().filter(|s| s.stage == name).map(|s| s.macs as f64 / 1e9).sum::<f64>();
         [
             of("base"),
@@ -65,7 +66,7 @@ fn classes_are_free() {
         score: None,
     };
     let config = SmokeConfig { classes: vec![tram], width: 0.25, ..SmokeConfig::default() };
-    let graph = network(&config);
+    let graph = config.graph();
     assert_eq!(graph.nodes[graph.tap(LOGITS).unwrap()].channels, 1);
 }
 
@@ -121,10 +122,10 @@ fn a_model_comes_back_from_its_file_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
     let config = SmokeConfig { width: 0.25, msfe: Msfe::C, norm: NormKind::Batch, ..SmokeConfig::default() };
-    let weights = initial_weights(&network(&config), 3);
-    let model = Model::new(config, weights).unwrap();
+    let weights = initial_weights(&config.graph(), 3);
+    let model = SmokeModel::new(config, weights).unwrap();
     model.write(&path).unwrap();
-    let back = Model::read(&path).unwrap();
+    let back = SmokeModel::read(&path).unwrap();
     assert_eq!(back.config, model.config);
     assert!(back.weights.tensors == model.weights.tensors);
 }
@@ -132,7 +133,7 @@ fn a_model_comes_back_from_its_file_as_it_was() {
 #[test]
 fn a_block_more_changes_no_initial_weight_elsewhere() {
     let weights =
-        |msfe| initial_weights(&network(&SmokeConfig { msfe, width: 0.25, ..SmokeConfig::default() }), 5).tensors;
+        |msfe| initial_weights(&SmokeConfig { msfe, width: 0.25, ..SmokeConfig::default() }.graph(), 5).tensors;
     let (plain, with_msfe) = (weights(Msfe::None), weights(Msfe::A));
     assert!(plain.iter().all(|(name, tensor)| with_msfe[name] == *tensor));
 }

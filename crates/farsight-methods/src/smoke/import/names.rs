@@ -70,7 +70,7 @@ impl Layout {
     /// Farsight's name of a tensor; none for tensors that Farsight has no place for, ImageNet's classifier for instance.
     ///
     /// ```
-    /// use farsight_import::{ImagenetNorms, Layout};
+    /// use farsight_methods::smoke::import::{ImagenetNorms, Layout};
     /// let ours = Layout::Mmdet3d.canonical_name("neck.ida_up.projs.0.gn.bias", ImagenetNorms::default());
     /// assert_eq!(ours.as_deref(), Some("backbone.body.ida_up.proj_1.norm.bias"));
     /// ```
