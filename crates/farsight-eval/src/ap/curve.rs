@@ -1,7 +1,8 @@
 //! Precision at 41 points of recall (spec rules 17 to 21).
 
 use super::matching::{Counts, Matching, counts, first_pass_scores};
-use super::set::{ClassScenes, Scores};
+use super::scene::{ClassScenes, Scene};
+use super::scores::Scores;
 
 /// Points of a curve: recall 0, 1/40, ... 1.
 pub const RECALL_POINTS: usize = 41;
@@ -50,9 +51,8 @@ impl Curve {
     }
 
     pub(super) fn new(scenes: &ClassScenes, matching: &Matching, scores: &Scores, with_orientation: bool) -> Self {
-        let must_be_found = |scene: &super::Scene| {
-            scene.objects.iter().filter(|object| object.label.counts_at(matching.difficulty)).count()
-        };
+        let must_be_found =
+            |scene: &Scene| scene.objects.iter().filter(|object| object.label.counts_at(matching.difficulty)).count();
         let objects = scenes.iter().map(must_be_found).sum();
         let mut taken = Vec::new();
         let mut found_scores = Vec::new();
@@ -138,7 +138,7 @@ fn count_at_limits(scenes: &ClassScenes, matching: &Matching, scores: &Scores, l
 }
 
 /// Positions of the claims that can match some object.
-fn candidates<'a>(scene: &'a super::Scene, matching: &'a Matching) -> impl Iterator<Item = usize> + 'a {
+fn candidates<'a>(scene: &'a Scene, matching: &'a Matching) -> impl Iterator<Item = usize> + 'a {
     let overlapping = scene.objects.iter().flat_map(|object| &object.overlapping);
     let enough = overlapping.filter(|(_, overlaps)| overlaps.get(matching.metric) > matching.min_overlap);
     enough.map(|(position, _)| *position)

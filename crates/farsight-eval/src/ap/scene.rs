@@ -18,6 +18,9 @@ pub struct Scene {
     pub(super) scores: Vec<(f64, Option<Difficulty>)>,
 }
 
+/// The scenes of one class, in the order of the frames.
+pub(super) type ClassScenes = [Scene];
+
 /// A labelled object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneObject {

@@ -5,11 +5,9 @@ use rayon::prelude::*;
 use super::matching::Matching;
 use super::report::ApReport;
 use super::scene::{Prepared, enabled_metrics};
+use super::scores::{Scores, SizedScores};
 use super::{Curve, Metric, OverlapSet, Scene};
 use crate::{Difficulty, EvaluatedClass, Frame};
-
-/// The scenes of one class, in the order of the frames.
-pub(super) type ClassScenes = [Scene];
 
 /// The devkit's mark for "no angle known", exactly.
 const NO_ALPHA: f64 = -10.0;
@@ -21,16 +19,6 @@ pub struct SceneSet {
     scores: [SizedScores; 3],
     enabled: [[bool; 3]; 3],
     lacks_alpha: bool,
-}
-
-/// Scores of all detections of a class, by the easiest level at which they are not too small.
-#[derive(Debug, Clone, Default)]
-struct SizedScores([Vec<f64>; 3]);
-
-/// Scores of the detections that count and that no `DontCare` region excuses, highest first.
-pub(super) struct Scores<'a> {
-    counting: &'a [f64],
-    excused: Vec<f64>,
 }
 
 impl SceneSet {
@@ -53,7 +41,7 @@ impl SceneSet {
             let mut scene = prepared.scene(class, &classes);
             for (score, size) in std::mem::take(&mut scene.scores) {
                 if let Some(size) = size {
-                    set.scores[class as usize].0[size as usize].push(score);
+                    set.scores[class as usize].add(score, size);
                 }
             }
             if !scene.objects.is_empty() || !scene.claims.is_empty() {
@@ -74,9 +62,7 @@ impl SceneSet {
     pub fn append(&mut self, mut other: Self) {
         for class in 0..EvaluatedClass::ALL.len() {
             self.scenes[class].append(&mut other.scenes[class]);
-            for size in 0..Difficulty::ALL.len() {
-                self.scores[class].0[size].append(&mut other.scores[class].0[size]);
-            }
+            self.scores[class].append(&mut other.scores[class]);
             self.enabled[class].iter_mut().zip(other.enabled[class]).for_each(|(old, new)| *old |= new);
         }
         self.lacks_alpha |= other.lacks_alpha;
@@ -102,10 +88,9 @@ impl SceneSet {
             is_drawn.then(|| {
                 let matching = Matching::new(set, metric, class, difficulty);
                 let scenes = &self.scenes[class as usize];
-                let excused = excused_scores(scenes, &matching);
                 let counting = &counting[class as usize][difficulty as usize];
                 let with_orientation = metric == Metric::Image && !self.lacks_alpha;
-                Curve::new(scenes, &matching, &Scores { counting, excused }, with_orientation)
+                Curve::new(scenes, &matching, &Scores::new(counting, scenes, &matching), with_orientation)
             })
         });
         ApReport::new(curves.collect(), !self.lacks_alpha)
@@ -114,39 +99,4 @@ impl SceneSet {
 
 fn classes_of(frame: &Frame) -> Vec<Option<EvaluatedClass>> {
     frame.claims.iter().map(|claim| EvaluatedClass::of(&claim.detection.class)).collect()
-}
-
-impl SizedScores {
-    /// The scores that count at each difficulty, highest first.
-    fn by_difficulty(&self) -> [Vec<f64>; 3] {
-        let mut so_far = Vec::new();
-        self.0.each_ref().map(|scores| {
-            so_far.extend_from_slice(scores);
-            so_far.sort_unstable_by(highest_first);
-            so_far.clone()
-        })
-    }
-}
-
-impl Scores<'_> {
-    /// How many detections reach the limit.
-    pub(super) fn reaching(&self, limit: f64) -> usize {
-        let count = |scores: &[f64]| scores.partition_point(|&score| score >= limit || score.is_nan());
-        count(self.counting) - count(&self.excused)
-    }
-}
-
-fn excused_scores(scenes: &ClassScenes, matching: &Matching) -> Vec<f64> {
-    let counts =
-        |claim: &&super::SceneClaim| claim.is_own && claim.size.is_some_and(|size| size <= matching.difficulty);
-    let claims = scenes.iter().flat_map(|scene| &scene.claims).filter(counts);
-    let mut scores: Vec<_> = claims.filter(|claim| matching.excuses(claim)).map(|claim| claim.score).collect();
-    scores.sort_unstable_by(highest_first);
-    scores
-}
-
-/// Falling, with those that are no numbers in front: they reach every limit.
-#[allow(clippy::trivially_copy_pass_by_ref)] // The signature that `sort_by` wants.
-fn highest_first(a: &f64, b: &f64) -> std::cmp::Ordering {
-    b.is_nan().cmp(&a.is_nan()).then(b.total_cmp(a))
 }

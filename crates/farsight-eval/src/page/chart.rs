@@ -6,7 +6,7 @@ use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 
-use super::PageError;
+use super::error::PageError;
 
 /// Size of a chart, pixels.
 const SIZE: (u32, u32) = (760, 460);

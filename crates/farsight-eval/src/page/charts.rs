@@ -4,7 +4,7 @@ use crate::ap::{Metric, OverlapSet};
 use crate::ranging::{ClassRanging, Figure, GroupRanging, bin_middle_m};
 use crate::{Difficulty, EvaluatedClass, Report};
 
-use super::{Chart, Corner, Series};
+use super::chart::{Chart, Corner, Series};
 
 /// Colours of the three difficulties, told apart by colour-blind eyes too (Okabe and Ito 2008).
 const LEVEL_COLORS: [[u8; 3]; 3] = [[0, 158, 115], [0, 114, 178], [213, 94, 0]];

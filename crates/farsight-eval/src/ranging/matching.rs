@@ -3,11 +3,8 @@
 use farsight_core::overlap::iou_2d;
 use farsight_core::{Detection, Label};
 
-use super::RangingOptions;
+use super::options::RangingOptions;
 use crate::{Claim, Difficulty, EvaluatedClass, Frame};
-
-/// A detection finds an object when their 2D boxes overlap by at least this much, unless the options say otherwise.
-pub const MATCH_IOU: f64 = 0.5;
 
 /// A labelled object of an evaluated class, and how it was ranged if it was found.
 #[derive(Debug, Clone, PartialEq)]

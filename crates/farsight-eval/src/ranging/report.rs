@@ -3,11 +3,11 @@
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
-use super::RangingOptions;
 use super::bootstrap::{Bootstrap, Interval};
 use super::calibration::Calibration;
 use super::figures::{Figure, Figures};
 use super::matching::Target;
+use super::options::RangingOptions;
 use super::slices::{Group, Part, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;

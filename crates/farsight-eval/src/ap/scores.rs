@@ -1,0 +1,64 @@
+//! Scores of detections, sorted so that those above a limit can be counted.
+
+use super::matching::Matching;
+use super::scene::{ClassScenes, SceneClaim};
+use crate::Difficulty;
+
+/// Scores of all detections of a class, by the easiest level at which they are not too small.
+#[derive(Debug, Clone, Default)]
+pub(super) struct SizedScores([Vec<f64>; 3]);
+
+/// Scores of the detections that count and that no `DontCare` region excuses, highest first.
+pub(super) struct Scores<'a> {
+    counting: &'a [f64],
+    excused: Vec<f64>,
+}
+
+impl SizedScores {
+    pub(super) fn add(&mut self, score: f64, size: Difficulty) {
+        self.0[size as usize].push(score);
+    }
+
+    pub(super) fn append(&mut self, other: &mut Self) {
+        for (scores, later) in self.0.iter_mut().zip(&mut other.0) {
+            scores.append(later);
+        }
+    }
+
+    /// The scores that count at each difficulty, highest first.
+    pub(super) fn by_difficulty(&self) -> [Vec<f64>; 3] {
+        let mut so_far = Vec::new();
+        self.0.each_ref().map(|scores| {
+            so_far.extend_from_slice(scores);
+            so_far.sort_unstable_by(highest_first);
+            so_far.clone()
+        })
+    }
+}
+
+impl<'a> Scores<'a> {
+    /// `counting` are the scores at one difficulty ([`SizedScores::by_difficulty`]).
+    pub(super) fn new(counting: &'a [f64], scenes: &ClassScenes, matching: &Matching) -> Self {
+        Self { counting, excused: excused_scores(scenes, matching) }
+    }
+
+    /// How many detections reach the limit.
+    pub(super) fn reaching(&self, limit: f64) -> usize {
+        let count = |scores: &[f64]| scores.partition_point(|&score| score >= limit || score.is_nan());
+        count(self.counting) - count(&self.excused)
+    }
+}
+
+fn excused_scores(scenes: &ClassScenes, matching: &Matching) -> Vec<f64> {
+    let counts = |claim: &&SceneClaim| claim.is_own && claim.size.is_some_and(|size| size <= matching.difficulty);
+    let claims = scenes.iter().flat_map(|scene| &scene.claims).filter(counts);
+    let mut scores: Vec<_> = claims.filter(|claim| matching.excuses(claim)).map(|claim| claim.score).collect();
+    scores.sort_unstable_by(highest_first);
+    scores
+}
+
+/// Falling, with those that are no numbers in front: they reach every limit.
+#[allow(clippy::trivially_copy_pass_by_ref)] // The signature that `sort_by` wants.
+fn highest_first(a: &f64, b: &f64) -> std::cmp::Ordering {
+    b.is_nan().cmp(&a.is_nan()).then(b.total_cmp(a))
+}
