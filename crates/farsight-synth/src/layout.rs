@@ -3,9 +3,9 @@
 use farsight_core::linear::{dot, solved};
 use farsight_core::{Box3d, Camera, Label, ObjectClass};
 
-use crate::Drawn;
 use crate::actors::Conduct;
 use crate::dice::Dice;
+use crate::scene::Drawn;
 use crate::world::ground::Ground;
 use crate::world::light::Light;
 use crate::world::plan::{Found, Plan};

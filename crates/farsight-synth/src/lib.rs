@@ -19,14 +19,6 @@ pub(crate) mod vector;
 pub mod world;
 
 pub use layout::scene_from_labels;
+pub use scene::Drawn;
 pub use stream::{SceneStream, twin};
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
-
-/// A scene and who is in it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Drawn {
-    /// What the renderer is given.
-    pub scene: scene::Scene,
-    /// Those in traffic, numbered from 1.
-    pub actors: Vec<scene::Actor>,
-}

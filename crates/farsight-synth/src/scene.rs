@@ -260,3 +260,12 @@ pub struct Actor {
     /// What its number plates, and nothing else, are made of.
     pub plate: Option<MaterialId>,
 }
+
+/// A scene and who is in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// What the renderer is given.
+    pub scene: Scene,
+    /// Those in traffic, numbered from 1.
+    pub actors: Vec<Actor>,
+}

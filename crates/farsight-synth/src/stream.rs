@@ -5,10 +5,12 @@ use farsight_data::Frame;
 
 use crate::dice::Dice;
 use crate::labels::LabelRules;
+use crate::layout::scene_from_labels;
 use crate::photo::PhotoSettings;
 use crate::plates::plates;
 use crate::render::render;
-use crate::{Drawn, WorldConfig, draw_scene, scene_from_labels};
+use crate::scene::Drawn;
+use crate::world::{WorldConfig, draw_scene};
 
 /// The stream of draws that decides about the photograph; scenes and layouts have 0 and 1.
 const PHOTO_STREAM: u64 = 2;

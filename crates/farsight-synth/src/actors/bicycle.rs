@@ -1,6 +1,6 @@
 //! Bicycles, ridden and parked.
 
-use super::Detail;
+use super::workshop::Detail;
 use crate::scene::MaterialId;
 use crate::shape::{Shape, sin_cos};
 

@@ -2,8 +2,8 @@
 //!
 //! Shares along the length (`t`) run from 0 at the front to 1 at the rear; heights are shares of the height, above the ground.
 
-use super::Detail;
 use super::paint::Livery;
+use super::workshop::Detail;
 use crate::scene::{MaterialId, Vec3};
 use crate::shape::Shape;
 

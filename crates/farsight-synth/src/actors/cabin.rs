@@ -2,7 +2,8 @@
 
 use super::body::Body;
 use super::paint::Livery;
-use super::{Detail, Workshop, person};
+use super::person;
+use super::workshop::{Detail, Workshop};
 use crate::shape::Shape;
 
 /// How far seats are from the middle, share of the car's width.

@@ -3,7 +3,8 @@
 use super::body::{Body, Glazing, Profile};
 use super::paint::{Livery, car_livery, fleet_livery};
 use super::wheels::Wheel;
-use super::{Detail, Workshop, cabin, faces};
+use super::workshop::{Detail, Workshop};
+use super::{cabin, faces};
 use crate::dice::Dice;
 use crate::scene::Mesh;
 use crate::shape::Shape;

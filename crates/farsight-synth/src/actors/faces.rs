@@ -2,7 +2,7 @@
 
 use super::body::Body;
 use super::paint::Livery;
-use super::{Detail, Workshop};
+use super::workshop::{Detail, Workshop};
 use crate::scene::MaterialId;
 use crate::shape::Shape;
 

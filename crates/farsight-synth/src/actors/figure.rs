@@ -2,8 +2,8 @@
 //!
 //! For a person of 1.75 m; the whole is stretched to its size afterwards.
 
-use super::Detail;
 use super::outfit::{Below, Hair, Outfit};
+use super::workshop::Detail;
 use crate::scene::{MaterialId, Vec3};
 use crate::shape::{Shape, sin_cos};
 use crate::vector::{add, dot, length, mix, scale, sub, unit};

@@ -1,9 +1,9 @@
 //! Lorries, buses, trams and trailers.
 
-use super::Workshop;
 use super::load::{self, Load, upright};
 use super::paint::{Livery, fleet_livery};
 use super::wheels::Wheel;
+use super::workshop::Workshop;
 use crate::scene::{MaterialId, Mesh, Vec3};
 use crate::shape::Shape;
 

@@ -1,7 +1,7 @@
 //! What lorries and trailers carry: boxes with doors and lettering.
 
-use super::Workshop;
 use super::paint::Livery;
+use super::workshop::Workshop;
 use crate::dice::Dice;
 use crate::palette::{any_color, grey, matte};
 use crate::scene::{Material, MaterialId, Pattern, Vec3};

@@ -1,6 +1,6 @@
 //! What people wear, and how they are built.
 
-use super::Workshop;
+use super::workshop::Workshop;
 use crate::dice::Dice;
 use crate::palette::{Palette, any_color, grey, matte, times, varied};
 use crate::scene::{Color, Material, MaterialId, Pattern};

@@ -1,6 +1,6 @@
 //! Paint, glass, lamps and trim of vehicles.
 
-use super::{Detail, Workshop};
+use super::workshop::{Detail, Workshop};
 use crate::dice::Dice;
 use crate::palette::{Palette, any_color, grey, matte, times, varied};
 use crate::scene::{Color, Material, MaterialId, Pattern};

@@ -1,9 +1,9 @@
 //! People: on foot, sitting, in a car, on a bicycle.
 
-use super::Workshop;
 use super::bicycle::{CRANK, bicycle};
 use super::figure::Figure;
 use super::outfit::Outfit;
+use super::workshop::Workshop;
 use crate::dice::Dice;
 use crate::palette::{any_color, grey};
 use crate::scene::{MaterialId, Mesh, Vec3};

@@ -1,7 +1,7 @@
 //! Wheels: tyre, rim and spokes.
 
-use super::Detail;
 use super::paint::Livery;
+use super::workshop::Detail;
 use crate::scene::Vec3;
 use crate::shape::Shape;
 use crate::vector::add;

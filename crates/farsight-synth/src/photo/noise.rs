@@ -2,8 +2,8 @@
 
 use wide::{bytemuck::cast, f32x4, i32x4, u32x4};
 
-use super::PhotoSettings;
 use super::curve::Curve;
+use super::settings::PhotoSettings;
 use crate::scene::Color;
 use crate::vector::float;
 

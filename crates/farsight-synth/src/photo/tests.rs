@@ -1,4 +1,5 @@
 use super::*;
+use crate::scene::Air;
 
 fn gradient(size: [usize; 2], factor: f32) -> Rendered {
     let [width, height] = size;

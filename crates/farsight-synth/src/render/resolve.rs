@@ -3,16 +3,17 @@
 //! Row by row, four at a time: neighbouring pixels that show one triangle and nothing else are shaded together. Of the other pixels each distinct
 //! triangle gives a piece of surface; the row's pieces are sorted by material before they are shaded.
 
-use super::Rendered;
 use super::lamps::Lamps;
 use super::lanes::{self, Lanes, all};
 use super::pieces::{END, Piece, Pieces};
+use super::rendered::Rendered;
+use super::samples::{OFFSETS, SAMPLES};
 use super::shade::{self, Light};
 use super::shadow::Shadows;
 use super::sky;
 use super::surface::{Varied, Varying, vertices};
 use super::view::View;
-use super::visibility::{NOTHING, OFFSETS, SAMPLES, Visibility};
+use super::visibility::{NOTHING, Visibility};
 use crate::scene::{Color, InstanceId, Scene, Triangle};
 use crate::vector::{dot, float};
 

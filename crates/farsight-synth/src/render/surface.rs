@@ -4,9 +4,10 @@ use wide::f32x4;
 
 use super::lanes::{Lanes, all};
 use super::pattern::Holes;
+use super::projected::Projected;
+use super::samples::OFFSETS;
 use super::shade::Fragments;
 use super::view::inverted;
-use super::visibility::{OFFSETS, Projected};
 use crate::scene::{Object, Triangle, Vertex};
 use crate::vector::float;
 

@@ -22,9 +22,9 @@ pub(crate) mod view;
 
 pub use config::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig};
 
-use crate::Drawn;
 use crate::dice::Dice;
 use crate::palette::{any_color, grey, matte, times, varied};
+use crate::scene::Drawn;
 use crate::scene::{Material, MaterialId, Pattern};
 use ground::Ground;
 use light::Light;

@@ -6,10 +6,10 @@ use farsight_core::{Box3d, ObjectClass};
 use super::ground::Ground;
 use super::light::Light;
 use super::view::View;
-use crate::Drawn;
 use crate::actors::{self, Conduct, Detail, Workshop};
 use crate::dice::Dice;
 use crate::palette::{Palette, grey};
+use crate::scene::Drawn;
 use crate::scene::{Actor, Lamp, MaterialId, Object, Scene, Vec3};
 use crate::shape::Shape;
 
