@@ -5,11 +5,12 @@ use image::RgbImage;
 
 use crate::canvas::{Canvas, Pen, Point};
 use crate::legend::legend;
+use crate::options::{DrawOptions, Names, Scene};
 use crate::palette::{Ink, SHADOW, WHITE};
 use crate::placing::Placing;
+use crate::scale::drawing_scale;
 use crate::text::{CAP_HEIGHT, text_width, write};
 use crate::wireframe::Wireframe;
-use crate::{DrawOptions, Names, Scene, drawing_scale};
 
 /// Height of the text on KITTI's images, pixels.
 const TEXT_PX: f64 = 16.0;

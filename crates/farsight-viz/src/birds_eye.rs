@@ -6,10 +6,11 @@ use image::RgbImage;
 use crate::annotate::far_to_near;
 use crate::canvas::{Canvas, Pen, Point};
 use crate::legend::legend;
+use crate::options::{DrawOptions, Scene};
 use crate::palette::{GROUND, MUTED, NIGHT, RING, SHADOW, WHITE};
 use crate::placing::Placing;
+use crate::scale::drawing_scale;
 use crate::text::{text_width, write};
-use crate::{DrawOptions, Scene, drawing_scale};
 
 /// Height of the text in a panel as wide as KITTI's images, pixels.
 const TEXT_PX: f64 = 15.0;

@@ -3,9 +3,9 @@
 use farsight_core::{Box2d, ObjectClass};
 
 use crate::canvas::Canvas;
+use crate::options::{ColorBy, DrawOptions, Scene};
 use crate::palette::{Ink, RAMP_END_M, SHADOW, WHITE, class_ink, distance_ink};
 use crate::text::{CAP_HEIGHT, text_width, write};
-use crate::{ColorBy, DrawOptions, Scene};
 
 /// Swatches that make the ramp of distances.
 const SWATCHES: u32 = 24;

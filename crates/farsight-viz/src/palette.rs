@@ -2,7 +2,7 @@
 
 use farsight_core::{Box3d, Detection, ObjectClass};
 
-use crate::{ColorBy, DrawOptions};
+use crate::options::{ColorBy, DrawOptions};
 
 /// A colour with its opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]
