@@ -56,15 +56,15 @@ use crate::scene::Scene;
 pub fn render(scene: &Scene) -> Rendered {
     let view = View::new(&scene.camera);
     let seen = Visibility::of(scene, &view);
-    let alone = visibility::alone(scene, &view);
+    let amodal = visibility::amodal(scene, &view);
     let [width, height] = scene.image_size;
     let mut rendered = Rendered {
         size: scene.image_size,
         color: Vec::with_capacity(width * height),
         depth_m: Vec::with_capacity(width * height),
         instance: Vec::with_capacity(width * height),
-        visible: vec![0; alone.len()],
-        alone,
+        visible: vec![0; amodal.len()],
+        amodal,
     };
     let (shadows, lamps) = (Shadows::of(scene, &view), Lamps::of(scene, &view));
     Resolver::new(scene, &view, &seen, &shadows, &lamps).resolve(&mut rendered);

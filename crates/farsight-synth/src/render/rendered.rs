@@ -16,5 +16,5 @@ pub struct Rendered {
     /// Samples (four a pixel) in which each instance is seen, by instance.
     pub visible: Vec<u32>,
     /// Samples inside the image that each instance would fill if nothing hid it, by instance; 0 for the world.
-    pub alone: Vec<u32>,
+    pub amodal: Vec<u32>,
 }

@@ -11,7 +11,7 @@ use super::samples::{OFFSETS, SAMPLES};
 use super::shade::{self, Light};
 use super::shadow::Shadows;
 use super::sky;
-use super::surface::{Varied, Varying, vertices};
+use super::surface::{Interpolated, Varying, vertices};
 use super::view::View;
 use super::visibility::{NOTHING, Visibility};
 use crate::scene::{Color, InstanceId, Scene, Triangle};
@@ -199,14 +199,14 @@ impl<'a> Resolver<'a> {
         let column = column as u32;
         if number == NOTHING {
             let [x, y, z] = self.view.direction(u, v);
-            let varied = Varied { place: [x, y, z, 0.0], facing: [0.0; 4], slopes: [0.0; 4] };
-            self.pieces.push(self.scene.materials.len(), Piece { varied, column, share, next: END });
+            let interpolated = Interpolated { place: [x, y, z, 0.0], facing: [0.0; 4], slopes: [0.0; 4] };
+            self.pieces.push(self.scene.materials.len(), Piece { interpolated, column, share, next: END });
             return Shown { depth_m: f32::INFINITY, instance: 0 };
         }
         let face = self.face(number);
-        let (varied, material, instance) = (face.varying.at(u, v), face.material, face.instance);
-        self.pieces.push(material, Piece { varied, column, share, next: END });
-        Shown { depth_m: varied.place[2], instance }
+        let (interpolated, material, instance) = (face.varying.at(u, v), face.material, face.instance);
+        self.pieces.push(material, Piece { interpolated, column, share, next: END });
+        Shown { depth_m: interpolated.place[2], instance }
     }
 
     #[inline]

@@ -15,7 +15,7 @@ pub(crate) const NOTHING: u32 = 0;
 
 /// A triangle that was drawn.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Drawn {
+pub(crate) struct DrawnTriangle {
     /// Index of its object.
     pub(crate) object: u32,
     /// Index in the object's mesh.
@@ -36,7 +36,7 @@ pub(crate) struct Visibility {
     width: usize,
     pixels: Vec<Samples>,
     tiles: Tiles,
-    drawn: Vec<Drawn>,
+    drawn: Vec<DrawnTriangle>,
 }
 
 impl Visibility {
@@ -68,7 +68,7 @@ impl Visibility {
                         continue;
                     }
                     let cutout = holes.map(|holes| Cutout::new(holes, object, triangle, &corners));
-                    seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
+                    seen.drawn.push(DrawnTriangle { object: number as u32, triangle: index as u32 });
                     let number = seen.drawn.len() as u32;
                     let mut layer = Layer { width, pixels: &mut seen.pixels, tiles: &seen.tiles, number, cutout };
                     draw(&grid, triangle, &corners, &mut layer);
@@ -100,7 +100,7 @@ impl Visibility {
 
     /// The triangle with this number, which is not [`NOTHING`].
     #[inline]
-    pub(crate) fn drawn(&self, number: u32) -> Drawn {
+    pub(crate) fn drawn(&self, number: u32) -> DrawnTriangle {
         self.drawn[number as usize - 1]
     }
 }
@@ -194,7 +194,7 @@ impl Tiles {
 }
 
 /// How many samples of the image each instance would fill if nothing hid it.
-pub(crate) fn alone(scene: &Scene, view: &View) -> Vec<u32> {
+pub(crate) fn amodal(scene: &Scene, view: &View) -> Vec<u32> {
     let instances = scene.objects.iter().map(|o| o.instance).max().unwrap_or(0);
     let grid = Grid::new(scene.image_size, OFFSETS);
     let [width, height] = scene.image_size;
