@@ -2,7 +2,7 @@
 
 use crate::ap::{ApReport, ApValues, Metric, OverlapSet};
 use crate::ranging::{
-    Figure, GroupRanging, OperatingPoint, OperatingPoints, RangingComparison, RangingReport, SliceErrors,
+    GroupRanging, OperatingPoint, OperatingPoints, RangingComparison, RangingMetric, RangingReport, SliceErrors,
 };
 use crate::{Difficulty, EvaluatedClass, Report};
 
@@ -183,10 +183,10 @@ fn distance_lines(group: &GroupRanging) -> Vec<String> {
 }
 
 fn slice_line(name: &str, errors: &SliceErrors) -> String {
-    let value = |figure: Figure, digits: usize| {
-        errors.figures.get(figure).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    let value = |figure: RangingMetric, digits: usize| {
+        errors.metrics.get(figure).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
-    let with_interval = |figure: Figure| {
+    let with_interval = |figure: RangingMetric| {
         let interval = errors.intervals.and_then(|all| all.get(figure));
         let interval = interval.map_or_else(String::new, |i| format!(" [{:.3}, {:.3}]", i.low, i.high));
         format!("{:>5}{interval}", value(figure, 3))
@@ -195,19 +195,25 @@ fn slice_line(name: &str, errors: &SliceErrors) -> String {
         "{name:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
         errors.objects,
         errors.found,
-        value(Figure::Share, 3),
-        with_interval(Figure::MaeZ),
-        with_interval(Figure::RmseZ),
-        value(Figure::BiasZ, 3),
-        value(Figure::AbsRelZ, 4),
-        value(Figure::MaeGround, 3)
+        value(RangingMetric::Share, 3),
+        with_interval(RangingMetric::MaeZ),
+        with_interval(RangingMetric::RmseZ),
+        value(RangingMetric::BiasZ, 3),
+        value(RangingMetric::AbsRelZ, 4),
+        value(RangingMetric::MaeGround, 3)
     );
     row.trim_end().to_owned()
 }
 
 /// The comparison with another result set, line by line: groups as a whole.
 pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
-    const SHOWN: [Figure; 5] = [Figure::Share, Figure::MaeZ, Figure::RmseZ, Figure::BiasZ, Figure::MaeGround];
+    const SHOWN: [RangingMetric; 5] = [
+        RangingMetric::Share,
+        RangingMetric::MaeZ,
+        RangingMetric::RmseZ,
+        RangingMetric::BiasZ,
+        RangingMetric::MaeGround,
+    ];
     let mut lines = vec![
         "these results and the others (errors on objects that both found)".to_owned(),
         format!("  {:<12}{:>9} {:>9}   difference with its 95% interval over frames", "", "these", "others"),
@@ -216,9 +222,9 @@ pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
         lines
             .push(format!("{} {}: {} objects, {} found by both", row.class, row.group, row.objects, row.found_by_both));
         for figure in SHOWN {
-            let Some(d) = row.figures.get(figure) else { continue };
+            let Some(d) = row.metrics.get(figure) else { continue };
             let interval = d.interval.map_or_else(String::new, |i| format!(" [{:+.4}, {:+.4}]", i.low, i.high));
-            let objects = if figure == Figure::Share { row.objects } else { row.found_by_both };
+            let objects = if figure == RangingMetric::Share { row.objects } else { row.found_by_both };
             let verdict = match d.excludes_zero {
                 _ if objects < FEW_OBJECTS => "too few objects to say",
                 true => "differs",

@@ -12,7 +12,7 @@ pub enum Metric {
     /// Footprints seen from above.
     Bev,
     /// Boxes in space.
-    Space,
+    Box3d,
 }
 
 /// The overlap that a detection must exceed.
@@ -26,14 +26,14 @@ pub enum OverlapSet {
 
 impl Metric {
     /// All of them, in the devkit's order.
-    pub const ALL: [Self; 3] = [Self::Image, Self::Bev, Self::Space];
+    pub const ALL: [Self; 3] = [Self::Image, Self::Bev, Self::Box3d];
 
     /// The name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Image => "2d",
             Self::Bev => "bev",
-            Self::Space => "3d",
+            Self::Box3d => "3d",
         }
     }
 }
@@ -59,7 +59,7 @@ pub struct Overlaps {
     /// In the image.
     pub image: f64,
     /// From above and in space.
-    pub scene: Overlap,
+    pub box3d: Overlap,
 }
 
 impl Overlaps {
@@ -67,15 +67,15 @@ impl Overlaps {
     pub fn get(&self, metric: Metric) -> f64 {
         match metric {
             Metric::Image => self.image,
-            Metric::Bev => self.scene.bev,
-            Metric::Space => self.scene.volume,
+            Metric::Bev => self.box3d.bev,
+            Metric::Box3d => self.box3d.volume,
         }
     }
 
     pub(super) fn largest(self, other: Self) -> Self {
-        let scene =
-            Overlap { bev: self.scene.bev.max(other.scene.bev), volume: self.scene.volume.max(other.scene.volume) };
-        Self { image: self.image.max(other.image), scene }
+        let box3d =
+            Overlap { bev: self.box3d.bev.max(other.box3d.bev), volume: self.box3d.volume.max(other.box3d.volume) };
+        Self { image: self.image.max(other.image), box3d }
     }
 
     /// Whether some curve of `class` can match at these overlaps.

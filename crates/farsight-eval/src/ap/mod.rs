@@ -1,21 +1,21 @@
 //! Average precision, equal to the official KITTI devkit (spec kitti-eval.md; differences: the evaluation rows of `PARITY.md`).
 //!
-//! A frame is boiled down once to a scene: objects, detections that may meet them, and their overlaps, each computed once and only
-//! where two boxes can touch. All curves are drawn from the scenes afterwards. The devkit computes every overlap anew for each of up to 41
-//! score limits, three difficulties and two passes.
+//! A frame is reduced once, for each class, to objects, the detections that may match them, and their overlaps. Each overlap
+//! is computed once, and only where two boxes can touch. All curves are made from that afterwards. The devkit computes every
+//! overlap anew for each of up to 41 score thresholds, three difficulties and two passes.
 
+mod accumulator;
+mod class_frame;
 mod curve;
 mod matching;
 mod metric;
 mod report;
-mod scene;
 mod scores;
-mod set;
 
-pub use curve::{Curve, Limit, RECALL_POINTS};
+pub use accumulator::ApAccumulator;
+pub use class_frame::{ClassFrame, FrameLabel, FrameObject, FramePrediction};
+pub use curve::{Curve, RECALL_POINTS, ScoreThreshold};
 pub use metric::{Metric, OverlapSet, Overlaps};
 pub use report::{ApReport, ApTable, ApValues};
-pub use scene::{Scene, SceneClaim, SceneLabel, SceneObject};
-pub use set::SceneSet;
 
-pub(crate) use matching::{Fate, Matching, fates};
+pub(crate) use matching::{MatchOutcome, Matching, outcomes};

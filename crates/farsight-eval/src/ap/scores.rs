@@ -1,7 +1,7 @@
-//! Scores of detections, sorted so that those above a limit can be counted.
+//! Scores of detections, sorted so that those above a threshold can be counted.
 
+use super::class_frame::{ClassFrames, FramePrediction};
 use super::matching::Matching;
-use super::scene::{ClassScenes, SceneClaim};
 use crate::Difficulty;
 
 /// Scores of all detections of a class, by the easiest level at which they are not too small.
@@ -38,26 +38,29 @@ impl SizedScores {
 
 impl<'a> Scores<'a> {
     /// `counting` are the scores at one difficulty ([`SizedScores::by_difficulty`]).
-    pub(super) fn new(counting: &'a [f64], scenes: &ClassScenes, matching: &Matching) -> Self {
-        Self { counting, excused: excused_scores(scenes, matching) }
+    pub(super) fn new(counting: &'a [f64], class_frames: &ClassFrames, matching: &Matching) -> Self {
+        Self { counting, excused: excused_scores(class_frames, matching) }
     }
 
-    /// How many detections reach the limit.
-    pub(super) fn reaching(&self, limit: f64) -> usize {
-        let count = |scores: &[f64]| scores.partition_point(|&score| score >= limit || score.is_nan());
+    /// How many detections reach the threshold.
+    pub(super) fn reaching(&self, threshold: f64) -> usize {
+        let count = |scores: &[f64]| scores.partition_point(|&score| score >= threshold || score.is_nan());
         count(self.counting) - count(&self.excused)
     }
 }
 
-fn excused_scores(scenes: &ClassScenes, matching: &Matching) -> Vec<f64> {
-    let counts = |claim: &&SceneClaim| claim.is_own && claim.size.is_some_and(|size| size <= matching.difficulty);
-    let claims = scenes.iter().flat_map(|scene| &scene.claims).filter(counts);
-    let mut scores: Vec<_> = claims.filter(|claim| matching.excuses(claim)).map(|claim| claim.score).collect();
+fn excused_scores(class_frames: &ClassFrames, matching: &Matching) -> Vec<f64> {
+    let counts = |prediction: &&FramePrediction| {
+        prediction.is_own && prediction.size.is_some_and(|size| size <= matching.difficulty)
+    };
+    let predictions = class_frames.iter().flat_map(|class_frame| &class_frame.predictions).filter(counts);
+    let mut scores: Vec<_> =
+        predictions.filter(|prediction| matching.excuses(prediction)).map(|prediction| prediction.score).collect();
     scores.sort_unstable_by(highest_first);
     scores
 }
 
-/// Falling, with those that are no numbers in front: they reach every limit.
+/// Falling, with those that are no numbers in front: they reach every threshold.
 #[allow(clippy::trivially_copy_pass_by_ref)] // The signature that `sort_by` wants.
 fn highest_first(a: &f64, b: &f64) -> std::cmp::Ordering {
     b.is_nan().cmp(&a.is_nan()).then(b.total_cmp(a))

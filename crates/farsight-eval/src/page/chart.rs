@@ -31,14 +31,14 @@ pub struct Chart {
     /// Where the vertical axis ends; it starts at 0.
     pub y_end: f64,
     /// Where the legend hides least.
-    pub legend: Corner,
+    pub legend: LegendPosition,
     /// The lines.
     pub series: Vec<Series>,
 }
 
 /// A corner of a chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Corner {
+pub enum LegendPosition {
     /// For lines that rise.
     UpperLeft,
     /// For lines that fall.
@@ -118,8 +118,8 @@ impl Chart {
         chart
             .configure_series_labels()
             .position(match self.legend {
-                Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
-                Corner::LowerLeft => SeriesLabelPosition::LowerLeft,
+                LegendPosition::UpperLeft => SeriesLabelPosition::UpperLeft,
+                LegendPosition::LowerLeft => SeriesLabelPosition::LowerLeft,
             })
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))

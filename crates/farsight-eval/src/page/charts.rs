@@ -1,10 +1,10 @@
 //! Which charts the page has.
 
 use crate::ap::{Metric, OverlapSet};
-use crate::ranging::{ClassRanging, Figure, GroupRanging, bin_middle_m};
+use crate::ranging::{ClassRanging, GroupRanging, RangingMetric, bin_middle_m};
 use crate::{Difficulty, EvaluatedClass, Report};
 
-use super::chart::{Chart, Corner, Series};
+use super::chart::{Chart, LegendPosition, Series};
 
 /// Colours of the three difficulties, told apart by colour-blind eyes too (Okabe and Ito 2008).
 const LEVEL_COLORS: [[u8; 3]; 3] = [[0, 158, 115], [0, 114, 178], [213, 94, 0]];
@@ -16,7 +16,7 @@ const MIN_FOUND: usize = 5;
 pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
     let mut charts = Vec::new();
     for class in EvaluatedClass::ALL {
-        for metric in [Metric::Space, Metric::Bev, Metric::Image] {
+        for metric in [Metric::Box3d, Metric::Bev, Metric::Image] {
             charts.extend(curve_chart(report, class, metric).map(|c| (format!("{class}_{}_curve", metric.name()), c)));
         }
         let ranging = report.ranging.classes.iter().find(|ranging| ranging.class == class);
@@ -45,13 +45,13 @@ fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option
         y_label: "precision".to_owned(),
         x_end: 1.0,
         y_end: 1.0,
-        legend: Corner::LowerLeft,
+        legend: LegendPosition::LowerLeft,
         series,
     })
 }
 
 fn error_chart(ranging: &ClassRanging) -> Chart {
-    let series: Vec<_> = level_series(ranging, Figure::MaeZ, MIN_FOUND);
+    let series: Vec<_> = level_series(ranging, RangingMetric::MaeZ, MIN_FOUND);
     let tops = series.iter().flat_map(|s| s.points.iter().map(|p| p[1]).chain(s.band.iter().map(|band| band[1])));
     let highest = tops.fold(0.0_f64, f64::max);
     Chart {
@@ -60,7 +60,7 @@ fn error_chart(ranging: &ClassRanging) -> Chart {
         y_label: "mean absolute error of z, m".to_owned(),
         x_end: 80.0,
         y_end: if highest > 0.0 { 1.1 * highest } else { 1.0 },
-        legend: Corner::UpperLeft,
+        legend: LegendPosition::UpperLeft,
         series,
     }
 }
@@ -72,18 +72,18 @@ fn share_chart(ranging: &ClassRanging) -> Chart {
         y_label: "found / objects".to_owned(),
         x_end: 80.0,
         y_end: 1.05,
-        legend: Corner::LowerLeft,
-        series: level_series(ranging, Figure::Share, 0),
+        legend: LegendPosition::LowerLeft,
+        series: level_series(ranging, RangingMetric::Share, 0),
     }
 }
 
-fn level_series(ranging: &ClassRanging, figure: Figure, min_found: usize) -> Vec<Series> {
+fn level_series(ranging: &ClassRanging, figure: RangingMetric, min_found: usize) -> Vec<Series> {
     let of_group = |(group, color): (&GroupRanging, [u8; 3])| {
         let bins = group.by_distance.0.iter().enumerate();
         let filled = bins.filter(|(_, (_, errors))| errors.objects > 0 && errors.found >= min_found);
         let (mut points, mut band) = (Vec::new(), Vec::new());
         for (bin, (_, errors)) in filled {
-            let Some(value) = errors.figures.get(figure) else { continue };
+            let Some(value) = errors.metrics.get(figure) else { continue };
             points.push([bin_middle_m(bin), value]);
             band.extend(errors.intervals.and_then(|all| all.get(figure)).map(|i| [i.low, i.high]));
         }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::matching::Target;
 use super::slices::{Group, Part, Slice};
 
-/// How often the true z lies within one and two standard deviations of the claimed one. For errors of a normal distribution the shares
+/// How often the true z lies within one and two standard deviations of the predicted one. For errors of a normal distribution the shares
 /// are 0.683 and 0.954; smaller ones say that the detector is too sure of itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibration {
@@ -20,7 +20,7 @@ pub struct CoverageRow {
     pub distance: &'static str,
     /// How many found objects have an error bar.
     pub count: usize,
-    /// Mean standard deviation that was claimed, metres.
+    /// Mean standard deviation that was predicted, metres.
     pub mean_sigma_m: f64,
     /// Share of them whose true z lies within one standard deviation.
     pub within_1_sigma: f64,

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::bootstrap::{Bootstrap, Interval};
-use super::figures::{Figure, Figures};
 use super::matching::Target;
+use super::metrics::{RangingMetric, RangingMetrics};
 use super::slices::{Group, Part, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
@@ -32,11 +32,12 @@ pub struct ComparisonRow {
     pub objects: usize,
     /// Objects that both found.
     pub found_by_both: usize,
-    /// The figures.
-    pub figures: Figures<Option<Difference>>,
+    /// The metrics.
+    #[serde(rename = "figures")]
+    pub metrics: RangingMetrics<Option<Difference>>,
 }
 
-/// One figure of two detectors.
+/// One metric of two detectors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
     /// Of the results.
@@ -100,7 +101,9 @@ fn rows_of_class(
         distance,
         objects: objects[i].objects as usize,
         found_by_both: common[i].objects as usize,
-        figures: Figures::from_fn(|f| Difference::new(values[i].get(f), intervals[i * Figure::COUNT + f as usize])),
+        metrics: RangingMetrics::from_fn(|f| {
+            Difference::new(values[i].get(f), intervals[i * RangingMetric::COUNT + f as usize])
+        }),
     });
     rows.collect()
 }
@@ -115,15 +118,15 @@ impl Paired {
     }
 
     /// Both detectors' figures of each slice, NaN where there is none.
-    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<Figures<[f64; 2]>> {
+    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<RangingMetrics<[f64; 2]>> {
         let figures = |tallies: &[Tallies; 2]| {
-            tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::figures).collect::<Vec<_>>())
+            tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::metrics).collect::<Vec<_>>())
         };
         let (all, common) = (figures(&self.all), figures(&self.common));
         let row = |i: usize| {
-            Figures::from_fn(|figure| {
-                let source = if figure == Figure::Share { &all } else { &common };
-                source.each_ref().map(|rows| rows[i].get(figure).unwrap_or(f64::NAN))
+            RangingMetrics::from_fn(|metric| {
+                let source = if metric == RangingMetric::Share { &all } else { &common };
+                source.each_ref().map(|rows| rows[i].get(metric).unwrap_or(f64::NAN))
             })
         };
         (0..slices.len()).map(row).collect()

@@ -242,7 +242,7 @@ impl MetricName {
         match self {
             Self::TwoD => Metric::Image,
             Self::Bev => Metric::Bev,
-            Self::ThreeD => Metric::Space,
+            Self::ThreeD => Metric::Box3d,
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-/// One figure. `Z` figures are of the location's z, `Ground` figures of the distance over the ground.
+/// One metric. `Z` figures are of the location's z, `Ground` figures of the distance over the ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Figure {
+pub enum RangingMetric {
     /// Share of the objects that were found.
     Share,
     /// Mean absolute error, metres.
@@ -40,7 +40,7 @@ pub enum Figure {
 /// The factors of the delta figures.
 pub(super) const DELTA_FACTORS: [f64; 3] = [1.05, 1.10, 1.25];
 
-impl Figure {
+impl RangingMetric {
     /// How many there are.
     pub const COUNT: usize = 15;
 
@@ -85,34 +85,34 @@ impl Figure {
     }
 }
 
-/// A value for every [`Figure`]; in JSON a map by name.
+/// A value for every [`RangingMetric`]; in JSON a map by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Figures<T>([T; Figure::COUNT]);
+pub struct RangingMetrics<T>([T; RangingMetric::COUNT]);
 
-impl<T> Figures<T> {
-    /// The values that `of` gives each figure.
-    pub fn from_fn(of: impl FnMut(Figure) -> T) -> Self {
-        Self(Figure::ALL.map(of))
+impl<T> RangingMetrics<T> {
+    /// The values that `of` gives each metric.
+    pub fn from_fn(of: impl FnMut(RangingMetric) -> T) -> Self {
+        Self(RangingMetric::ALL.map(of))
     }
 
-    /// All values, in the order of [`Figure::ALL`].
-    pub fn iter(&self) -> impl Iterator<Item = (Figure, &T)> {
-        Figure::ALL.into_iter().zip(&self.0)
-    }
-}
-
-impl<T: Copy> Figures<T> {
-    /// The value of one figure.
-    pub fn get(&self, figure: Figure) -> T {
-        self.0[figure as usize]
+    /// All values, in the order of [`RangingMetric::ALL`].
+    pub fn iter(&self) -> impl Iterator<Item = (RangingMetric, &T)> {
+        RangingMetric::ALL.into_iter().zip(&self.0)
     }
 }
 
-impl<T: Serialize> Serialize for Figures<T> {
+impl<T: Copy> RangingMetrics<T> {
+    /// The value of one metric.
+    pub fn get(&self, metric: RangingMetric) -> T {
+        self.0[metric as usize]
+    }
+}
+
+impl<T: Serialize> Serialize for RangingMetrics<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(Figure::COUNT))?;
-        for (figure, value) in self.iter() {
-            map.serialize_entry(figure.name(), value)?;
+        let mut map = serializer.serialize_map(Some(RangingMetric::COUNT))?;
+        for (metric, value) in self.iter() {
+            map.serialize_entry(metric.name(), value)?;
         }
         map.end()
     }

@@ -1,12 +1,12 @@
-//! All frames of a result set, boiled down.
+//! What AP needs to know of all frames of a result set.
 
 use rayon::prelude::*;
 
+use super::class_frame::{Prepared, enabled_metrics};
 use super::matching::Matching;
 use super::report::ApReport;
-use super::scene::{Prepared, enabled_metrics};
 use super::scores::{Scores, SizedScores};
-use super::{Curve, Metric, OverlapSet, Scene};
+use super::{ClassFrame, Curve, Metric, OverlapSet};
 use crate::{Difficulty, EvaluatedClass, Frame};
 
 /// The devkit's mark for "no angle known", exactly.
@@ -14,45 +14,45 @@ const NO_ALPHA: f64 = -10.0;
 
 /// What AP needs to know of a set of frames; grows by a few hundred bytes a frame and eight bytes a detection.
 #[derive(Debug, Clone, Default)]
-pub struct SceneSet {
-    scenes: [Vec<Scene>; 3],
+pub struct ApAccumulator {
+    class_frames: [Vec<ClassFrame>; 3],
     scores: [SizedScores; 3],
     enabled: [[bool; 3]; 3],
     lacks_alpha: bool,
 }
 
-impl SceneSet {
+impl ApAccumulator {
     /// A set without frames.
     pub fn new() -> Self {
         Self::default()
     }
 
     /// What `frame` comes down to for `class`.
-    pub fn scene(frame: &Frame, class: EvaluatedClass) -> Scene {
-        Prepared::new(frame).scene(class, &classes_of(frame))
+    pub fn class_frame(frame: &Frame, class: EvaluatedClass) -> ClassFrame {
+        Prepared::new(frame).class_frame(class, &classes_of(frame))
     }
 
-    /// Boils `frame` down, alone; the frames of a large set can be observed on many threads.
-    pub fn observe(frame: &Frame) -> Self {
+    /// Reduces `frame`, alone; the frames of a large set can be observed on many threads.
+    pub fn of_frame(frame: &Frame) -> Self {
         let prepared = Prepared::new(frame);
         let classes = classes_of(frame);
         let mut set = Self::new();
         for class in EvaluatedClass::ALL {
-            let mut scene = prepared.scene(class, &classes);
-            for (score, size) in std::mem::take(&mut scene.scores) {
+            let mut class_frame = prepared.class_frame(class, &classes);
+            for (score, size) in std::mem::take(&mut class_frame.scores) {
                 if let Some(size) = size {
                     set.scores[class as usize].add(score, size);
                 }
             }
-            if !scene.objects.is_empty() || !scene.claims.is_empty() {
-                set.scenes[class as usize].push(scene);
+            if !class_frame.objects.is_empty() || !class_frame.predictions.is_empty() {
+                set.class_frames[class as usize].push(class_frame);
             }
         }
-        for (claim, class) in frame.claims.iter().zip(&classes) {
-            set.lacks_alpha |= claim.alpha_rad == NO_ALPHA;
+        for (prediction, class) in frame.predictions.iter().zip(&classes) {
+            set.lacks_alpha |= prediction.alpha_rad == NO_ALPHA;
             if let Some(class) = class {
                 let enabled = &mut set.enabled[*class as usize];
-                enabled.iter_mut().zip(enabled_metrics(claim)).for_each(|(old, new)| *old |= new);
+                enabled.iter_mut().zip(enabled_metrics(prediction)).for_each(|(old, new)| *old |= new);
             }
         }
         set
@@ -61,7 +61,7 @@ impl SceneSet {
     /// Adds frames after those that are here.
     pub fn append(&mut self, mut other: Self) {
         for class in 0..EvaluatedClass::ALL.len() {
-            self.scenes[class].append(&mut other.scenes[class]);
+            self.class_frames[class].append(&mut other.class_frames[class]);
             self.scores[class].append(&mut other.scores[class]);
             self.enabled[class].iter_mut().zip(other.enabled[class]).for_each(|(old, new)| *old |= new);
         }
@@ -87,10 +87,10 @@ impl SceneSet {
             let is_drawn = self.enabled[class as usize][metric as usize] && !is_copy;
             is_drawn.then(|| {
                 let matching = Matching::new(set, metric, class, difficulty);
-                let scenes = &self.scenes[class as usize];
+                let class_frames = &self.class_frames[class as usize];
                 let counting = &counting[class as usize][difficulty as usize];
                 let with_orientation = metric == Metric::Image && !self.lacks_alpha;
-                Curve::new(scenes, &matching, &Scores::new(counting, scenes, &matching), with_orientation)
+                Curve::new(class_frames, &matching, &Scores::new(counting, class_frames, &matching), with_orientation)
             })
         });
         ApReport::new(curves.collect(), !self.lacks_alpha)
@@ -98,5 +98,5 @@ impl SceneSet {
 }
 
 fn classes_of(frame: &Frame) -> Vec<Option<EvaluatedClass>> {
-    frame.claims.iter().map(|claim| EvaluatedClass::of(&claim.detection.class)).collect()
+    frame.predictions.iter().map(|prediction| EvaluatedClass::of(&prediction.detection.class)).collect()
 }

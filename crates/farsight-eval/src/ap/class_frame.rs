@@ -5,34 +5,34 @@ use farsight_core::{Label, ObjectClass};
 
 use super::{Metric, Overlaps};
 use crate::class::Role;
-use crate::{Claim, Difficulty, EvaluatedClass, Frame};
+use crate::{Difficulty, EvaluatedClass, Frame, Prediction};
 
 /// The objects that matter to a class in one frame, and the detections that overlap them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Scene {
+pub struct ClassFrame {
     /// Objects of the class and its neighbours, in file order.
-    pub objects: Vec<SceneObject>,
+    pub objects: Vec<FrameObject>,
     /// Detections that overlap one of them, or a `DontCare` region, enough to matter; in file order.
-    pub claims: Vec<SceneClaim>,
+    pub predictions: Vec<FramePrediction>,
     /// Scores of all detections of the class with the size that they count at.
     pub(super) scores: Vec<(f64, Option<Difficulty>)>,
 }
 
 /// The scenes of one class, in the order of the frames.
-pub(super) type ClassScenes = [Scene];
+pub(super) type ClassFrames = [ClassFrame];
 
 /// A labelled object.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SceneObject {
+pub struct FrameObject {
     /// What is known of it.
-    pub label: SceneLabel,
-    /// Positions in [`Scene::claims`] of detections that overlap it, in file order, with the overlaps.
+    pub label: FrameLabel,
+    /// Positions in [`ClassFrame::predictions`] of detections that overlap it, in file order, with the overlaps.
     pub overlapping: Vec<(usize, Overlaps)>,
 }
 
 /// A label, seen from one class.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SceneLabel {
+pub struct FrameLabel {
     /// Position in the frame's labels.
     pub index: usize,
     /// The easiest level at which it must be found; `None` for neighbours and objects that never count.
@@ -43,8 +43,8 @@ pub struct SceneLabel {
 
 /// A detection, seen from one class.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SceneClaim {
-    /// Position in the frame's claims.
+pub struct FramePrediction {
+    /// Position in the frame's predictions.
     pub index: usize,
     /// Whether it is of the class.
     pub is_own: bool,
@@ -60,7 +60,7 @@ pub struct SceneClaim {
 
 /// What a detection counts as at one difficulty (spec rule 9).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ClaimRole {
+pub(crate) enum PredictionRole {
     /// Right or wrong.
     Counts,
     /// Too small, of **whatever** class: takes objects, but is neither right nor wrong.
@@ -73,44 +73,49 @@ pub(crate) enum ClaimRole {
 pub(super) struct Prepared<'a> {
     frame: &'a Frame,
     label_blocks: Vec<Block>,
-    claim_blocks: Vec<Block>,
-    claim_sizes: Vec<Option<Difficulty>>,
+    prediction_blocks: Vec<Block>,
+    prediction_sizes: Vec<Option<Difficulty>>,
     /// Positions of the `DontCare` regions.
     dont_care: Vec<usize>,
 }
 
-impl SceneLabel {
+impl FrameLabel {
     /// Whether it must be found at this level.
     pub fn counts_at(&self, difficulty: Difficulty) -> bool {
         self.difficulty.is_some_and(|easiest| easiest <= difficulty)
     }
 }
 
-impl SceneClaim {
-    pub(crate) fn role_at(&self, difficulty: Difficulty) -> ClaimRole {
+impl FramePrediction {
+    pub(crate) fn role_at(&self, difficulty: Difficulty) -> PredictionRole {
         match self.size {
             Some(easiest) if easiest <= difficulty => {
                 if self.is_own {
-                    ClaimRole::Counts
+                    PredictionRole::Counts
                 } else {
-                    ClaimRole::Other
+                    PredictionRole::Other
                 }
             }
-            _ => ClaimRole::TooSmall,
+            _ => PredictionRole::TooSmall,
         }
     }
 }
 
 impl<'a> Prepared<'a> {
     pub(super) fn new(frame: &'a Frame) -> Self {
-        let size =
-            |claim: &Claim| Difficulty::ALL.into_iter().find(|level| !level.ignores_detection(&claim.detection.box2d));
+        let size = |prediction: &Prediction| {
+            Difficulty::ALL.into_iter().find(|level| !level.ignores_detection(&prediction.detection.box2d))
+        };
         let labels = frame.labels.iter().enumerate();
         Self {
             frame,
             label_blocks: frame.labels.iter().map(|label| Block::new(&label.box3d)).collect(),
-            claim_blocks: frame.claims.iter().map(|claim| Block::new(&claim.detection.box3d)).collect(),
-            claim_sizes: frame.claims.iter().map(size).collect(),
+            prediction_blocks: frame
+                .predictions
+                .iter()
+                .map(|prediction| Block::new(&prediction.detection.box3d))
+                .collect(),
+            prediction_sizes: frame.predictions.iter().map(size).collect(),
             dont_care: labels
                 .filter(|(_, label)| label.class.is_in_any_case(&ObjectClass::DontCare))
                 .map(|(index, _)| index)
@@ -118,20 +123,20 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The scene of one class; `classes` says what each claim is.
-    pub(super) fn scene(&self, class: EvaluatedClass, classes: &[Option<EvaluatedClass>]) -> Scene {
+    /// The frame as one class sees it; `classes` says what each prediction is.
+    pub(super) fn class_frame(&self, class: EvaluatedClass, classes: &[Option<EvaluatedClass>]) -> ClassFrame {
         let mut objects: Vec<_> = self.frame.labels.iter().enumerate().filter_map(|row| object(class, row)).collect();
-        let mut scene = Scene::default();
-        for (index, claim) in self.frame.claims.iter().enumerate() {
-            let (is_own, size) = (classes[index] == Some(class), self.claim_sizes[index]);
+        let mut class_frame = ClassFrame::default();
+        for (index, prediction) in self.frame.predictions.iter().enumerate() {
+            let (is_own, size) = (classes[index] == Some(class), self.prediction_sizes[index]);
             if is_own {
-                scene.scores.push((claim.detection.score, size));
+                class_frame.scores.push((prediction.detection.score, size));
             }
             // Large detections of other classes are not there; the smallest ones are in no level's way but all may be taken by an object.
             if !is_own && size == Some(Difficulty::Easy) {
                 continue;
             }
-            let position = scene.claims.len();
+            let position = class_frame.predictions.len();
             let mut matters = false;
             for object in &mut objects {
                 let overlaps = self.overlaps(index, object.label.index);
@@ -142,58 +147,61 @@ impl<'a> Prepared<'a> {
             }
             let excuse = if is_own { self.excuse(index) } else { Overlaps::default() };
             if matters || excuse.matter(class) {
-                let Claim { detection, alpha_rad } = claim;
+                let Prediction { detection, alpha_rad } = prediction;
                 let (score, alpha_rad) = (detection.score, *alpha_rad);
-                scene.claims.push(SceneClaim { index, is_own, size, score, alpha_rad, excuse });
+                class_frame.predictions.push(FramePrediction { index, is_own, size, score, alpha_rad, excuse });
             }
         }
-        // Scenes are kept for the whole set.
-        scene.claims.shrink_to_fit();
+        // Kept for the whole set.
+        class_frame.predictions.shrink_to_fit();
         for object in &mut objects {
             object.overlapping.shrink_to_fit();
         }
         objects.shrink_to_fit();
-        scene.objects = objects;
-        scene
+        class_frame.objects = objects;
+        class_frame
     }
 
-    fn overlaps(&self, claim: usize, label: usize) -> Overlaps {
-        let image = iou_2d(&self.frame.claims[claim].detection.box2d, &self.frame.labels[label].box2d);
-        Overlaps { image, scene: self.claim_blocks[claim].overlap(&self.label_blocks[label]) }
+    fn overlaps(&self, prediction: usize, label: usize) -> Overlaps {
+        let image = iou_2d(&self.frame.predictions[prediction].detection.box2d, &self.frame.labels[label].box2d);
+        Overlaps { image, box3d: self.prediction_blocks[prediction].overlap(&self.label_blocks[label]) }
     }
 
     /// The devkit measures `DontCare` in every metric. Beyond the image its default box is nowhere near a real one, but coincides with that of
     /// a detection without 3D box seen from above (spec rule 16, quirk Q2); in space the two share no height.
-    fn excuse(&self, claim: usize) -> Overlaps {
+    fn excuse(&self, prediction: usize) -> Overlaps {
         let covered = self.dont_care.iter().map(|&region| Overlaps {
-            image: covered_share_2d(&self.frame.claims[claim].detection.box2d, &self.frame.labels[region].box2d),
-            scene: self.claim_blocks[claim].covered(&self.label_blocks[region]),
+            image: covered_share_2d(
+                &self.frame.predictions[prediction].detection.box2d,
+                &self.frame.labels[region].box2d,
+            ),
+            box3d: self.prediction_blocks[prediction].covered(&self.label_blocks[region]),
         });
         covered.fold(Overlaps::default(), Overlaps::largest)
     }
 }
 
-fn object(class: EvaluatedClass, (index, label): (usize, &Label)) -> Option<SceneObject> {
+fn object(class: EvaluatedClass, (index, label): (usize, &Label)) -> Option<FrameObject> {
     let difficulty = match class.role(&label.class) {
         Role::Own => Difficulty::of(label),
         Role::Neighbour => None,
         Role::Other => return None,
     };
-    let label = SceneLabel { index, difficulty, alpha_rad: label.alpha };
-    Some(SceneObject { label, overlapping: Vec::new() })
+    let label = FrameLabel { index, difficulty, alpha_rad: label.alpha };
+    Some(FrameObject { label, overlapping: Vec::new() })
 }
 
 /// Whether a detection lets its class be evaluated in each metric (spec rule 6).
-pub(super) fn enabled_metrics(claim: &Claim) -> [bool; 3] {
+pub(super) fn enabled_metrics(prediction: &Prediction) -> [bool; 3] {
     /// What the devkit takes for "no 3D box".
     const NOWHERE: f64 = -1000.0;
-    let detection = &claim.detection;
+    let detection = &prediction.detection;
     let [x, y, z] = detection.box3d.location;
     let size = detection.box3d.dimensions;
     let on_ground = x != NOWHERE && z != NOWHERE && size.width > 0.0 && size.length > 0.0;
     Metric::ALL.map(|metric| match metric {
         Metric::Image => detection.box2d.x1 >= 0.0,
         Metric::Bev => on_ground,
-        Metric::Space => on_ground && y != NOWHERE && size.height > 0.0,
+        Metric::Box3d => on_ground && y != NOWHERE && size.height > 0.0,
     })
 }
