@@ -5,10 +5,10 @@ use image::RgbImage;
 
 use crate::annotate::far_to_near;
 use crate::canvas::{Canvas, Pen, Point};
+use crate::label_layout::LabelLayout;
 use crate::legend::legend;
 use crate::options::{DrawOptions, Scene};
 use crate::palette::{GROUND, MUTED, NIGHT, RING, SHADOW, WHITE};
-use crate::placing::Placing;
 use crate::scale::drawing_scale;
 use crate::text::{text_width, write};
 
@@ -174,15 +174,15 @@ impl Panel<'_> {
     }
 
     fn detection(&mut self, detection: &Detection) {
-        let ink = self.options.ink(detection);
+        let color = self.options.color(detection);
         let footprint = self.map.footprint(&detection.box3d);
         let [front_a, front_b, rear_b, rear_a] = footprint;
-        self.canvas.polygon(&footprint, ink.faded(0.28));
+        self.canvas.polygon(&footprint, color.faded(0.28));
         // The arrow head from the middle of the box to its front.
         let tip = midpoint(front_a, front_b);
         let [a, b] = [midpoint(front_a, rear_a), midpoint(front_b, rear_b)];
-        self.canvas.polygon(&[tip, a, b], ink.faded(0.85));
-        self.canvas.outline(&footprint, Pen::solid(ink, self.line_px));
+        self.canvas.polygon(&[tip, a, b], color.faded(0.85));
+        self.canvas.outline(&footprint, Pen::solid(color, self.line_px));
         self.error_bar(detection);
     }
 
@@ -218,11 +218,11 @@ impl Panel<'_> {
             .collect();
         let areas: Vec<Box2d> = shown.iter().map(|(_, area)| *area).collect();
         let size_px = 0.85 * self.text_px;
-        let mut placing = Placing::new(window, &areas, 0.2 * size_px);
+        let mut layout = LabelLayout::new(window, &areas, 0.2 * size_px);
         for (detection, area) in shown {
             let text = self.options.distance_text(detection);
-            let place = placing.place(&area, [text_width(&text, size_px) + 0.4 * size_px, size_px]);
-            self.canvas.plate(&place, 0.2 * size_px, SHADOW.faded(0.55));
+            let place = layout.place(&area, [text_width(&text, size_px) + 0.4 * size_px, size_px]);
+            self.canvas.rounded_rect(&place, 0.2 * size_px, SHADOW.faded(0.55));
             write(&mut self.canvas, &text, [place.x1 + 0.2 * size_px, place.y2 - 0.2 * size_px], size_px, WHITE);
         }
     }

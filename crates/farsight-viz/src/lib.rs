@@ -10,11 +10,11 @@
 mod annotate;
 mod birds_eye;
 mod canvas;
+mod label_layout;
 mod legend;
 mod options;
 mod palette;
 mod picture;
-mod placing;
 mod scale;
 mod text;
 mod wireframe;

@@ -18,7 +18,7 @@ pub struct ClassFrame {
     pub(super) scores: Vec<(f64, Option<Difficulty>)>,
 }
 
-/// The scenes of one class, in the order of the frames.
+/// The frames as one class sees them, in their order.
 pub(super) type ClassFrames = [ClassFrame];
 
 /// A labelled object.

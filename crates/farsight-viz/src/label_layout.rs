@@ -23,14 +23,14 @@ const AWAY: f64 = 0.35;
 const NOT_ABOVE: f64 = 0.25;
 
 /// Labels placed so far and what they should not hide.
-pub(crate) struct Placing<'a> {
+pub(crate) struct LabelLayout<'a> {
     window: Box2d,
     objects: &'a [Box2d],
     placed: Vec<Box2d>,
     gap_px: f64,
 }
 
-impl<'a> Placing<'a> {
+impl<'a> LabelLayout<'a> {
     /// Labels stay inside `window`, `gap_px` apart, and keep off `objects` where they can.
     pub(crate) fn new(window: Box2d, objects: &'a [Box2d], gap_px: f64) -> Self {
         Self { window, objects, placed: Vec::new(), gap_px }
@@ -95,7 +95,7 @@ fn share_hidden(area: &Box2d, cover: &Box2d, margin: f64) -> f64 {
 mod tests {
     use farsight_core::Box2d;
 
-    use super::{Placing, share_hidden};
+    use super::{LabelLayout, share_hidden};
 
     const WINDOW: Box2d = Box2d::new(0.0, 0.0, 1000.0, 400.0);
     const SIZE: [f64; 2] = [80.0, 18.0];
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn a_lone_label_stands_above_the_middle() {
         let object = Box2d::new(400.0, 200.0, 500.0, 260.0);
-        let place = Placing::new(WINDOW, &[object], 2.0).place(&object, SIZE);
+        let place = LabelLayout::new(WINDOW, &[object], 2.0).place(&object, SIZE);
         assert_eq!(place, Box2d::new(410.0, 180.0, 490.0, 198.0));
     }
 
@@ -112,8 +112,8 @@ mod tests {
         let objects: Vec<_> = (0..10)
             .map(|i| Box2d::new(400.0 + 15.0 * f64::from(i), 180.0, 440.0 + 15.0 * f64::from(i), 210.0))
             .collect();
-        let mut placing = Placing::new(WINDOW, &objects, 2.0);
-        let places: Vec<_> = objects.iter().map(|object| placing.place(object, SIZE)).collect();
+        let mut layout = LabelLayout::new(WINDOW, &objects, 2.0);
+        let places: Vec<_> = objects.iter().map(|object| layout.place(object, SIZE)).collect();
         for (i, a) in places.iter().enumerate() {
             for b in &places[..i] {
                 assert!(share_hidden(a, b, 0.0) <= 0.0, "{a:?} and {b:?} overlap");
@@ -125,7 +125,7 @@ mod tests {
     fn labels_stay_inside_even_when_the_window_is_smaller() {
         let window = Box2d::new(0.0, 0.0, 10.0, 10.0);
         let object = Box2d::new(-50.0, -50.0, 60.0, 60.0);
-        let place = Placing::new(window, &[object], 2.0).place(&object, SIZE);
+        let place = LabelLayout::new(window, &[object], 2.0).place(&object, SIZE);
         assert_eq!(place, Box2d::new(0.0, 0.0, SIZE[0], SIZE[1]));
     }
 }
