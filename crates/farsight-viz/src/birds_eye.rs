@@ -227,22 +227,46 @@ impl Panel<'_> {
         }
     }
 
-    /// In the upper left corner: how many there are and how near the nearest is.
+    /// In the upper left corner: how many there are and how near the nearest of them is.
     fn headline(&mut self) {
-        // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to nothing.
         let distances = self.scene.detections.iter().map(|d| self.options.distance_of(&d.box3d));
-        let nearest = distances.filter(|&distance| distance >= 0.0).reduce(f64::min);
-        let first = match self.scene.detections.len() {
-            0 => "nothing found".to_owned(),
-            count => format!("{count} found"),
-        };
-        let second = nearest.map_or_else(String::new, |nearest| format!("nearest {nearest:.1} m"));
+        let [first, second] = headline_of(distances);
         let [left, top] = [0.9 * self.text_px, 1.7 * self.text_px];
         write(&mut self.canvas, &first, [left, top], 1.2 * self.text_px, WHITE);
         write(&mut self.canvas, &second, [left, top + 1.3 * self.text_px], self.text_px, MUTED);
     }
 }
 
+/// What is said about objects at these distances, metres, in two lines.
+///
+/// Something that was not found may be nearer than what was, so the second line speaks of what was found.
+fn headline_of(distances: impl ExactSizeIterator<Item = f64>) -> [String; 2] {
+    let first = match distances.len() {
+        0 => "nothing found".to_owned(),
+        count => format!("{count} found"),
+    };
+    // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to nothing.
+    let nearest = distances.filter(|&distance| distance >= 0.0).reduce(f64::min);
+    [first, nearest.map_or_else(String::new, |nearest| format!("nearest found {nearest:.1} m"))]
+}
+
 fn midpoint(a: Point, b: Point) -> Point {
     [0, 1].map(|i| f64::midpoint(a[i], b[i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::headline_of;
+
+    #[test]
+    fn the_headline_speaks_of_what_was_found() {
+        for (distances, expected) in [
+            (vec![], ["nothing found", ""]),
+            (vec![31.26, 8.0, 12.5], ["3 found", "nearest found 8.0 m"]),
+            (vec![-2.0, 40.0], ["2 found", "nearest found 40.0 m"]),
+            (vec![-2.0, f64::NAN], ["2 found", ""]),
+        ] {
+            assert_eq!(headline_of(distances.into_iter()), expected);
+        }
+    }
 }
