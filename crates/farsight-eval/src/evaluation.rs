@@ -5,7 +5,9 @@ use serde::{Serialize, Serializer};
 
 use crate::Frame;
 use crate::ap::{ApAccumulator, ApReport, OverlapSet};
-use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport, Target, match_frame};
+use crate::ranging::{
+    Bootstrap, FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
+};
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
 ///
@@ -76,6 +78,13 @@ impl Evaluation {
     /// Every object of an evaluated class, with how it was ranged.
     pub fn targets(&self) -> &[Target] {
         &self.targets
+    }
+
+    /// These results beside `others` on the same frames; `None` when the labels differ.
+    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<RangingComparison> {
+        let mut comparison = RangingComparison::new(&self.targets, &others.targets, self.frames, bootstrap)?;
+        comparison.identical &= self.ap == others.ap && self.false_alarms == others.false_alarms;
+        Some(comparison)
     }
 
     /// The report on the frames so far.

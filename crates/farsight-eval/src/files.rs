@@ -162,10 +162,10 @@ impl FrameFiles {
             ids
         } else {
             for id in result_ids.difference(&label_ids) {
-                left_out.add(WITHOUT_LABELS, || file(&results, id));
+                left_out.add_file(WITHOUT_LABELS, || file(&results, id));
             }
             for id in label_ids.difference(&result_ids) {
-                left_out.add(WITHOUT_RESULTS, || file(&labels, id));
+                left_out.add_file(WITHOUT_RESULTS, || file(&labels, id));
             }
             label_ids.intersection(&result_ids).cloned().collect()
         };
@@ -291,7 +291,7 @@ fn others(kind: &'static str, there: &BTreeSet<String>, wanted: &[String], resul
     let wanted: BTreeSet<&String> = wanted.iter().collect();
     let mut left_out = Findings::default();
     for id in there.iter().filter(|id| !wanted.contains(id)) {
-        left_out.add(kind, || file(results, id));
+        left_out.add_file(kind, || file(results, id));
     }
     left_out
 }

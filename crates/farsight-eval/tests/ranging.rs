@@ -158,6 +158,26 @@ fn figures_of_a_scene_by_hand() {
 }
 
 #[test]
+fn the_coverage_of_error_bars_is_counted_and_compared_with_a_normal_distribution() {
+    let cars: Vec<_> = (0..4).map(|i| label(ObjectClass::Car, 200.0 * f64::from(i), 20.0)).collect();
+    // Every error bar is 1 m.
+    let predictions = cars.iter().zip([0.5, -1.5, 2.5, 3.5]).map(|(car, error)| prediction(car, 0.9, 0.0, error));
+    let frame = Frame { id: String::new(), predictions: predictions.collect(), labels: cars };
+    let report = RangingReport::new(&targets(&frame, 0, &NO_INTERVALS), 1, &NO_INTERVALS);
+    let all = report.group(EvaluatedClass::Car, Group::All).unwrap();
+    let coverage = &all.calibration.as_ref().unwrap().coverage;
+    // The shares of a normal distribution are those of every table.
+    for (step, sigmas, expected, observed) in
+        [(0, 0.0, 0.0, 0.0), (10, 1.0, 0.682_689, 0.25), (20, 2.0, 0.954_500, 0.5), (30, 3.0, 0.997_300, 0.75)]
+    {
+        let point = coverage[step];
+        assert_eq!((point.sigmas, point.observed), (sigmas, observed), "{point:?}");
+        assert!((point.expected - expected).abs() < 1e-6, "{point:?}");
+    }
+    assert!(coverage.is_sorted_by(|a, b| a.expected < b.expected && a.observed <= b.observed));
+}
+
+#[test]
 fn without_detections_there_are_shares_but_no_errors() {
     let frame = Frame { id: String::new(), labels: vec![label(ObjectClass::Cyclist, 0.0, 10.0)], predictions: vec![] };
     let report = RangingReport::new(&targets(&frame, 0, &NO_INTERVALS), 1, &RangingOptions::default());

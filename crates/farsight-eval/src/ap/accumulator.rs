@@ -13,7 +13,7 @@ use crate::{Difficulty, EvaluatedClass, Frame};
 const NO_ALPHA: f64 = -10.0;
 
 /// What AP needs to know of a set of frames; grows by a few hundred bytes a frame and eight bytes a detection.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ApAccumulator {
     class_frames: [Vec<ClassFrame>; 3],
     scores: [SizedScores; 3],
@@ -93,7 +93,7 @@ impl ApAccumulator {
                 Curve::new(class_frames, &matching, &Scores::new(counting, class_frames, &matching), with_orientation)
             })
         });
-        ApReport::new(curves.collect(), !self.lacks_alpha)
+        ApReport::new(curves.collect(), self.scores.each_ref().map(SizedScores::range), !self.lacks_alpha)
     }
 }
 

@@ -17,5 +17,6 @@ pub use class_frame::{ClassFrame, FrameLabel, FrameObject, FramePrediction};
 pub use curve::{Curve, RECALL_POINTS, ScoreThreshold};
 pub use metric::{Metric, OverlapSet, Overlaps};
 pub use report::{ApReport, ApTable, ApValues};
+pub use scores::ScoreRange;
 
 pub(crate) use matching::{MatchOutcome, Matching, outcomes};

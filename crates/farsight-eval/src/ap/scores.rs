@@ -4,8 +4,19 @@ use super::class_frame::{ClassFrames, FramePrediction};
 use super::matching::Matching;
 use crate::Difficulty;
 
+/// The scores of all detections of a class, those that are no numbers left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScoreRange {
+    /// How many detections there are.
+    pub count: usize,
+    /// The lowest score; infinite without any.
+    pub lowest: f64,
+    /// The highest score; negative and infinite without any.
+    pub highest: f64,
+}
+
 /// Scores of all detections of a class, by the easiest level at which they are not too small.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct SizedScores([Vec<f64>; 3]);
 
 /// Scores of the detections that count and that no `DontCare` region excuses, highest first.
@@ -17,6 +28,15 @@ pub(super) struct Scores<'a> {
 impl SizedScores {
     pub(super) fn add(&mut self, score: f64, size: Difficulty) {
         self.0[size as usize].push(score);
+    }
+
+    pub(super) fn range(&self) -> ScoreRange {
+        let numbers = || self.0.iter().flatten().copied().filter(|score| !score.is_nan());
+        ScoreRange {
+            count: numbers().count(),
+            lowest: numbers().fold(f64::INFINITY, f64::min),
+            highest: numbers().fold(f64::NEG_INFINITY, f64::max),
+        }
     }
 
     pub(super) fn append(&mut self, other: &mut Self) {

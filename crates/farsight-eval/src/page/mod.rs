@@ -8,7 +8,7 @@ mod html;
 mod worst;
 mod write;
 
-pub use chart::{Chart, LegendPosition, Series};
+pub use chart::{Chart, Series};
 pub use contents::{Page, ShownFrame};
 pub use error::PageError;
 pub use worst::{WorstFrame, worst_frames};

@@ -15,6 +15,9 @@ use crate::EvaluatedClass;
 /// would look worse. Frames are drawn together for both, so what makes a frame hard for both cancels.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RangingComparison {
+    /// Whether both say the same: of every object, and from [`Evaluation::compared_with`](crate::Evaluation::compared_with)
+    /// of everything that any figure is made of.
+    pub identical: bool,
     /// One row for every class with objects, group, and range of distances.
     pub rows: Vec<ComparisonRow>,
 }
@@ -72,7 +75,7 @@ impl RangingComparison {
             let pairs: Vec<_> = ours.iter().zip(theirs).filter(|(target, _)| target.class == class).collect();
             (!pairs.is_empty()).then(|| rows_of_class(class, &pairs, frames, bootstrap))
         });
-        Some(Self { rows: rows.flatten().collect() })
+        Some(Self { identical: ours == theirs, rows: rows.flatten().collect() })
     }
 }
 

@@ -24,12 +24,12 @@ mod slices;
 mod tally;
 
 pub use bootstrap::{Bootstrap, Interval};
-pub use calibration::{Calibration, CoverageRow};
+pub use calibration::{Calibration, CoveragePoint, CoverageRow};
 pub use compare::{ComparisonRow, Difference, RangingComparison};
 pub use matching::{FalseAlarm, Measurement, Target, match_frame, targets};
 pub use metrics::{RangingMetric, RangingMetrics};
 pub use operating::{OperatingPoint, OperatingPoints};
 pub use options::{MATCH_IOU, RangingOptions};
-pub use report::{ClassRanging, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
+pub use report::{ClassRanging, FIXED_RECALL, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
 pub(crate) use slices::bin_middle_m;
 pub use slices::{DISTANCE_BINS, Group, Part, Slice};

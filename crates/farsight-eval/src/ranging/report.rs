@@ -13,7 +13,7 @@ use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
 
 /// The share of objects at which detectors are compared on equal terms.
-const FIXED_RECALL: f64 = 0.7;
+pub const FIXED_RECALL: f64 = 0.7;
 
 /// Ranging errors of a set of frames, by class; in JSON a map from class to groups.
 #[derive(Debug, Clone, PartialEq)]
