@@ -70,13 +70,13 @@ fn frame_text(random: &mut Pcg64) -> (String, String) {
     for _ in 0..random.random_range(40..=66) {
         // Two detections of five belong to an object, near it or not so near; the others are nothing.
         let is_near = random.random_range(0..5) < 2;
-        let (claim, score) = if is_near {
+        let (prediction, score) = if is_near {
             let object = &objects[random.random_range(0..objects.len())];
             (disturbed(object, random), random.random_range(0.1..1.0))
         } else {
             (thing(random), random.random_range(0.0..0.5))
         };
-        push(&mut results, &claim, "-1 -1", Some(score));
+        push(&mut results, &prediction, "-1 -1", Some(score));
     }
     (labels, results)
 }

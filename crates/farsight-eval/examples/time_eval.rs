@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let report = evaluation.report();
         let ap = report.ap.ap(
             farsight_eval::ap::OverlapSet::Strict,
-            farsight_eval::ap::Metric::Space,
+            farsight_eval::ap::Metric::Box3d,
             farsight_eval::EvaluatedClass::Car,
         );
         let all = start.elapsed();

@@ -129,7 +129,7 @@ fn place_scores_need_an_error_bar_in_every_row() {
     let (_kept, labels, results) = folders(&files.map(|(name, _)| (name, LABEL)), &files);
     let files = FrameFiles::open(&labels, &results, None).unwrap().with_scores(Scores::Place);
     let (frame, _) = files.read("000000").unwrap();
-    let scores: Vec<_> = frame.claims.iter().map(|claim| claim.detection.score).collect();
+    let scores: Vec<_> = frame.predictions.iter().map(|prediction| prediction.detection.score).collect();
     for (score, want) in scores.iter().zip([0.9 * (1.0 - (-1.0_f64).exp()), 0.0, 0.9]) {
         assert!((score - want).abs() < 1e-6, "{score}, not {want}");
     }

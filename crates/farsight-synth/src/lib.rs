@@ -1,32 +1,24 @@
 //! Procedural traffic scenes rendered to frames with exact labels.
 //!
-//! A [`scene::Scene`] is triangles, materials, light and air, seen by one camera. The renderer turns it into pixels, depth and instances; the world
+//! A [`scene::Scene`] is triangles, materials, light and atmosphere, seen by one camera. The renderer turns it into pixels, depth and instances; the world
 //! builder draws scenes at random.
 
-mod actors;
-mod dice;
+pub mod generator;
 pub mod labels;
 pub mod layout;
+mod mesh_builder;
+mod objects;
 mod palette;
-pub mod photo;
 mod plates;
 pub mod render;
+mod rng;
 pub mod scene;
-mod shape;
+pub mod sensor;
 pub mod sizes;
 mod stream;
 pub(crate) mod vector;
-pub mod world;
 
+pub use generator::{CameraRanges, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
-pub use stream::{SceneStream, twin};
-pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};
-
-/// A scene and who is in it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Drawn {
-    /// What the renderer is given.
-    pub scene: scene::Scene,
-    /// Those in traffic, numbered from 1.
-    pub actors: Vec<scene::Actor>,
-}
+pub use scene::LabelledScene;
+pub use stream::{SceneStream, frame_from_labels};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
 use farsight_methods::smoke::config::SmokeConfig;
-use farsight_synth::WorldConfig;
+use farsight_synth::SceneConfig;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -87,12 +87,12 @@ pub struct RenderedConfig {
     /// Scenes in what the schedule calls an epoch; no scene is ever seen twice.
     pub frames_per_epoch: usize,
     /// What the scenes look like and which cameras see them.
-    pub world: WorldConfig,
+    pub world: SceneConfig,
 }
 
 impl Default for RenderedConfig {
     fn default() -> Self {
-        Self { frames_per_epoch: 1000, world: WorldConfig::default() }
+        Self { frames_per_epoch: 1000, world: SceneConfig::default() }
     }
 }
 

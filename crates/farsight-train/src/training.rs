@@ -321,7 +321,7 @@ fn step<P: Pupil>(
 fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
     let source: Box<dyn FrameSource> = match (&data.rendered, &data.root) {
         (Some(rendered), _) => {
-            let stream = SceneStream { world: rendered.world.clone(), seed };
+            let stream = SceneStream { config: rendered.world.clone(), seed };
             Box::new(RenderedSource::new(stream, rendered.frames_per_epoch))
         }
         (None, Some(root)) => Box::new(KittiSource::new(KittiDataset::open(root, Some(&data.split))?, data.cache)),

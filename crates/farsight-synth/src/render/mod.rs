@@ -27,8 +27,11 @@ mod lanes;
 mod noise;
 mod pattern;
 mod pieces;
+mod projected;
 mod raster;
+mod rendered;
 mod resolve;
+mod samples;
 mod shade;
 mod shadow;
 mod sky;
@@ -36,30 +39,15 @@ mod surface;
 mod view;
 mod visibility;
 
+pub use rendered::Rendered;
+
 use lamps::Lamps;
 use resolve::Resolver;
 use shadow::Shadows;
 use view::View;
 use visibility::Visibility;
 
-use crate::scene::{Color, InstanceId, Scene};
-
-/// A rendered scene. Images are row by row from the top left, `width * height` values.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rendered {
-    /// Width and height, pixels.
-    pub size: [usize; 2],
-    /// Colour, linear light, not limited to 1.
-    pub color: Vec<Color>,
-    /// z of what most of the pixel shows, metres; infinite for the sky. At the pixel's centre, or amid the samples that see it.
-    pub depth_m: Vec<f32>,
-    /// Instance that most of the pixel shows; 0 for the world and the sky.
-    pub instance: Vec<InstanceId>,
-    /// Samples (four a pixel) in which each instance is seen, by instance.
-    pub visible: Vec<u32>,
-    /// Samples inside the image that each instance would fill if nothing hid it, by instance; 0 for the world.
-    pub alone: Vec<u32>,
-}
+use crate::scene::Scene;
 
 /// Renders a scene.
 ///
@@ -68,15 +56,15 @@ pub struct Rendered {
 pub fn render(scene: &Scene) -> Rendered {
     let view = View::new(&scene.camera);
     let seen = Visibility::of(scene, &view);
-    let alone = visibility::alone(scene, &view);
+    let amodal = visibility::amodal(scene, &view);
     let [width, height] = scene.image_size;
     let mut rendered = Rendered {
         size: scene.image_size,
         color: Vec::with_capacity(width * height),
         depth_m: Vec::with_capacity(width * height),
         instance: Vec::with_capacity(width * height),
-        visible: vec![0; alone.len()],
-        alone,
+        visible: vec![0; amodal.len()],
+        amodal,
     };
     let (shadows, lamps) = (Shadows::of(scene, &view), Lamps::of(scene, &view));
     Resolver::new(scene, &view, &seen, &shadows, &lamps).resolve(&mut rendered);

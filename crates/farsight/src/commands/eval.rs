@@ -242,7 +242,7 @@ impl MetricName {
         match self {
             Self::TwoD => Metric::Image,
             Self::Bev => Metric::Bev,
-            Self::ThreeD => Metric::Space,
+            Self::ThreeD => Metric::Box3d,
         }
     }
 }
@@ -290,6 +290,10 @@ fn tell(findings: &Findings, args: &EvalArgs, printer: &mut Printer) -> Outcome 
 
 fn tell_strictly(findings: &Findings, printer: &mut Printer) {
     for finding in findings.iter() {
+        if finding.is_of_files {
+            printer.error(&finding.to_string());
+            continue;
+        }
         for place in &finding.places {
             printer.error(&format!("{place} ({})", finding.kind));
         }
@@ -308,7 +312,7 @@ fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -
 
 fn compare(args: &EvalArgs, labels: &Path, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
     let bootstrap = Bootstrap { resamples: args.resamples, seed: args.seed };
-    RangingComparison::new(ours.targets(), theirs.targets(), ours.frames(), &bootstrap)
+    ours.compared_with(theirs, &bootstrap)
         .with_context(|| format!("{}: the labels changed while they were read", labels.display()))
 }
 

@@ -10,7 +10,7 @@ use clap::Args;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
 use farsight_data::{Frame, write_plates};
 use farsight_files::{write_atomically, write_quickly};
-use farsight_synth::{SceneStream, WorldConfig, twin};
+use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
@@ -36,8 +36,8 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
     jpeg: Option<u8>,
     /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]
-    #[arg(long, value_name = "FILE", conflicts_with = "layout")]
-    world: Option<PathBuf>,
+    #[arg(long, alias = "world", value_name = "FILE", conflicts_with = "layout")]
+    scene_config: Option<PathBuf>,
     /// Render the objects of these label files at their own positions instead of random traffic
     #[arg(long, value_name = "LABEL_DIR", requires = "calib_dir")]
     layout: Option<PathBuf>,
@@ -93,9 +93,9 @@ enum Source {
 impl Source {
     fn new(args: &SynthArgs) -> Result<Self> {
         let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
-            let world = args.world.as_deref().map_or_else(|| Ok(WorldConfig::default()), read_world)?;
+            let config = args.scene_config.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
             let frames = args.frames.unwrap_or(DEFAULT_FRAMES);
-            return Ok(Self::Stream { stream: SceneStream { world, seed: args.seed }, frames });
+            return Ok(Self::Stream { stream: SceneStream { config, seed: args.seed }, frames });
         };
         let mut ids = args.split.as_deref().map_or_else(|| label_ids(labels), |split| Ok(read_split(split)?))?;
         ensure!(!ids.is_empty(), "{}: no label files; expected files such as 000000.txt", labels.display());
@@ -119,7 +119,7 @@ impl Source {
                 let camera = Calibration::read(&calibrations.join(&file))?.camera();
                 let labels = read_labels(&labels.join(&file))?;
                 // By name, so that a frame's world does not depend on which others are rendered.
-                Ok(Frame { id: id.to_owned(), ..twin(&labels, &camera, image_size(&camera), seed, id) })
+                Ok(Frame { id: id.to_owned(), ..frame_from_labels(&labels, &camera, image_size(&camera), seed, id) })
             }
         }
     }
@@ -134,12 +134,12 @@ fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
     bail!("{}: no such file; {} missing in all", first.display(), counted(count, "file"))
 }
 
-fn read_world(path: &Path) -> Result<WorldConfig> {
+fn read_config(path: &Path) -> Result<SceneConfig> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let world: WorldConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
-    match world.problem() {
+    let config: SceneConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
+    match config.problem() {
         Some(problem) => bail!("{}: {problem}", path.display()),
-        None => Ok(world),
+        None => Ok(config),
     }
 }
 

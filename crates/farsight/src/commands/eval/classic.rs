@@ -49,8 +49,8 @@ fn evaluated(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, ranger: R
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..args.ranging_options() });
     for id in files.ids() {
         let camera = Calibration::read(&calibrations.join(format!("{id}.txt")))?.camera();
-        let (Frame { id, labels, claims }, _) = files.read(id)?;
-        let moved = claims.into_iter().filter_map(|claim| moved(claim.detection, &camera, ranger));
+        let (Frame { id, labels, predictions }, _) = files.read(id)?;
+        let moved = predictions.into_iter().filter_map(|prediction| moved(prediction.detection, &camera, ranger));
         evaluation.add(&Frame::new(id, labels, moved.collect()));
     }
     Ok(evaluation)

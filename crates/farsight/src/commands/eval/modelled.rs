@@ -21,6 +21,9 @@ use crate::printer::{Printer, counted};
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
 
+/// Frames that failed are told one by one up to this number, and the rest in one line: a folder without its images has thousands.
+const TOLD_FAILURES: usize = 5;
+
 /// Where the files to evaluate are.
 pub(super) struct Files {
     pub(super) labels: PathBuf,
@@ -92,7 +95,7 @@ pub(in crate::commands) fn write_results_of(
     printer: &mut Printer,
 ) -> Result<Vec<String>> {
     let bar = ProgressBar::new(dataset.len() as u64);
-    let mut done = Vec::new();
+    let (mut done, mut failed) = (Vec::new(), 0);
     for (index, id) in dataset.ids().iter().enumerate() {
         let path = results.join(format!("{id}.txt"));
         match looked_at(pipeline, dataset, index) {
@@ -101,7 +104,10 @@ pub(in crate::commands) fn write_results_of(
                 done.push(id.clone());
             }
             Err(error) => {
-                bar.suspend(|| printer.failure(&error));
+                failed += 1;
+                if failed <= TOLD_FAILURES {
+                    bar.suspend(|| printer.failure(&error));
+                }
                 // What an earlier run found in it must not be taken for an answer of this one.
                 if path.exists() {
                     fs::remove_file(&path).with_context(|| format!("{}: cannot be removed", path.display()))?;
@@ -111,6 +117,9 @@ pub(in crate::commands) fn write_results_of(
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if failed > TOLD_FAILURES {
+        printer.error(&format!("{} failed", counted(failed - TOLD_FAILURES, "more frame")));
+    }
     Ok(done)
 }
 

@@ -10,7 +10,7 @@ use farsight_core::range_error::DepthExample;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
 use farsight_core::{Camera, DepthFusion, Detection, ObjectClass, RangeError, ScoreCalibration};
 use farsight_data::{KittiDataset, read_image};
-use farsight_eval::ranging::{RangingOptions, Target, matched};
+use farsight_eval::ranging::{RangingOptions, Target, match_frame};
 use farsight_eval::{Difficulty, Frame};
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::{DetectorFile, SmokeDetector};
@@ -145,7 +145,7 @@ fn judged_in_frame(
     let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
     let reference = &detector.spec().codec.depth;
     let judged = |(place, target): (usize, Option<Target>)| {
-        let detection = &frame.claims[place].detection;
+        let detection = &frame.predictions[place].detection;
         Judged {
             class: detection.class.clone(),
             height_px: view.input_height_px(&detection.box2d),
@@ -194,9 +194,9 @@ pub(super) fn is_plain(target: &Target) -> bool {
 /// The detections of which the labels say whether they are right, by their places in the frame, with what they found: too low ones and those that are
 /// excused are left out.
 pub(super) fn told(frame: &Frame) -> impl Iterator<Item = (usize, Option<Target>)> {
-    let (targets, false_alarms) = matched(frame, 0, &RangingOptions::default());
-    let right = targets.into_iter().filter_map(|target| Some((target.found?.claim as usize, Some(target))));
-    let wrong = false_alarms.into_iter().map(|alarm| (alarm.claim as usize, None));
-    let is_high = |place: usize| !Difficulty::Moderate.ignores_detection(&frame.claims[place].detection.box2d);
+    let (targets, false_alarms) = match_frame(frame, 0, &RangingOptions::default());
+    let right = targets.into_iter().filter_map(|target| Some((target.found?.prediction as usize, Some(target))));
+    let wrong = false_alarms.into_iter().map(|alarm| (alarm.prediction as usize, None));
+    let is_high = |place: usize| !Difficulty::Moderate.ignores_detection(&frame.predictions[place].detection.box2d);
     right.chain(wrong).filter(move |(place, _)| is_high(*place))
 }

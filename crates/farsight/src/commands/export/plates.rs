@@ -60,7 +60,7 @@ fn pairs_of_frame(
     let frame = Frame::new(String::new(), dataset.load_labels(index)?, known);
     let pair = |(place, target): (usize, Option<Target>)| {
         let target = target.filter(is_plain)?;
-        let first = MeasuredDepth::of(&frame.claims[place].detection)?;
+        let first = MeasuredDepth::of(&frame.predictions[place].detection)?;
         Some(DepthPair { true_m: target.depth_m, first, second: readings[place]? })
     };
     Ok(told(&frame).filter_map(pair).collect())
