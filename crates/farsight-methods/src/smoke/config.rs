@@ -13,9 +13,7 @@ use farsight_graph::model::NetworkConfig;
 use super::codec::Codec;
 use super::network::{LOGITS, REGRESSION, network};
 use super::targets::{HeatMapBox, TargetRules};
-
-/// Side by which the input must be divisible: the stride of the coarsest level.
-pub const SIZE_STEP: usize = 32;
+use crate::input_spec::{InputSpec, SIZE_STEP};
 
 /// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
 pub const LARGEST_SIDE: usize = 8192;
@@ -240,6 +238,15 @@ impl SmokeConfig {
     /// Channels inside the MSFE block; 0 without one.
     pub fn msfe_width(&self) -> usize {
         MSFE_WIDTHS.iter().find(|(msfe, _)| *msfe == self.msfe).map_or(0, |&(_, width)| self.scaled(width))
+    }
+
+    /// How images become inputs.
+    pub fn input_spec(&self) -> InputSpec {
+        InputSpec {
+            rules: self.input_rules(),
+            camera_3x3: self.quirks.camera_3x3,
+            focal_range_px: self.focal_range_px,
+        }
     }
 
     /// What the network expects of its input.

@@ -4,7 +4,7 @@ use farsight_core::detection::DecodeOptions;
 use farsight_core::{Box3d, Camera, Detection, Dimensions, ObjectClass};
 use farsight_methods::smoke::codec::{CHANNELS, STRIDE};
 use farsight_methods::smoke::targets::feature_camera;
-use farsight_methods::smoke::{DetectorSpec, LOGITS, REGRESSION, SmokeConfig, SmokeDetector};
+use farsight_methods::smoke::{LOGITS, REGRESSION, SmokeConfig, SmokeDetector};
 use farsight_methods::{DetectError, Detector};
 use farsight_onnx::TensorInfo;
 use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
@@ -19,7 +19,7 @@ const SCORE: f64 = 0.8;
 struct Painter {
     object: Box3d,
     class: usize,
-    spec: DetectorSpec,
+    config: SmokeConfig,
     image_size: [usize; 2],
     camera: Camera,
     outputs: Vec<TensorInfo>,
@@ -48,16 +48,16 @@ impl Runner for Painter {
             panic!("one image")
         };
         let input_size = [input_width, input_height];
-        let rules = self.spec.input_for(self.image_size, &self.camera);
+        let rules = self.config.input_spec().input_for(self.image_size, &self.camera);
         assert_eq!(input_size, rules.size);
         assert_eq!(values.len(), 3 * input_size[0] * input_size[1]);
-        let model_camera = self.spec.quirks.camera(&self.camera);
+        let model_camera = self.config.quirks.camera(&self.camera);
         let camera = feature_camera(&model_camera.transformed(&rules.whole_image(self.image_size)));
         let [width, height] = input_size.map(|side| side / STRIDE);
         let area = width * height;
 
-        let classes = self.spec.codec.classes.len();
-        let encoded = self.spec.codec.encode(&self.object, self.class, &camera).unwrap();
+        let classes = self.config.classes.len();
+        let encoded = self.config.codec().encode(&self.object, self.class, &camera).unwrap();
         let at = encoded.cell[1] * width + encoded.cell[0];
         let mut logits = vec![-9.0; classes * area];
         logits[self.class * area + at] = (SCORE / (1.0 - SCORE)).ln() as f32;
@@ -80,10 +80,6 @@ fn raw(regression: &farsight_methods::smoke::codec::Regression<f64>) -> [f64; CH
     let [dx, dy] = regression.offset;
     let [s, c] = regression.direction;
     [regression.depth, dx, dy, l, h, w, s, c]
-}
-
-fn spec(config: &SmokeConfig) -> DetectorSpec {
-    DetectorSpec::new(config)
 }
 
 fn car(location: [f64; 3], yaw: f64) -> Box3d {
@@ -113,11 +109,10 @@ fn a_known_box_comes_back() {
         ("full HD, at the lower border", SmokeConfig::default(), hd, [1920, 1080], car([0.5, 3.6, 6.0], 0.3)),
     ];
     for (name, config, camera, image_size, object) in table {
-        let spec = spec(&config);
-        let engine = Painter { object, class: 0, spec: spec.clone(), image_size, camera, outputs: outputs() };
+        let engine = Painter { object, class: 0, config: config.clone(), image_size, camera, outputs: outputs() };
         let image = RgbImage::new(image_size[0] as u32, image_size[1] as u32);
         let found =
-            detect(&mut SmokeDetector::new(Box::new(engine), spec, None), &[(&image, &camera)]).unwrap().remove(0);
+            detect(&mut SmokeDetector::new(Box::new(engine), &config, None), &[(&image, &camera)]).unwrap().remove(0);
         assert_eq!(found.len(), 1, "{name}");
         let detection = &found[0];
         assert_eq!(detection.class, ObjectClass::Car);
@@ -165,13 +160,13 @@ impl Runner for Wrong {
 }
 
 fn wrong() -> SmokeDetector {
-    SmokeDetector::new(Box::new(Wrong(outputs())), spec(&SmokeConfig::default()), None)
+    SmokeDetector::new(Box::new(Wrong(outputs())), &SmokeConfig::default(), None)
 }
 
 #[test]
 fn maps_that_do_not_fit_are_an_error() {
     let error = detect(&mut wrong(), &[(&RgbImage::new(1242, 375), &kitti())]).unwrap_err();
-    let expected = "the engine wrong gave a regression map of the shape [1, 7, 1, 1]; expected [1, 8, 96, 320]";
+    let expected = "the engine wrong gave \"reg_raw\" of the shape [1, 7, 1, 1]; expected [1, 8, 96, 320]";
     assert_eq!(error.to_string(), expected);
     let error = detect(&mut wrong(), &[(&RgbImage::new(0, 375), &kitti())]).unwrap_err();
     assert!(matches!(error, DetectError::Empty { width: 0, height: 375 }));

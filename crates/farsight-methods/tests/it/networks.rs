@@ -16,7 +16,7 @@ use farsight_methods::Detector;
 use farsight_methods::smoke::SmokeConfig;
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::decode::raw_regression;
-use farsight_methods::smoke::{DetectorFile, DetectorSpec, HeadMaps, SmokeDetector, SparseHead};
+use farsight_methods::smoke::{DetectorFile, HeadMaps, SmokeDetector, SparseHead};
 use farsight_methods::smoke::{LOGITS, REGRESSION};
 use farsight_onnx::{Facts, LocalHeadFile, OnnxModel, Target, write};
 use farsight_runtime::RtenRunner;
@@ -269,11 +269,10 @@ fn detections_at_the_peaks_are_those_of_the_dense_head() {
     let model = lively(SmokeConfig { input: [640, 192], ..small(NormKind::Batch, NeckKind::Plain, Msfe::A) });
     // All scores, so that there is something to compare whatever the weights are.
     let options = DecodeOptions { min_score: Some(0.0), max_detections: 50 };
-    let spec = DetectorSpec::new(&model.config);
     let dense = engine(&Network::deployable(&model).unwrap(), &model, Target::Portable);
-    let mut dense = SmokeDetector::new(Box::new(dense), spec.clone(), None);
+    let mut dense = SmokeDetector::new(Box::new(dense), &model.config, None);
     let (engine, head) = cut(&model);
-    let mut peaks = SmokeDetector::new(Box::new(engine), spec, Some(head));
+    let mut peaks = SmokeDetector::new(Box::new(engine), &model.config, Some(head));
     let camera = Camera::from_hfov(80.0, 1242, 375).unwrap();
     for image in images() {
         let [dense, peaks] = [&mut dense, &mut peaks]

@@ -140,10 +140,10 @@ fn judged_in_frame(
 ) -> Result<Vec<Judged>> {
     let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
     let image = read_image(&path)?;
-    let view = detector.spec().view([image.width() as usize, image.height() as usize], &camera);
+    let view = detector.input().view([image.width() as usize, image.height() as usize], &camera);
     let detections = first_look(detector, options, &image, &camera).with_context(|| path.display().to_string())?;
     let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
-    let reference = &detector.spec().codec.depth;
+    let reference = &detector.codec().depth;
     let judged = |(place, target): (usize, Option<Target>)| {
         let detection = &frame.predictions[place].detection;
         Judged {

@@ -1,4 +1,4 @@
-//! What a detector must know of its model.
+//! What a network's input is of an image: its size, and which cameras it was made for.
 
 use farsight_core::detection::View;
 use farsight_core::input::InputRules;
@@ -6,19 +6,18 @@ use farsight_core::{Affine2, Camera};
 use farsight_data::network_input_into;
 use image::RgbImage;
 
-use super::codec::{Codec, STRIDE};
-use super::config::{Quirks, SIZE_STEP, SmokeConfig};
 use crate::UnfamiliarCamera;
 
-/// Facts about a model.
+/// Side by which an input must be divisible: the stride of the coarsest level of every backbone here.
+pub const SIZE_STEP: usize = 32;
+
+/// How images become inputs of a network.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DetectorSpec {
-    /// Size and conventions of the network's input.
-    pub input: InputRules,
-    /// Decodes its head maps.
-    pub codec: Codec,
-    /// Habits that the model was trained with.
-    pub quirks: Quirks,
+pub struct InputSpec {
+    /// Size that the network was trained with, and conventions.
+    pub rules: InputRules,
+    /// Whether the network sees cameras without the fourth column of their projection.
+    pub camera_3x3: bool,
     /// Smallest and largest focal length that the model was trained with, pixels of the network's input.
     pub focal_range_px: Option<[f64; 2]>,
 }
@@ -26,17 +25,7 @@ pub struct DetectorSpec {
 /// An input grows at most so many times to bring a wide camera into the trained range: time and memory grow with the square.
 const MAX_ENLARGEMENT: usize = 2;
 
-impl DetectorSpec {
-    /// The facts of `config`.
-    pub fn new(config: &SmokeConfig) -> Self {
-        Self {
-            input: config.input_rules(),
-            codec: config.codec(),
-            quirks: config.quirks,
-            focal_range_px: config.focal_range_px,
-        }
-    }
-
+impl InputSpec {
     /// The input for an image of `image_size` (width and height, pixels) taken by `camera`.
     ///
     /// The width is the model's, or the one nearest to it that brings the camera's focal length into the trained range. The height is the model's too (in
@@ -45,14 +34,14 @@ impl DetectorSpec {
     /// beyond that the time grows and a road fills no picture. A portrait image is cropped to that square.
     pub fn input_for(&self, image_size: [usize; 2], camera: &Camera) -> InputRules {
         let width = self.input_width(image_size, camera);
-        let in_proportion = |side: usize| (side * width).div_ceil(self.input.size[0] * SIZE_STEP) * SIZE_STEP;
-        let height = in_proportion(self.input.size[1]);
+        let in_proportion = |side: usize| (side * width).div_ceil(self.rules.size[0] * SIZE_STEP) * SIZE_STEP;
+        let height = in_proportion(self.rules.size[1]);
         let scaled_height = image_size[1] as f64 * width as f64 / image_size[0].max(1) as f64;
         if scaled_height <= (height + SIZE_STEP) as f64 {
-            return InputRules { size: [width, height], ..self.input };
+            return InputRules { size: [width, height], ..self.rules };
         }
         let whole = (scaled_height / SIZE_STEP as f64).ceil().min((width / SIZE_STEP) as f64) as usize * SIZE_STEP;
-        InputRules { size: [width, whole.max(height)], ..self.input }
+        InputRules { size: [width, whole.max(height)], ..self.rules }
     }
 
     /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and how it sees the image.
@@ -73,7 +62,12 @@ impl DetectorSpec {
     }
 
     fn view_through(&self, affine: &Affine2, image_size: [usize; 2], camera: &Camera) -> View {
-        View { image_size, camera: *camera, input_camera: self.quirks.camera(camera).transformed(affine) }
+        View { image_size, camera: *camera, input_camera: self.camera(camera).transformed(affine) }
+    }
+
+    /// The camera as the model sees it: complete, or without its fourth column.
+    pub fn camera(&self, camera: &Camera) -> Camera {
+        if self.camera_3x3 { camera.without_fourth_column() } else { *camera }
     }
 
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
@@ -86,22 +80,17 @@ impl DetectorSpec {
         let range_px @ [low, high] = self.focal_range_px?;
         let focal_px = camera.focal_y() * self.input_width(image_size, camera) as f64 / image_size[0].max(1) as f64;
         // Widths come in steps, so the focal length can end up one step outside.
-        let step = 1.0 + SIZE_STEP as f64 / self.input.size[0] as f64;
+        let step = 1.0 + SIZE_STEP as f64 / self.rules.size[0] as f64;
         (focal_px < low / step || focal_px > high * step).then_some(UnfamiliarCamera::Focal { focal_px, range_px })
     }
 
     fn input_width(&self, image_size: [usize; 2], camera: &Camera) -> usize {
-        let width = self.input.size[0];
+        let width = self.rules.size[0];
         let focal_px = camera.focal_y() * width as f64 / image_size[0].max(1) as f64;
         let Some([low, high]) = self.focal_range_px else { return width };
         let scale = focal_px.clamp(low, high) / focal_px;
         let steps = (width as f64 * scale / SIZE_STEP as f64).round();
         (steps as usize * SIZE_STEP).clamp(SIZE_STEP, MAX_ENLARGEMENT * width)
-    }
-
-    /// Width and height, cells, of the head maps for an input of `input_size`.
-    pub(crate) fn map_size(input_size: [usize; 2]) -> [usize; 2] {
-        input_size.map(|side| side / STRIDE)
     }
 }
 
@@ -110,11 +99,9 @@ mod tests {
     use farsight_core::Camera;
     use crate::smoke::SmokeConfig;
 
-    use super::DetectorSpec;
-
     #[test]
     fn input_sizes() {
-        let spec = DetectorSpec::new(&SmokeConfig::default());
+        let spec = SmokeConfig::default().input_spec();
         let table = [
             ("KITTI", [1242, 375], [1280, 384]),
             ("KITTI, the smallest", [1224, 370], [1280, 384]),
@@ -138,7 +125,7 @@ mod tests {
     #[test]
     fn other_cameras_are_scaled_into_the_trained_range() {
         let config = SmokeConfig { input: [640, 192], focal_range_px: Some([230.0, 750.0]), ..SmokeConfig::default() };
-        let spec = DetectorSpec::new(&config);
+        let spec = config.input_spec();
         let full_hd = [1920, 1080];
         // Field of view, input, whether the user is warned.
         let table = [
@@ -157,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_camera_that_looks_past_its_image_is_told() {
-        let spec = DetectorSpec::new(&SmokeConfig::default());
+        let spec = SmokeConfig::default().input_spec();
         for ([cx, cy], warned) in
             [([609.6, 172.9], false), ([-0.5, 479.0], false), ([640.0, 100.0], true), ([9.0, -1.0], true)]
         {
