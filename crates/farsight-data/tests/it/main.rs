@@ -4,7 +4,9 @@
 
 mod codec_golden;
 mod geometry;
+mod image_bytes;
 mod image_files;
+mod image_formats;
 mod kitti_errors;
 mod kitti_real;
 mod loader_laws;
