@@ -22,7 +22,7 @@ use farsight_core::{Box3d, Camera, Detection, Label};
 pub use annotate::{annotate, annotate_named};
 pub use birds_eye::birds_eye;
 pub use palette::distance_text;
-pub use picture::picture;
+pub use picture::{picture, picture_divisor};
 
 /// What there is to draw.
 #[derive(Debug, Clone, Copy)]

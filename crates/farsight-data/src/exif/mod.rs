@@ -32,10 +32,15 @@ pub struct Exif {
     pub digital_zoom: Option<f64>,
     /// Width and height of the picture as the camera stored it, pixels.
     pub stored_size: Option<[u32; 2]>,
-    /// More pages behind the first one (TIFF).
-    pub(crate) more_pages: bool,
-    /// The first page is a camera's raw data or a thumbnail (TIFF).
-    pub(crate) raw_file: bool,
+}
+
+/// What the directories of a TIFF file say about its pages.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct TiffPages {
+    /// There are more than one.
+    pub(crate) several: bool,
+    /// The first is a camera's raw data or its thumbnail.
+    pub(crate) raw: bool,
 }
 
 /// `NewSubfileType` of TIFF: bit 0 marks a smaller version of another page.
@@ -51,12 +56,21 @@ const CFA_PATTERN: Tag = Tag(Context::Tiff, 33_422);
 const LONGEST_NAME: usize = 40;
 
 impl Exif {
+    /// Nothing is known.
+    pub const NONE: Self = Self {
+        make: None,
+        model: None,
+        orientation: None,
+        focal_mm: None,
+        focal_35mm: None,
+        focal_plane_px_per_mm: None,
+        digital_zoom: None,
+        stored_size: None,
+    };
+
     /// Reads EXIF data, with or without the six bytes `Exif\0\0` before them; as much of them as can be read.
     pub fn from_bytes(bytes: &[u8]) -> Self {
-        let bytes = bytes.strip_prefix(b"Exif\0\0").unwrap_or(bytes);
-        let read = Reader::new().continue_on_error(true).read_raw(bytes.to_vec());
-        read.or_else(|error| error.distill_partial_result(|_| ()))
-            .map_or_else(|_| Self::default(), |data| Self::new(&data))
+        parsed(bytes).map_or(Self::NONE, |data| Self::new(&data))
     }
 
     fn new(data: &exif::Exif) -> Self {
@@ -78,10 +92,6 @@ impl Exif {
             digital_zoom: number(Tag::DigitalZoomRatio),
             stored_size: side(Tag::PixelXDimension)
                 .and_then(|width| side(Tag::PixelYDimension).map(|height| [width, height])),
-            more_pages: data.fields().any(|field| field.ifd_num != In::PRIMARY),
-            raw_file: uint(SUBFILE_TYPE).is_some_and(|kind| kind & 1 == 1)
-                || field(DNG_VERSION).is_some()
-                || field(CFA_PATTERN).is_some(),
         }
     }
 
@@ -89,6 +99,26 @@ impl Exif {
     pub(crate) fn turn(&self) -> Option<Orientation> {
         self.orientation.and_then(Orientation::from_exif)
     }
+}
+
+impl TiffPages {
+    /// Reads the directories of a TIFF file.
+    pub(crate) fn from_bytes(file: &[u8]) -> Self {
+        let Some(data) = parsed(file) else { return Self::default() };
+        let field = |tag| data.get_field(tag, In::PRIMARY);
+        let smaller = field(SUBFILE_TYPE).and_then(|field| field.value.get_uint(0)).is_some_and(|kind| kind & 1 == 1);
+        Self {
+            several: data.fields().any(|field| field.ifd_num != In::PRIMARY),
+            raw: smaller || field(DNG_VERSION).is_some() || field(CFA_PATTERN).is_some(),
+        }
+    }
+}
+
+/// As much of EXIF data as can be read.
+fn parsed(bytes: &[u8]) -> Option<exif::Exif> {
+    let bytes = bytes.strip_prefix(b"Exif\0\0").unwrap_or(bytes);
+    let read = Reader::new().continue_on_error(true).read_raw(bytes.to_vec());
+    read.or_else(|error| error.distill_partial_result(|_| ())).ok()
 }
 
 /// Value `index` of a field as a number; what is divided by zero is infinite, or no number.

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 
-use crate::exif::Exif;
+use crate::exif::{Exif, TiffPages};
 use chunks::Found;
 pub use error::{ImageError, ImageWarning};
 use jpeg::Flaw;
@@ -255,10 +255,11 @@ fn decode<S: BufRead + Seek>(mut input: Input<S>, limits: ImageLimits) -> Result
         warnings.push(ImageWarning::Animation);
     }
     if input.format == ImageFormat::Tiff {
-        if exif.raw_file {
+        let pages = found.exif.as_deref().map(TiffPages::from_bytes).unwrap_or_default();
+        if pages.raw {
             return Err(ImageError::Foreign { path: input.path.to_owned(), kind: Foreign::Raw });
         }
-        if exif.more_pages {
+        if pages.several {
             warnings.push(ImageWarning::Pages);
         }
     }
