@@ -9,8 +9,11 @@ mod image_files;
 mod image_formats;
 mod kitti_errors;
 mod kitti_real;
+#[path = "../laws/mod.rs"]
+mod laws;
 mod loader_laws;
 mod material;
+mod saved_inputs;
 mod transform_laws;
 mod warp_golden;
 mod warp_laws;
