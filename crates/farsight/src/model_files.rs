@@ -71,5 +71,10 @@ fn kind(path: &Path, start: &[u8]) -> Option<&'static str> {
     if path.extension().is_some_and(|extension| extension == "toml") {
         return Some("a TOML file");
     }
+    signature(start)
+}
+
+/// What a file is that begins like this, when it is an image or an archive.
+pub(crate) fn signature(start: &[u8]) -> Option<&'static str> {
     SIGNATURES.iter().find(|(signature, _)| start.starts_with(signature)).map(|(_, kind)| *kind)
 }

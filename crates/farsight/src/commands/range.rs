@@ -10,6 +10,7 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use farsight_core::Box3d;
 use farsight_core::detection::DecodeOptions;
+use farsight_data::ImageLimits;
 
 use super::Outcome;
 use crate::camera_source::CameraArgs;
@@ -21,7 +22,7 @@ use job::Job;
 /// Arguments of `farsight range`.
 #[derive(Debug, Args)]
 pub(crate) struct RangeArgs {
-    /// Images (PNG, JPEG), folders of images, patterns such as 'frames/*.png'
+    /// Images (PNG, JPEG, WebP, BMP, TIFF, GIF, PPM), folders of images, patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Model that `farsight train`, `farsight import` or `farsight export` wrote [default: the one that comes with the program]
@@ -51,8 +52,11 @@ pub(crate) struct RangeArgs {
     /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does
     #[arg(long, value_name = "IOU", default_value_t = MAX_OVERLAP, value_parser = super::eval::overlap_from_text, allow_negative_numbers = true)]
     max_overlap: f64,
-    /// End with status 1 when an image fails
-    #[arg(long)]
+    /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more
+    #[arg(long, value_name = "N", default_value = "100M", value_parser = pixels)]
+    max_pixels: u64,
+    /// What once asked for the exit status that failed images have anyway
+    #[arg(long, hide = true)]
     strict: bool,
     // Last, because its help heading would go on to what follows.
     #[command(flatten)]
@@ -77,6 +81,7 @@ impl RangeArgs {
             range: RangeKind::Depth,
             min_score: None,
             max_overlap: MAX_OVERLAP,
+            max_pixels: ImageLimits::default().max_pixels,
             strict: false,
             camera: CameraArgs::default(),
         }
@@ -109,6 +114,13 @@ fn score(text: &str) -> Result<f64, String> {
     if (0.0..1.0).contains(&value) { Ok(value) } else { Err("expected at least 0 and less than 1".to_owned()) }
 }
 
+/// A number of pixels: `40000000` or `40M`.
+fn pixels(text: &str) -> Result<u64, String> {
+    let (digits, factor) = text.strip_suffix(['M', 'm']).map_or((text, 1), |digits| (digits, 1_000_000));
+    let count = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(factor)).filter(|&count| count > 0);
+    count.ok_or_else(|| "expected a number of pixels, such as 40000000 or 40M".to_owned())
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     let found = inputs::find(&args.inputs);
@@ -122,5 +134,5 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
     let mut pipeline = engines::open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
     let failed = found.problems.len() + job.run(&mut pipeline, printer)?;
-    Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
+    Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight_core::Camera;
-use farsight_data::read_image;
+use farsight_data::{Exif, read_image};
 use farsight_files::write_atomically;
 use farsight_graph::quantize::Observer;
 use farsight_graph::transform::Network;
@@ -181,7 +181,8 @@ impl Images {
     fn find(args: &ExportArgs, config: &farsight_methods::smoke::config::SmokeConfig) -> Result<Self> {
         let folder = args.int8.calibration.clone().context("--int8 needs --calibration DIR")?;
         let found = inputs::find(std::slice::from_ref(&folder));
-        if let Some(problem) = found.problems.first() {
+        // Films beside the images are no matter here.
+        if let Some(problem) = found.problems.first().filter(|_| found.images.is_empty()) {
             bail!("{problem}");
         }
         let paths = found.images;
@@ -195,7 +196,7 @@ impl Images {
         let size @ [width, height] = [image.width() as usize, image.height() as usize];
         ensure!(width > 0 && height > 0, "{}: no pixels", path.display());
         let camera = match &self.cameras {
-            Some(cameras) => cameras.camera(path, size)?,
+            Some(cameras) => cameras.camera(path, size, &Exif::NONE)?,
             // Only the size of the network's input depends on it.
             None => Camera::from_hfov(KITTI_HFOV_DEG, width, height)?,
         };

@@ -9,10 +9,10 @@ use anyhow::{Context, Result, bail, ensure};
 use farsight_core::nms::bev_nms;
 use farsight_core::{Box3d, Camera, Detection};
 use farsight_data::kitti::write_results;
-use farsight_data::read_image;
+use farsight_data::{ImageLimits, ImageWarning, load_image};
 use farsight_files::write_atomically;
 use farsight_methods::UnfamiliarCamera;
-use farsight_viz::{DrawOptions, Scene, picture};
+use farsight_viz::{DrawOptions, Scene, picture, picture_divisor};
 use image::RgbImage;
 use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
@@ -30,8 +30,20 @@ use crate::range_table::RangeTable;
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
 
-/// The size of an image, what is in it, and a camera that the model does not know.
-type Looked = ((u32, u32), Vec<Detection>, Option<UnfamiliarCamera>);
+/// What came of one image.
+struct Looked {
+    /// Width and height, pixels.
+    size: (u32, u32),
+    detections: Vec<Detection>,
+    /// A camera that the model does not know.
+    unfamiliar: Option<UnfamiliarCamera>,
+    /// What is odd about the file.
+    warnings: Vec<ImageWarning>,
+    /// Where the camera comes from and how the picture was drawn, where that is worth a word.
+    notes: Vec<String>,
+    /// Outputs that could not be written.
+    unwritten: Vec<(PathBuf, anyhow::Error)>,
+}
 
 /// Everything but the detector.
 pub(super) struct Job<'a> {
@@ -108,47 +120,72 @@ impl<'a> Job<'a> {
 
     /// Looks at every image and returns how many failed.
     ///
-    /// An error when none could be done, or the JSON file could not be written.
+    /// An error when none could be done, or an output could not be written; the others are done before.
     pub(super) fn run(&self, pipeline: &mut Pipeline, printer: &mut Printer) -> Result<usize> {
         let table = RangeTable::new(&self.names, self.range_m);
-        printer.heading(&table.heading());
         let bar = if self.images.len() < MANY_IMAGES {
             ProgressBar::hidden()
         } else {
             ProgressBar::new(self.images.len() as u64)
         };
-        let (mut done, mut found, mut failed, mut warnings) = (Vec::new(), 0, 0, BTreeMap::new());
+        let (mut done, mut tally) = (Vec::new(), Tally::default());
         for (image, name) in self.images.iter().zip(&self.names) {
-            match self.image(image, name, pipeline) {
-                Ok((size, detections, unfamiliar)) => {
-                    if let Some(camera) = unfamiliar {
-                        *warnings.entry(camera.to_string()).or_insert(0) += 1;
+            let looked = self.image(image, name, pipeline);
+            bar.suspend(|| match looked {
+                Ok(looked) => {
+                    self.tell(&looked, image, &mut tally, printer);
+                    // Where nothing can be done there is no table.
+                    if done.is_empty() {
+                        printer.heading(&table.heading());
                     }
-                    bar.suspend(|| table.rows(name, &detections).iter().for_each(|row| printer.line(row)));
-                    found += detections.len();
-                    done.push(ImageJson::new(image, size, &detections, self.range_m));
+                    table.rows(name, &looked.detections).iter().for_each(|row| printer.line(row));
+                    done.push(ImageJson::new(image, looked.size, &looked.detections, self.range_m));
                 }
                 Err(error) => {
-                    failed += 1;
-                    bar.suspend(|| {
-                        printer.failure(&error);
-                        self.remove_outputs(name, printer);
-                    });
+                    tally.failed += 1;
+                    printer.failure(&error);
+                    [self.picture_path(name), self.rows_path(name)]
+                        .into_iter()
+                        .flatten()
+                        .for_each(|path| remove(&path, printer));
                 }
-            }
+            });
             bar.inc(1);
             if printer.reader_is_gone() && !self.writes_files() {
                 break;
             }
         }
         bar.finish_and_clear();
-        for (warning, images) in warnings {
-            printer.warning(&format!("{warning} ({})", counted(images, "image")));
+        for (warning, images) in &tally.warnings {
+            printer.warning(&format!("{warning} ({})", counted(*images, "image")));
         }
-        self.finish(&done, found, failed, printer)
+        self.finish(&done, &tally, printer)
     }
 
-    fn finish(&self, done: &[ImageJson], found: usize, failed: usize, printer: &mut Printer) -> Result<usize> {
+    /// What is to be said of an image beside its rows.
+    fn tell(&self, looked: &Looked, image: &Path, tally: &mut Tally, printer: &mut Printer) {
+        if let Some(camera) = &looked.unfamiliar {
+            *tally.warnings.entry(camera.to_string()).or_insert(0) += 1;
+        }
+        for warning in &looked.warnings {
+            printer.warning(&format!("{}: {warning}", image.display()));
+        }
+        for note in &looked.notes {
+            // Photos of one camera share theirs.
+            if tally.noted.insert(note.clone()) {
+                printer.note(&format!("{}: {note}", image.display()));
+            }
+        }
+        for (path, error) in &looked.unwritten {
+            printer.failure(error);
+            remove(path, printer);
+        }
+        tally.unwritten += looked.unwritten.len();
+        tally.found += looked.detections.len();
+    }
+
+    fn finish(&self, done: &[ImageJson], tally: &Tally, printer: &mut Printer) -> Result<usize> {
+        let Tally { found, failed, unwritten, .. } = *tally;
         if done.is_empty() {
             bail!("nothing was done: {} failed", counted(failed, "image"));
         }
@@ -157,41 +194,63 @@ impl<'a> Job<'a> {
         }
         let failures = if failed > 0 { format!("; {} failed", counted(failed, "image")) } else { String::new() };
         printer.status(&format!("{} found in {}{failures}", counted(found, "object"), counted(done.len(), "image")));
+        ensure!(unwritten == 0, "{} could not be written", counted(unwritten, "output"));
         Ok(failed)
     }
 
-    /// The size of one image, what is in it, and what is odd about its camera, after its files are written.
+    /// Looks at one image and writes its files.
     fn image(&self, path: &Path, name: &str, pipeline: &mut Pipeline) -> Result<Looked> {
-        let image = read_image(path)?;
+        let loaded = load_image(path, ImageLimits { max_pixels: self.args.max_pixels })?;
+        let image = &loaded.pixels;
         let size = [image.width() as usize, image.height() as usize];
-        let camera = self.cameras.camera(path, size)?;
-        let detections = pipeline.detect(&image, &camera).with_context(|| path.display().to_string())?;
+        let camera = self.cameras.camera(path, size, &loaded.exif)?;
+        let detections = pipeline.detect(image, &camera).with_context(|| path.display().to_string())?;
         let detections = bev_nms(detections, self.args.max_overlap);
+        let (mut notes, mut unwritten) = (Vec::new(), Vec::new());
+        if let Some(Ok(found)) = self.cameras.from_exif(path, size, &loaded.exif) {
+            notes.push(format!("camera from EXIF data ({}): --hfov {:.1}", found.how, found.hfov_deg));
+        }
         if let Some(target) = self.picture_path(name) {
-            self.write_picture(&target, &image, &camera, &detections)?;
+            let divisor = picture_divisor([image.width(), image.height()]);
+            if divisor > 1 {
+                notes.push(format!("a large image, drawn at 1/{divisor} of its size"));
+            }
+            unwritten
+                .extend(self.write_picture(&target, image, &camera, &detections).err().map(|error| (target, error)));
         }
         if let Some(target) = self.rows_path(name) {
-            write_results(&target, &detections)?;
+            unwritten.extend(write_results(&target, &detections).err().map(|error| (target, error.into())));
         }
-        Ok((image.dimensions(), detections, pipeline.detector().unfamiliar(size, &camera)))
-    }
-
-    /// What an earlier run found in an image must not be taken for an answer of this one, in which it failed.
-    fn remove_outputs(&self, name: &str, printer: &mut Printer) {
-        let outputs = [self.picture_path(name), self.rows_path(name)].into_iter().flatten();
-        for path in outputs.filter(|path| path.is_file()) {
-            match fs::remove_file(&path) {
-                Ok(()) => printer.note(&format!("{}: removed, as its image failed", path.display())),
-                Err(error) => {
-                    printer.error(&format!("{}: not of this run, cannot be removed: {error}", path.display()));
-                }
-            }
-        }
+        let unfamiliar = pipeline.detector().unfamiliar(size, &camera);
+        Ok(Looked { size: image.dimensions(), detections, unfamiliar, warnings: loaded.warnings, notes, unwritten })
     }
 
     fn write_picture(&self, target: &Path, image: &RgbImage, camera: &Camera, detections: &[Detection]) -> Result<()> {
         let options = DrawOptions { distance_m: self.range_m, ..DrawOptions::default() };
         let drawn = picture(image, &Scene { camera, detections, truth: &[] }, &options);
         Ok(write_atomically(target, |out| drawn.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?)
+    }
+}
+
+/// What is counted over all images.
+#[derive(Default)]
+struct Tally {
+    found: usize,
+    failed: usize,
+    unwritten: usize,
+    /// Images for each warning about their cameras.
+    warnings: BTreeMap<String, usize>,
+    /// Notes that were printed.
+    noted: BTreeSet<String>,
+}
+
+/// What an earlier run found in an image must not be taken for an answer of this one, in which it failed.
+fn remove(output: &Path, printer: &mut Printer) {
+    if !output.is_file() {
+        return;
+    }
+    match fs::remove_file(output) {
+        Ok(()) => printer.note(&format!("{}: removed, as its image failed", output.display())),
+        Err(error) => printer.error(&format!("{}: not of this run, cannot be removed: {error}", output.display())),
     }
 }

@@ -116,7 +116,7 @@ fn a_good_and_two_bad_images() {
     assert_eq!(answer.out, format!("{TABLE}{row}"));
     let errors: Vec<&str> = answer.err.lines().collect();
     assert!(errors[0].contains("cut.png: damaged image"), "{errors:?}");
-    assert!(errors[1].contains("empty.png: an empty file; expected a PNG or JPEG image"), "{errors:?}");
+    assert!(errors[1].contains("empty.png: an empty file; expected an image ("), "{errors:?}");
     assert_eq!(errors[2], "1 object found in 1 image; 2 images failed");
 
     assert!(image::open(at("pictures/good.png")).unwrap().height() > 384);
