@@ -2,20 +2,15 @@
 //!
 //! Exit status: 0 done; 1 done, but an input failed or something was told that the caller asked for; 2 could not run, or could not write an output.
 
-mod camera_source;
+mod camera_args;
 mod commands;
-mod engines;
 mod inputs;
-mod libraries;
-mod model_files;
 mod names;
 mod one_dash;
 mod outputs;
-mod pipeline;
+mod pipeline_args;
 mod printer;
-mod range_json;
 mod range_table;
-mod shipped;
 mod untrained;
 
 use std::process::ExitCode;

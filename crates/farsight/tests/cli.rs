@@ -4,6 +4,9 @@
 use std::path::Path;
 use std::process::Command;
 
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::smoke::SmokeModel;
+
 /// Exit status, standard output and standard error of `farsight` with these arguments, run in `folder`.
 fn farsight_in(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap();
@@ -319,13 +322,13 @@ fn small_model(folder: &Path) -> std::path::PathBuf {
     let config = farsight_methods::smoke::config::SmokeConfig {
         input: [96, 64],
         width: 0.25,
-        norm: farsight_methods::smoke::config::NormKind::Batch,
-        msfe: farsight_methods::smoke::config::Msfe::A,
+        norm: farsight_graph::layers::NormKind::Batch,
+        msfe: farsight_graph::layers::Msfe::A,
         ..farsight_methods::smoke::config::SmokeConfig::default()
     };
-    let weights = farsight_graph::init::initial_weights(&farsight_graph::layers::network(&config), 1);
+    let weights = farsight_graph::init::initial_weights(&config.graph(), 1);
     let path = folder.join("m.safetensors");
-    farsight_graph::model::Model::new(config, weights).unwrap().write(&path).unwrap();
+    SmokeModel::new(config, weights).unwrap().write(&path).unwrap();
     path
 }
 

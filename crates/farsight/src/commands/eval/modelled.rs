@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_core::Detection;
-use farsight_core::detection::DecodeOptions;
+use farsight::object::detections;
+use farsight::{Detection, Pipeline};
 use farsight_data::KittiDataset;
 use farsight_data::kitti::{read_split, write_results};
 use farsight_data::read_image;
@@ -13,9 +13,8 @@ use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
-use crate::engines::open_whole;
 use crate::outputs;
-use crate::pipeline::Pipeline;
+use crate::pipeline_args;
 use crate::printer::{Printer, counted};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
@@ -78,18 +77,17 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
-    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let mut pipeline = open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
-    let ids = write_results_of(&mut pipeline, &dataset, &results, printer)?;
+    let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(MIN_SCORE).max_overlap(1.0))?;
+    let ids = write_results_of(&pipeline, &dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
-    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.detector().engine()));
+    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
     Ok(Files { labels: dataset.label_folder(), results, ids: Some(ids), by_model: true, failed, _folder: folder })
 }
 
 /// Writes a result file for each frame of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
-    pipeline: &mut Pipeline,
+    pipeline: &Pipeline,
     dataset: &KittiDataset,
     results: &Path,
     printer: &mut Printer,
@@ -123,8 +121,8 @@ pub(in crate::commands) fn write_results_of(
     Ok(done)
 }
 
-fn looked_at(pipeline: &mut Pipeline, dataset: &KittiDataset, index: usize) -> Result<Vec<Detection>> {
+fn looked_at(pipeline: &Pipeline, dataset: &KittiDataset, index: usize) -> Result<Vec<Detection>> {
     let path = dataset.image_path(index);
-    let detections = pipeline.detect(&read_image(&path)?, &dataset.load_camera(index)?);
-    detections.with_context(|| path.display().to_string())
+    let objects = pipeline.detect(&read_image(&path)?, &dataset.load_camera(index)?);
+    Ok(detections(&objects.with_context(|| path.display().to_string())?))
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
+use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight_core::Camera;
 use farsight_data::{Exif, read_image};
 use farsight_files::write_atomically;
@@ -22,10 +23,9 @@ use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::{ExportArgs, facts};
-use crate::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use crate::commands::Outcome;
-use crate::engines::EngineArgs;
 use crate::inputs;
+use crate::pipeline_args::EngineArgs;
 use crate::printer::Printer;
 use metres::Metres;
 use sweep::{Sweep, Trial};
@@ -106,7 +106,7 @@ pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer
     let network = Network::deployable(model)?;
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
     printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
-    let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
+    let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.options()?.usable_threads());
     let Trial { quantization, sensitivity } = chosen(&sweep, args.int8.float_layers, printer)?;
     let float_layers = sweep.float_layers(&quantization);
     printer.line(&format!(
@@ -220,7 +220,7 @@ fn calibrate(
     images: &Images,
     args: &ExportArgs,
 ) -> Result<(sweep::Ranges, Vec<Reference>)> {
-    let threads = args.int8.engine.threads;
+    let threads = args.int8.engine.options()?.usable_threads();
     let mut calibration = Calibration::new(network, LOGITS, facts, threads)?;
     let file = DetectorFile::from_bytes(farsight_onnx::write(network, facts, Target::Portable)?, &args.model)?;
     let mut answers = Answers::new(&file, &args.model, threads)?;
