@@ -9,13 +9,12 @@ use farsight::{Detection, Pipeline};
 use farsight_data::KittiDataset;
 use farsight_data::kitti::{read_split, write_results};
 use farsight_data::read_image;
-use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
 use crate::outputs;
 use crate::pipeline_args;
-use crate::printer::{Printer, counted};
+use crate::printer::{Printer, counted, progress_bar};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
@@ -92,7 +91,7 @@ pub(in crate::commands) fn write_results_of(
     results: &Path,
     printer: &mut Printer,
 ) -> Result<Vec<String>> {
-    let bar = ProgressBar::new(dataset.len() as u64);
+    let bar = progress_bar(dataset.len());
     let (mut done, mut failed) = (Vec::new(), 0);
     for (index, id) in dataset.ids().iter().enumerate() {
         let path = results.join(format!("{id}.txt"));
