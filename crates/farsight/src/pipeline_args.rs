@@ -167,6 +167,15 @@ pub(crate) struct PipelineArgs {
     pub(crate) second_look: SecondLookArgs,
     #[command(flatten)]
     pub(crate) road: RoadArgs,
+    /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does [default: 0.1]
+    #[arg(long, value_name = "IOU", value_parser = overlap_from_text, allow_negative_numbers = true)]
+    pub(crate) max_overlap: Option<f64>,
+}
+
+/// An intersection over union that can be reached.
+pub(crate) fn overlap_from_text(text: &str) -> Result<f64, String> {
+    let overlap = text.parse().ok().filter(|overlap| *overlap > 0.0 && *overlap <= 1.0);
+    overlap.ok_or_else(|| "expected a number above 0 and at most 1".to_owned())
 }
 
 impl PipelineArgs {
@@ -185,6 +194,7 @@ impl PipelineArgs {
         self.engine.tell_threads(printer);
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
         let builder = self.second_look.choose(builder);
+        let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
     }
 }
