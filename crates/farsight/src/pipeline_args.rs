@@ -163,6 +163,9 @@ pub(crate) struct PipelineArgs {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) engine: EngineArgs,
+    /// What runs refiner and plate reader, in single precision [default: the same engine, as it is to run]
+    #[arg(long, value_name = "ENGINE", value_enum)]
+    pub(crate) second_stage_engine: Option<EngineName>,
     #[command(flatten)]
     pub(crate) second_look: SecondLookArgs,
     #[command(flatten)]
@@ -193,6 +196,8 @@ impl PipelineArgs {
     pub(crate) fn builder(&self, printer: &mut Printer) -> Result<PipelineBuilder> {
         self.engine.tell_threads(printer);
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
+        let second_engine = self.second_stage_engine.map(EngineName::kind);
+        let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
         let builder = self.second_look.choose(builder);
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
