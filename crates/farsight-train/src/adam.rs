@@ -38,7 +38,7 @@ pub struct BadGradient {
 
 impl BadGradient {
     /// What it is that is not finite.
-    pub(crate) fn what(&self) -> String {
+    pub fn what(&self) -> String {
         format!("the norm of the gradient of {}", self.parameter)
     }
 }
@@ -126,7 +126,7 @@ impl Adam {
     }
 
     /// Counts a step without a gradient.
-    pub(crate) fn rest(&mut self) {
+    pub fn rest(&mut self) {
         self.steps += 1;
     }
 

@@ -59,13 +59,13 @@ impl Default for DataConfig {
 
 impl DataConfig {
     /// What of it changes the steps of a run.
-    pub(crate) fn identity(&self) -> Self {
+    pub fn identity(&self) -> Self {
         let Self { rendered, split, limit, .. } = self.clone();
         Self { rendered, split, limit, ..Self::default() }
     }
 
     /// Why frames cannot be had from it, if they cannot.
-    pub(crate) fn problem(&self) -> Option<String> {
+    pub fn problem(&self) -> Option<String> {
         if let Some(rendered) = &self.rendered {
             if self.root.is_some() {
                 return Some("data has both root and rendered; expected one of them".to_owned());
@@ -209,7 +209,7 @@ pub enum RunConfigError {
 }
 
 /// Reads a TOML file of which `problem` says what is wrong with its values.
-pub(crate) fn read_checked<T: DeserializeOwned>(
+pub fn read_checked<T: DeserializeOwned>(
     path: &Path,
     problem: impl Fn(&T) -> Option<String>,
 ) -> Result<T, RunConfigError> {
@@ -222,7 +222,7 @@ pub(crate) fn read_checked<T: DeserializeOwned>(
 }
 
 /// Why the weights' running means cannot have this decay, if they cannot.
-pub(crate) fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
+pub fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
     let wrong = ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
     wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
 }
@@ -294,7 +294,7 @@ impl TrainConfig {
         AdamSettings::new(self.weight_decay, self.bias_rate_factor)
     }
 
-    pub(crate) fn learner(&self) -> LearnerSettings {
+    pub fn learner(&self) -> LearnerSettings {
         LearnerSettings {
             adam: self.adam(),
             clip_norm: self.clip_norm,

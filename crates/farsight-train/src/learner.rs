@@ -12,32 +12,32 @@ use crate::adam::{Adam, AdamSettings, BadGradient};
 use crate::average::Averages;
 use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::executor::{Network, Precision};
-use crate::trainer::TrainError;
+use crate::training::TrainError;
 
 /// How a network starts and learns.
 #[derive(Debug, Clone)]
-pub(crate) struct LearnerSettings {
-    pub(crate) adam: AdamSettings,
+pub struct LearnerSettings {
+    pub adam: AdamSettings,
     /// Largest norm of the gradient; 0 for no limit.
-    pub(crate) clip_norm: f64,
+    pub clip_norm: f64,
     /// Decay of the running means of the weights; none keeps none.
-    pub(crate) ema_decay: Option<f64>,
-    pub(crate) precision: Precision,
+    pub ema_decay: Option<f64>,
+    pub precision: Precision,
     /// Seed of what starts at random.
-    pub(crate) seed: u64,
+    pub seed: u64,
     /// Weights to start from; what they lack starts at random.
-    pub(crate) start_from: Option<PathBuf>,
+    pub start_from: Option<PathBuf>,
 }
 
 /// A network that learns.
 #[derive(Debug)]
-pub(crate) struct Learner {
-    pub(crate) network: Network,
+pub struct Learner {
+    pub network: Network,
     adam: Adam,
     averages: Option<Averages>,
     clip_norm: f64,
     /// What it started from, when that was a file.
-    pub(crate) taken: Option<Taken>,
+    pub taken: Option<Taken>,
 }
 
 /// How much of a network came from the file that it started from; the rest starts at random.
@@ -51,7 +51,7 @@ pub struct Taken {
 
 impl Learner {
     /// Fresh, or as the checkpoint of the run with this `identity` has it, and how far that run has come.
-    pub(crate) fn start(
+    pub fn start(
         graph: Graph,
         settings: &LearnerSettings,
         checkpoint: Option<&Path>,
@@ -89,14 +89,14 @@ impl Learner {
     }
 
     /// One step against the gradient of `objective`. Returns its norm.
-    pub(crate) fn descend(&mut self, objective: &Tensor, rate: f64) -> Result<f64, BadGradient> {
+    pub fn descend(&mut self, objective: &Tensor, rate: f64) -> Result<f64, BadGradient> {
         let norm = self.adam.descend(&self.network, objective, self.clip_norm, rate)?;
         self.follow();
         Ok(norm)
     }
 
     /// A step that teaches nothing: it counts, so that a run that goes on counts as it did.
-    pub(crate) fn rest(&mut self) {
+    pub fn rest(&mut self) {
         self.adam.rest();
         self.follow();
     }
@@ -108,7 +108,7 @@ impl Learner {
     }
 
     /// Writes a checkpoint, whole or not at all.
-    pub(crate) fn write(
+    pub fn write(
         &self,
         path: &Path,
         progress: Progress,
@@ -123,7 +123,7 @@ impl Learner {
     }
 
     /// Puts the running means, if they were kept, in the place of the last step's weights.
-    pub(crate) fn settle(&self) {
+    pub fn settle(&self) {
         if let Some(averages) = &self.averages {
             averages.settle(&self.network);
         }

@@ -143,7 +143,7 @@ pub trait Observer<T> {
 }
 
 /// A config as the loop sees it.
-pub(crate) trait Run: Serialize {
+pub trait Run: Serialize {
     /// Where the frames come from.
     fn data(&self) -> &DataConfig;
     /// How the run goes through them.
@@ -156,20 +156,20 @@ pub(crate) trait Run: Serialize {
 
 /// How a run goes through its frames.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pace {
-    pub(crate) epochs: u64,
+pub struct Pace {
+    pub epochs: u64,
     /// Frames a step.
-    pub(crate) batch_size: usize,
+    pub batch_size: usize,
     /// Seed of the order of the frames, and of rendered ones.
-    pub(crate) seed: u64,
-    pub(crate) log_steps: u64,
-    pub(crate) checkpoint_steps: u64,
+    pub seed: u64,
+    pub log_steps: u64,
+    pub checkpoint_steps: u64,
     /// Threads of libtorch; 0 for its own choice.
-    pub(crate) threads: usize,
+    pub threads: usize,
 }
 
 /// A kind of network that can be taught.
-pub(crate) trait Pupil {
+pub trait Pupil {
     /// What is prepared of a frame.
     type Sample: Send + 'static;
     /// What a step is judged by.
@@ -189,10 +189,10 @@ pub(crate) trait Pupil {
 
 /// A number that is not finite.
 #[derive(Debug)]
-pub(crate) struct NotFinite {
+pub struct NotFinite {
     /// The loss term or the gradient.
-    pub(crate) what: String,
-    pub(crate) value: f64,
+    pub what: String,
+    pub value: f64,
 }
 
 impl From<BadGradient> for NotFinite {
@@ -203,16 +203,16 @@ impl From<BadGradient> for NotFinite {
 
 /// A job whose data are open and whose folder is there.
 #[derive(Debug)]
-pub(crate) struct Session<'a, R> {
+pub struct Session<'a, R> {
     job: &'a Job<R>,
     pace: Pace,
     /// Frames in an epoch.
-    pub(crate) frames: usize,
+    pub frames: usize,
 }
 
 impl<'a, R: Run> Session<'a, R> {
     /// Opens the data, which are returned too, and makes the folder.
-    pub(crate) fn open(job: &'a Job<R>) -> Result<(Self, Box<dyn FrameSource>), TrainError> {
+    pub fn open(job: &'a Job<R>) -> Result<(Self, Box<dyn FrameSource>), TrainError> {
         let (data, pace) = (job.run.data(), job.run.pace());
         crate::set_threads((pace.threads > 0).then_some(pace.threads));
         let source = source(data, pace.seed)?;
@@ -226,7 +226,7 @@ impl<'a, R: Run> Session<'a, R> {
     }
 
     /// A network that learns: fresh, or from the checkpoint when the job resumes and there is one.
-    pub(crate) fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
+    pub fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
         let path = self.checkpoint_path();
         let checkpoint = (self.job.resume && path.exists()).then_some(path.as_path());
         let run = &self.job.run;
@@ -234,7 +234,7 @@ impl<'a, R: Run> Session<'a, R> {
     }
 
     /// Batches of what `sample` makes of the frames.
-    pub(crate) fn loader<S: Send + 'static>(
+    pub fn loader<S: Send + 'static>(
         &self,
         start: Position,
         epochs: Option<u64>,
@@ -257,7 +257,7 @@ impl<'a, R: Run> Session<'a, R> {
 
     /// Teaches `pupil` what is left of the run after `progress`, and writes checkpoints, metrics and the resolved config. In the end the network has the
     /// weights that the run is for.
-    pub(crate) fn teach<P: Pupil>(
+    pub fn teach<P: Pupil>(
         &self,
         pupil: &mut P,
         mut progress: Progress,
