@@ -34,6 +34,7 @@ impl Network {
             Add,
             BatchNormalization,
             Cast,
+            Clip,
             Concat,
             Conv,
             ConvTranspose,

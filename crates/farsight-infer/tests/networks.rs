@@ -14,7 +14,7 @@ use farsight_core::{Camera, HeadMaps};
 use farsight_data::read_image;
 use farsight_infer::{Detector, DetectorSpec, Engine, PeaksHead, RtenEngine};
 use farsight_net::build::network;
-use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
+use farsight_net::config::{Backbone, ModelConfig, Msfe, NeckKind, NormKind};
 use farsight_net::graph::{LOGITS, Op, REGRESSION};
 use farsight_net::init::initial_weights;
 use farsight_net::model::Model;
@@ -85,19 +85,24 @@ fn small(norm: NormKind, neck: NeckKind, msfe: Msfe) -> ModelConfig {
 fn folding_changes_nothing_but_the_node_count() {
     for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
         for neck in [NeckKind::Plain, NeckKind::Deformable] {
-            let model = lively(small(NormKind::Batch, neck, msfe));
-            let whole = Network::new(&model).keeping(&[LOGITS, REGRESSION]);
-            let folded = whole.clone().batch_norm_folded().unwrap();
-            let norms = |network: &Network| {
-                network.graph.nodes.iter().filter(|node| matches!(node.op, Op::BatchNorm { .. })).count()
-            };
-            assert!(norms(&whole) > 40);
-            assert_eq!(norms(&folded), 0, "{msfe:?} {neck:?}");
-            let image = input([96, 64]);
-            let maps = [&whole, &folded]
-                .map(|network| engine(network, &model, Target::Portable).head_maps(&image, [96, 64]).unwrap());
-            assert!(maps[0].regression.iter().any(|value| value.abs() > 0.05), "maps of a dead network prove nothing");
-            assert_same(&format!("{msfe:?} {neck:?}"), &maps[0], &maps[1]);
+            for backbone in [Backbone::Dla34, Backbone::MobilenetV2] {
+                let model = lively(ModelConfig { backbone, ..small(NormKind::Batch, neck, msfe) });
+                let whole = Network::new(&model).keeping(&[LOGITS, REGRESSION]);
+                let folded = whole.clone().batch_norm_folded().unwrap();
+                let norms = |network: &Network| {
+                    network.graph.nodes.iter().filter(|node| matches!(node.op, Op::BatchNorm { .. })).count()
+                };
+                assert!(norms(&whole) > 40);
+                assert_eq!(norms(&folded), 0, "{msfe:?} {neck:?}");
+                let image = input([96, 64]);
+                let maps = [&whole, &folded]
+                    .map(|network| engine(network, &model, Target::Portable).head_maps(&image, [96, 64]).unwrap());
+                assert!(
+                    maps[0].regression.iter().any(|value| value.abs() > 0.05),
+                    "maps of a dead network prove nothing"
+                );
+                assert_same(&format!("{backbone:?} {msfe:?} {neck:?}"), &maps[0], &maps[1]);
+            }
         }
     }
 }

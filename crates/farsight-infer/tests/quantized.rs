@@ -8,7 +8,7 @@ use std::path::Path;
 use farsight_core::{Camera, HeadMaps};
 use farsight_infer::{Answers, Calibration, Engine, PeaksHead, RtenEngine, probe};
 use farsight_net::build::network;
-use farsight_net::config::{ModelConfig, Msfe, NeckKind, NormKind};
+use farsight_net::config::{Backbone, ModelConfig, Msfe, NeckKind, NormKind};
 use farsight_net::graph::{Graph, Init, LOGITS, Node, NodeId, Op, Parameter, ParameterId, REGRESSION, Role, Window};
 use farsight_net::init::initial_weights;
 use farsight_net::model::Model;
@@ -22,7 +22,11 @@ use rand_pcg::Pcg64Mcg;
 const OBSERVERS: [Observer; 3] = [Observer::MinMax, Observer::Percentile(99.99), Observer::MeanSquare];
 
 fn small(norm: NormKind, neck: NeckKind, msfe: Msfe) -> Model {
-    let config = ModelConfig { input: [128, 64], width: 0.25, norm, neck, msfe, ..ModelConfig::default() };
+    small_on(Backbone::Dla34, norm, neck, msfe)
+}
+
+fn small_on(backbone: Backbone, norm: NormKind, neck: NeckKind, msfe: Msfe) -> Model {
+    let config = ModelConfig { input: [128, 64], width: 0.25, backbone, norm, neck, msfe, ..ModelConfig::default() };
     let weights = initial_weights(&network(&config), 5);
     Model::new(config, weights).unwrap()
 }
@@ -186,15 +190,16 @@ fn calibrated(network: &Network, facts: &Facts) -> Calibration {
 fn every_kind_of_network_stays_near_itself() {
     // Group norm of a narrow network divides by the deviation of a few values, and enlarges what rounding did to them.
     let limit = |norm| if norm == NormKind::Batch { 0.1 } else { 0.8 };
-    for (norm, neck, msfe) in [
-        (NormKind::Batch, NeckKind::Plain, Msfe::A),
-        (NormKind::Batch, NeckKind::Plain, Msfe::B),
-        (NormKind::Batch, NeckKind::Plain, Msfe::C),
-        (NormKind::Group, NeckKind::Plain, Msfe::None),
-        (NormKind::Batch, NeckKind::Deformable, Msfe::None),
-        (NormKind::Group, NeckKind::Deformable, Msfe::C),
+    for (backbone, norm, neck, msfe) in [
+        (Backbone::MobilenetV2, NormKind::Batch, NeckKind::Plain, Msfe::None),
+        (Backbone::Dla34, NormKind::Batch, NeckKind::Plain, Msfe::A),
+        (Backbone::Dla34, NormKind::Batch, NeckKind::Plain, Msfe::B),
+        (Backbone::Dla34, NormKind::Batch, NeckKind::Plain, Msfe::C),
+        (Backbone::Dla34, NormKind::Group, NeckKind::Plain, Msfe::None),
+        (Backbone::Dla34, NormKind::Batch, NeckKind::Deformable, Msfe::None),
+        (Backbone::Dla34, NormKind::Group, NeckKind::Deformable, Msfe::C),
     ] {
-        let model = small(norm, neck, msfe);
+        let model = small_on(backbone, norm, neck, msfe);
         let facts = Facts::new(&model, Target::Portable);
         let network = Network::deployable(&model).unwrap();
         let calibration = calibrated(&network, &facts);
@@ -209,8 +214,11 @@ fn every_kind_of_network_stays_near_itself() {
             let mean = float.logits.iter().map(|a| f64::from(*a)).sum::<f64>() / float.logits.len() as f64;
             let spread: f64 = float.logits.iter().map(|a| (f64::from(*a) - mean).powi(2)).sum();
             let share = (apart / spread).sqrt();
-            println!("{norm:?} {neck:?} {msfe:?} {observer:?}: {share:.3} of the deviation");
-            assert!(share > 0.0 && share < limit(norm), "{norm:?} {neck:?} {msfe:?} {observer:?}: {share}");
+            println!("{backbone:?} {norm:?} {neck:?} {msfe:?} {observer:?}: {share:.3} of the deviation");
+            assert!(
+                share > 0.0 && share < limit(norm),
+                "{backbone:?} {norm:?} {neck:?} {msfe:?} {observer:?}: {share}"
+            );
         }
     }
 }

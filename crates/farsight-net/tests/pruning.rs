@@ -2,7 +2,7 @@
 
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use farsight_net::build::{NeckKind, NormKind};
+use farsight_net::build::{Backbone, NeckKind, NormKind};
 use farsight_net::config::{ModelConfig, Msfe, Stem};
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::init::initial_weights;
@@ -25,6 +25,9 @@ fn configs() -> Vec<(String, ModelConfig)> {
             configs.push((format!("{msfe:?} {norm:?} {neck:?}"), config));
         }
     }
+    let (backbone, norm) = (Backbone::MobilenetV2, NormKind::Batch);
+    let mobile = ModelConfig { backbone, norm, msfe: Msfe::A, neck: NeckKind::Plain, ..ModelConfig::default() };
+    configs.push(("mobile".to_owned(), mobile));
     configs
 }
 

@@ -2,23 +2,42 @@
 
 mod builder;
 mod dla34;
+mod fpn;
 mod heads;
+mod mobilenet_v2;
 pub mod msfe;
 mod neck;
 
 pub use builder::{Builder, NormKind};
 pub use dla34::Stem;
+pub(crate) use mobilenet_v2::{PREFIX as MOBILENET_V2_PREFIX, mobilenet_v2};
 pub use neck::NeckKind;
+
+use serde::{Deserialize, Serialize};
 
 use crate::config::{ModelConfig, Msfe};
 use crate::graph::{FEATURES, Graph, LOGITS, REGRESSION, SURFACE};
+
+/// What makes the features of strides 4 to 32, and how they come together at stride 4.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Backbone {
+    /// DLA-34 with its iterative neck, as SMOKE.
+    #[default]
+    Dla34,
+    /// `MobileNetV2` with a feature pyramid. Weights that have seen photographs can be imported.
+    MobilenetV2,
+}
 
 /// The network that `config` describes.
 pub fn network(config: &ModelConfig) -> Graph {
     let mut b = Builder::new(config.norm);
     let channels = config.channels();
     let input = b.input(3);
-    let mut levels = dla34::dla34(&mut b, input, channels, config.stem);
+    let mut levels = match config.backbone {
+        Backbone::Dla34 => dla34::dla34(&mut b, input, channels, config.stem),
+        Backbone::MobilenetV2 => mobilenet_v2(&mut b, input, config.width),
+    };
     let msfe_width = config.msfe_width();
     let pyramid = [levels[3], levels[4], levels[5]];
     let fused = match config.msfe {
@@ -29,7 +48,10 @@ pub fn network(config: &ModelConfig) -> Graph {
     if let Some(fused) = fused {
         levels[3..].copy_from_slice(&fused);
     }
-    let mut features = neck::neck(&mut b, &levels, channels, config.neck);
+    let mut features = match config.backbone {
+        Backbone::Dla34 => neck::neck(&mut b, &levels, channels, config.neck),
+        Backbone::MobilenetV2 => fpn::fpn(&mut b, &levels, config.neck_width(), config.neck),
+    };
     if config.msfe == Msfe::B {
         features = msfe::concat_fusion(&mut b, msfe::PREFIX, pyramid, features, msfe_width);
     }

@@ -16,10 +16,11 @@ use crate::model::{Model, ModelError};
 use crate::transform::Network;
 
 /// Every operator that files of ours have.
-const OPERATORS: [&str; 27] = [
+const OPERATORS: [&str; 28] = [
     "Add",
     "BatchNormalization",
     "Cast",
+    "Clip",
     "Concat",
     "Conv",
     "ConvTranspose",
