@@ -1,4 +1,4 @@
-//! Checkpoints of other programs: official SMOKE, mmdetection3d's SMOKE, ImageNet's DLA-34.
+//! Checkpoints of other programs: official SMOKE, mmdetection3d's SMOKE, ImageNet's DLA-34 and `MobileNetV2`.
 //!
 //! [`read_pth`] reads what `torch.save` writes, in the zip layout (PyTorch 1.6 and later) and in the legacy stream before it; [`import`]
 //! turns the result into [`Weights`](crate::weights::Weights) under Farsight's own names.
@@ -6,6 +6,7 @@
 //! Such files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`] and the module
 //! behind it. A hostile file gives an error; it cannot make the program panic or take memory out of proportion to its own size.
 
+mod attribution;
 mod error;
 mod import;
 mod names;
@@ -18,6 +19,7 @@ use std::path::Path;
 
 use crate::weights::WeightTensor;
 
+pub use attribution::ATTRIBUTION_KEY;
 pub use error::{CheckpointError, CheckpointProblem};
 pub use import::{ImportOptions, Imported, SOURCE_KEY, import};
 pub use names::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
