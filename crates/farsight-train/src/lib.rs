@@ -15,6 +15,7 @@ pub mod executor;
 mod learner;
 pub mod loss;
 pub mod metrics;
+mod parts;
 pub mod plate;
 pub mod refiner;
 pub mod samples;
