@@ -86,7 +86,7 @@ def drawn(width):
         if name.endswith("num_batches_tracked"):
             state[name] = torch.tensor(7)
         elif tensor.dim() == 4:
-            state[name] = (noise * math.sqrt(6 / tensor[0].numel())).half()
+            state[name] = (noise * math.sqrt(3 / tensor[0].numel())).half()
         else:
             state[name] = (1 + 0.5 * noise if name.endswith(("weight", "running_var")) else 0.3 * noise).half()
         if tensor.dim() == 4 and tensor.shape[2] == 1:
