@@ -28,6 +28,9 @@ use rand_pcg::Pcg64Mcg;
 /// Rounding of single precision over 60 layers, as a share of the largest value of a map: networks with drawn weights answer with any size.
 const RELATIVE: f32 = 1e-5;
 
+/// The same for `MobileNetV2`, whose blocks end without an activation: their drawn sums are much larger than the answers.
+const RELATIVE_MOBILE: f32 = 5e-5;
+
 /// Tolerance of the reference's own README for the raw heads.
 const GOLDEN_GROUP: f32 = 1e-4;
 const GOLDEN_BATCH: f32 = 1e-3;
@@ -69,9 +72,14 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 
 #[track_caller]
 fn assert_same(what: &str, a: &HeadMaps, b: &HeadMaps) {
+    assert_within(RELATIVE, what, a, b);
+}
+
+#[track_caller]
+fn assert_within(relative: f32, what: &str, a: &HeadMaps, b: &HeadMaps) {
     assert_eq!(a.map_size, b.map_size, "{what}");
     for (name, a, b) in [(LOGITS, &a.logits, &b.logits), (REGRESSION, &a.regression, &b.regression)] {
-        let tolerance = RELATIVE * a.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+        let tolerance = relative * a.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
         let largest = difference(a, b);
         assert!(largest <= tolerance, "{what}: {name} differs by {largest:e}, tolerance {tolerance:e}");
     }
@@ -101,7 +109,8 @@ fn folding_changes_nothing_but_the_node_count() {
                     maps[0].regression.iter().any(|value| value.abs() > 0.05),
                     "maps of a dead network prove nothing"
                 );
-                assert_same(&format!("{backbone:?} {msfe:?} {neck:?}"), &maps[0], &maps[1]);
+                let relative = if backbone == Backbone::Dla34 { RELATIVE } else { RELATIVE_MOBILE };
+                assert_within(relative, &format!("{backbone:?} {msfe:?} {neck:?}"), &maps[0], &maps[1]);
             }
         }
     }

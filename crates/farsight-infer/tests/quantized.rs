@@ -188,8 +188,13 @@ fn calibrated(network: &Network, facts: &Facts) -> Calibration {
 
 #[test]
 fn every_kind_of_network_stays_near_itself() {
-    // Group norm of a narrow network divides by the deviation of a few values, and enlarges what rounding did to them.
-    let limit = |norm| if norm == NormKind::Batch { 0.1 } else { 0.8 };
+    let limit = |backbone, norm| match (backbone, norm) {
+        // A depthwise layer adds up nine numbers only: what rounding did to them is not averaged out.
+        (Backbone::MobilenetV2, _) => 0.25,
+        (Backbone::Dla34, NormKind::Batch) => 0.1,
+        // Group norm of a narrow network divides by the deviation of a few values, and enlarges what rounding did to them.
+        (Backbone::Dla34, NormKind::Group) => 0.8,
+    };
     for (backbone, norm, neck, msfe) in [
         (Backbone::MobilenetV2, NormKind::Batch, NeckKind::Plain, Msfe::None),
         (Backbone::Dla34, NormKind::Batch, NeckKind::Plain, Msfe::A),
@@ -216,7 +221,7 @@ fn every_kind_of_network_stays_near_itself() {
             let share = (apart / spread).sqrt();
             println!("{backbone:?} {norm:?} {neck:?} {msfe:?} {observer:?}: {share:.3} of the deviation");
             assert!(
-                share > 0.0 && share < limit(norm),
+                share > 0.0 && share < limit(backbone, norm),
                 "{backbone:?} {norm:?} {neck:?} {msfe:?} {observer:?}: {share}"
             );
         }
