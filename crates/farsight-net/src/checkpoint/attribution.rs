@@ -2,6 +2,8 @@
 
 use sha2::{Digest, Sha256};
 
+use crate::weights::hexadecimal;
+
 /// Metadata key: whose weights a model was made from, and under which licence.
 pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
 
@@ -14,7 +16,6 @@ const KNOWN: [(&str, &str); 1] = [(
 
 /// What must be said about the file with these bytes, if it is known.
 pub(super) fn attribution(bytes: &[u8]) -> Option<&'static str> {
-    let digest = Sha256::digest(bytes);
-    let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    KNOWN.iter().find(|(known, _)| *known == hex).map(|(_, attribution)| *attribution)
+    let digest = hexadecimal(&Sha256::digest(bytes));
+    KNOWN.iter().find(|(known, _)| *known == digest).map(|(_, attribution)| *attribution)
 }
