@@ -29,6 +29,16 @@ pub enum Backbone {
     MobilenetV2,
 }
 
+impl Backbone {
+    /// Its name in configs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dla34 => "dla34",
+            Self::MobilenetV2 => "mobilenet_v2",
+        }
+    }
+}
+
 /// The network that `config` describes.
 pub fn network(config: &ModelConfig) -> Graph {
     let mut b = Builder::new(config.norm);

@@ -9,7 +9,9 @@ use farsight_net::model::Model;
 use farsight_net::weights::Weights;
 use farsight_train::config::RunConfig;
 use farsight_train::detector::train;
-use farsight_train::trainer::Job;
+use farsight_train::loss::LossTerms;
+use farsight_train::metrics::Record;
+use farsight_train::trainer::{Beginning, Job, Observer};
 
 /// The features, without the pyramid and the heads.
 const BODY: &str = "backbone.body.";
@@ -65,6 +67,17 @@ fn what_is_frozen_keeps_its_bytes_and_all_else_learns() {
     assert!(checkpoint.tensors.keys().any(|name| name.starts_with("adam.mean.backbone.fpn.")));
 }
 
+/// Stops a run in the middle.
+struct Stop;
+
+impl Observer<LossTerms> for Stop {
+    fn begin(&mut self, _: Beginning) {}
+
+    fn step(&mut self, record: &Record<LossTerms>) {
+        assert!(record.step < 5, "stopped on purpose");
+    }
+}
+
 #[test]
 fn a_frozen_run_that_stops_and_goes_on_ends_in_the_same_bytes() {
     let folder = data_set(6);
@@ -74,14 +87,7 @@ fn a_frozen_run_that_stops_and_goes_on_ends_in_the_same_bytes() {
     whole.train.rate_factors = BTreeMap::from([("heads.".to_owned(), 0.5)]);
     let end = trained(&whole, &root.join("whole")).unwrap();
 
-    // Stopped by an observer that panics in the middle: the checkpoint of the step before is there.
-    struct Stop;
-    impl farsight_train::trainer::Observer<farsight_train::loss::LossTerms> for Stop {
-        fn begin(&mut self, _: farsight_train::trainer::Beginning) {}
-        fn step(&mut self, record: &farsight_train::metrics::Record<farsight_train::loss::LossTerms>) {
-            assert!(record.step < 5, "stopped on purpose");
-        }
-    }
+    // The checkpoint of the step before is there.
     let job = |resume| Job { run: whole.clone(), out: root.join("stopped"), resume };
     let stopped = std::panic::catch_unwind(|| train(&job(false), &mut Stop));
     assert!(stopped.is_err());

@@ -7,7 +7,7 @@ use clap::Args;
 use farsight_core::Agreement;
 use farsight_core::codec::DepthReference;
 use farsight_net::build::network;
-use farsight_net::config::ModelConfig;
+use farsight_net::config::{Backbone, ModelConfig};
 use farsight_net::count::{StageCount, count, total};
 use farsight_net::graph::Graph;
 use farsight_net::model::Model;
@@ -125,6 +125,7 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
         ("training", key::TRAINING),
         ("trained on", key::TRAINING_DATA),
         ("its licence", key::TRAINING_DATA_LICENCE),
+        ("made from", key::ATTRIBUTION),
         ("camera", key::CAMERA),
         ("evaluation", key::EVALUATION),
         ("8 bits", key::QUANTIZATION),
@@ -136,11 +137,20 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
 fn facts(config: &ModelConfig) -> Vec<(&'static str, String)> {
     let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
     let [width, height] = config.input;
+    let sizes = match config.backbone {
+        Backbone::Dla34 => {
+            [("channels", format!("{:?}", config.channels())), ("stem", format!("{:?}", config.stem).to_lowercase())]
+        }
+        other @ Backbone::MobilenetV2 => {
+            [("backbone", other.name().to_owned()), ("neck channels", config.neck_width().to_string())]
+        }
+    };
+    let [first, second] = sizes;
     vec![
         ("input", format!("{width} x {height} pixels")),
         ("classes", classes.join(", ")),
-        ("channels", format!("{:?}", config.channels())),
-        ("stem", format!("{:?}", config.stem).to_lowercase()),
+        first,
+        second,
         ("normalisation", format!("{:?}", config.norm).to_lowercase()),
         ("neck", format!("{:?}", config.neck).to_lowercase()),
         ("MSFE", format!("{:?}", config.msfe).to_lowercase()),
