@@ -1,5 +1,6 @@
 //! A training run in one TOML file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,7 @@ use thiserror::Error;
 use crate::adam::AdamSettings;
 use crate::executor::Precision;
 use crate::learner::LearnerSettings;
+use crate::parts::Parts;
 use crate::schedule::Schedule;
 
 /// A run: what to train, on what, how. Every field has a default; the defaults are the paper's recipe.
@@ -136,6 +138,15 @@ pub struct TrainConfig {
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
+    /// Starts of the names of tensors that start anew although `start_from` has them. With it, even empty, `start_from` must have all others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_without: Option<Vec<String>>,
+    /// Starts of the names of tensors that nothing moves; batch norms among them use their running statistics as they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub freeze: Vec<String>,
+    /// Factors on the learning rate of tensors by how their names start; of several the longest start counts.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub rate_factors: BTreeMap<String, f64>,
     /// Decay of the exponential running means of the weights (EMA), which the model gets in the end; without it those of the last step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ema_decay: Option<f64>,
@@ -170,6 +181,9 @@ impl Default for TrainConfig {
             precision: Precision::F32,
             seed: 0,
             start_from: None,
+            start_without: None,
+            freeze: Vec::new(),
+            rate_factors: BTreeMap::new(),
             ema_decay: None,
             statistics_batches: None,
             checkpoint_steps: 200,
@@ -285,13 +299,28 @@ impl RunConfig {
             .map(|(name, v)| format!("{name} is {v}; expected a positive number"))
             .or_else(|| bad_other.map(|(name, v)| format!("{name} is {v}; expected 0 or a positive number")))
             .or_else(|| problem_of_decay(train.ema_decay))
+            .or_else(|| train.problem_of_parts())
     }
 }
 
 impl TrainConfig {
     /// Settings of the optimiser.
     pub fn adam(&self) -> AdamSettings {
-        AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+        AdamSettings {
+            rate_factors: self.rate_factors.clone(),
+            ..AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+        }
+    }
+
+    /// What is said about parts of the network that cannot be.
+    fn problem_of_parts(&self) -> Option<String> {
+        if self.start_without.is_some() && self.start_from.is_none() {
+            return Some("train.start_without needs train.start_from; without it everything starts anew".to_owned());
+        }
+        let wrong = self.rate_factors.iter().find(|(_, factor)| !(factor.is_finite() && **factor > 0.0));
+        wrong.map(|(prefix, factor)| {
+            format!("train.rate_factors has {factor} for \"{prefix}\"; expected a positive number (train.freeze stops a part)")
+        })
     }
 
     pub fn learner(&self) -> LearnerSettings {
@@ -302,6 +331,11 @@ impl TrainConfig {
             precision: self.precision,
             seed: self.seed,
             start_from: self.start_from.clone(),
+            parts: Parts {
+                freeze: self.freeze.clone(),
+                start_without: self.start_without.clone(),
+                rate_factors: self.rate_factors.clone(),
+            },
         }
     }
 }

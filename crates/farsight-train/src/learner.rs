@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use farsight_graph::graph::Graph;
 use farsight_graph::init::initial_weights;
 use farsight_graph::weights::Weights;
+use farsight_graph::model::ATTRIBUTION_KEY;
 use serde::Serialize;
 use tch::{Device, Tensor};
 
@@ -12,6 +13,7 @@ use crate::adam::{Adam, AdamSettings, BadGradient};
 use crate::average::Averages;
 use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::executor::{Network, Precision};
+use crate::parts::Parts;
 use crate::training::TrainError;
 
 /// How a network starts and learns.
@@ -27,6 +29,8 @@ pub struct LearnerSettings {
     pub seed: u64,
     /// Weights to start from; what they lack starts at random.
     pub start_from: Option<PathBuf>,
+    /// What does not learn like the rest.
+    pub parts: Parts,
 }
 
 /// A network that learns.
@@ -36,6 +40,8 @@ pub struct Learner {
     adam: Adam,
     averages: Option<Averages>,
     clip_norm: f64,
+    /// Whose weights it started from, where that must be told.
+    attribution: Option<String>,
     /// What it started from, when that was a file.
     pub taken: Option<Taken>,
 }
@@ -58,22 +64,22 @@ impl Learner {
         identity: &impl Serialize,
         device: Device,
     ) -> Result<(Self, Progress), TrainError> {
+        let graph = settings.parts.marked(graph)?;
         let stored = checkpoint.map(|path| checkpoint::read(path, identity)).transpose()?;
         let (start, taken) = match (&stored, &settings.start_from) {
             (Some((weights, _)), _) => (weights.clone(), None),
             (None, Some(path)) => {
-                let (weights, taken) = overlaid(initial_weights(&graph, settings.seed), Weights::read(path)?);
-                if taken.tensors == 0 {
-                    return Err(TrainError::NothingFits(path.clone()));
-                }
+                let (fresh, loaded) = (initial_weights(&graph, settings.seed), Weights::read(path)?);
+                let (weights, taken) = settings.parts.overlaid(&graph, fresh, loaded, path)?;
                 (weights, Some(taken))
             }
             (None, None) => (initial_weights(&graph, settings.seed), None),
         };
         let network = Network::new(graph, &start, device, settings.precision)?;
-        let adam = Adam::new(settings.adam, network.learnt());
+        let adam = Adam::new(settings.adam.clone(), network.learnt());
+        let attribution = start.metadata.get(ATTRIBUTION_KEY).cloned();
         let averages = settings.ema_decay.map(|decay| Averages::new(decay, &network));
-        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, taken };
+        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, attribution, taken };
         let mut progress = Progress::default();
         if let (Some(path), Some((weights, come_to))) = (checkpoint, stored) {
             let missing = |name| CheckpointError::Tensor { path: path.into(), name };
@@ -107,6 +113,14 @@ impl Learner {
         }
     }
 
+    /// The weights, and whose they once were.
+    pub(crate) fn weights(&self) -> Weights {
+        let mut weights = self.network.weights();
+        let attribution = self.attribution.clone().map(|text| (ATTRIBUTION_KEY.to_owned(), text));
+        weights.metadata.extend(attribution);
+        weights
+    }
+
     /// Writes a checkpoint, whole or not at all.
     pub fn write(
         &self,
@@ -114,7 +128,7 @@ impl Learner {
         progress: Progress,
         identity: &impl Serialize,
     ) -> Result<(), CheckpointError> {
-        let mut weights = self.network.weights();
+        let mut weights = self.weights();
         self.adam.store(&mut weights);
         if let Some(averages) = &self.averages {
             averages.store(&mut weights);
@@ -128,18 +142,4 @@ impl Learner {
             averages.settle(&self.network);
         }
     }
-}
-
-/// `fresh` with the tensors of `loaded` that have a place and the right shape in it, and how many those are.
-fn overlaid(mut fresh: Weights, loaded: Weights) -> (Weights, Taken) {
-    let mut taken = Taken { tensors: 0, of: fresh.tensors.len() };
-    for (name, tensor) in loaded.tensors {
-        if let Some(place) = fresh.tensors.get_mut(&name)
-            && place.shape == tensor.shape
-        {
-            *place = tensor;
-            taken.tensors += 1;
-        }
-    }
-    (fresh, taken)
 }

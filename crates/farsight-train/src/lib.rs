@@ -11,6 +11,7 @@ pub mod deform;
 pub mod executor;
 pub mod learner;
 pub mod metrics;
+pub mod parts;
 pub mod runner;
 pub mod schedule;
 pub mod sources;

@@ -67,6 +67,32 @@ pub enum TrainError {
     /// The start weights are those of another network.
     #[error("{}: train.start_from: none of its tensors has a place in the network; expected weights of the same kind of network", .0.display())]
     NothingFits(PathBuf),
+    /// The start weights lack a tensor that is not to start anew.
+    #[error(
+        "{}: tensor \"{name}\" {found}; expected shape {expected:?}, or the start of its name in train.start_without",
+        path.display()
+    )]
+    StartTensor {
+        /// The file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+        /// What was found.
+        found: String,
+        /// Its shape in the network.
+        expected: Vec<usize>,
+    },
+    /// A part of the network is named that it does not have.
+    #[error("train.{field} names \"{prefix}\"; expected how the name of a tensor of the network starts")]
+    Prefix {
+        /// The field of the config.
+        field: &'static str,
+        /// What it names.
+        prefix: String,
+    },
+    /// Every tensor is frozen.
+    #[error("train.freeze names the whole network; expected something left to learn")]
+    AllFrozen,
     /// The weights do not fit the network.
     #[error(transparent)]
     Network(#[from] ExecutorError),

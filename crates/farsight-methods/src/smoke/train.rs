@@ -170,7 +170,7 @@ impl<'a> Detector<'a> {
 
     fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {
         let run = self.run;
-        let mut weights = self.learner.network.weights();
+        let mut weights = self.learner.weights();
         let facts = serde_json::json!({
             "steps": progress.steps,
             "epochs": run.train.epochs,

@@ -20,6 +20,7 @@ use farsight_methods::smoke::{DetectorFile, HeadMaps, SmokeDetector, SparseHead}
 use farsight_methods::smoke::{LOGITS, REGRESSION};
 use farsight_onnx::{Facts, LocalHeadFile, OnnxModel, Target, write};
 use farsight_runtime::RtenRunner;
+use farsight_methods::smoke::network::Backbone;
 use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -28,6 +29,9 @@ use crate::support::{batch_head_maps, head_maps};
 
 /// Rounding of single precision over 60 layers, as a share of the largest value of a map: networks with drawn weights answer with any size.
 const RELATIVE: f32 = 1e-5;
+
+/// The same for `MobileNetV2`, whose blocks end without an activation: their drawn sums are much larger than the answers.
+const RELATIVE_MOBILE: f32 = 5e-5;
 
 /// Tolerance of the reference's own README for the raw heads.
 const GOLDEN_GROUP: f32 = 1e-4;
@@ -70,9 +74,14 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 
 #[track_caller]
 fn assert_same(what: &str, a: &HeadMaps, b: &HeadMaps) {
+    assert_within(RELATIVE, what, a, b);
+}
+
+#[track_caller]
+fn assert_within(relative: f32, what: &str, a: &HeadMaps, b: &HeadMaps) {
     assert_eq!(a.map_size, b.map_size, "{what}");
     for (name, a, b) in [(LOGITS, &a.logits, &b.logits), (REGRESSION, &a.regression, &b.regression)] {
-        let tolerance = RELATIVE * a.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+        let tolerance = relative * a.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
         let largest = difference(a, b);
         assert!(largest <= tolerance, "{what}: {name} differs by {largest:e}, tolerance {tolerance:e}");
     }
@@ -86,19 +95,25 @@ fn small(norm: NormKind, neck: NeckKind, msfe: Msfe) -> SmokeConfig {
 fn folding_changes_nothing_but_the_node_count() {
     for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
         for neck in [NeckKind::Plain, NeckKind::Deformable] {
-            let model = lively(small(NormKind::Batch, neck, msfe));
-            let whole = Network::new(&model).keeping(&[LOGITS, REGRESSION]);
-            let folded = whole.clone().batch_norm_folded().unwrap();
-            let norms = |network: &Network| {
-                network.graph.nodes.iter().filter(|node| matches!(node.op, Op::BatchNorm { .. })).count()
-            };
-            assert!(norms(&whole) > 40);
-            assert_eq!(norms(&folded), 0, "{msfe:?} {neck:?}");
-            let image = input([96, 64]);
-            let maps = [&whole, &folded]
-                .map(|network| head_maps(&mut engine(network, &model, Target::Portable), &image, [96, 64]));
-            assert!(maps[0].regression.iter().any(|value| value.abs() > 0.05), "maps of a dead network prove nothing");
-            assert_same(&format!("{msfe:?} {neck:?}"), &maps[0], &maps[1]);
+            for backbone in [Backbone::Dla34, Backbone::MobilenetV2] {
+                let model = lively(SmokeConfig { backbone, ..small(NormKind::Batch, neck, msfe) });
+                let whole = Network::new(&model).keeping(&[LOGITS, REGRESSION]);
+                let folded = whole.clone().batch_norm_folded().unwrap();
+                let norms = |network: &Network| {
+                    network.graph.nodes.iter().filter(|node| matches!(node.op, Op::BatchNorm { .. })).count()
+                };
+                assert!(norms(&whole) > 40);
+                assert_eq!(norms(&folded), 0, "{msfe:?} {neck:?}");
+                let image = input([96, 64]);
+                let maps = [&whole, &folded]
+                    .map(|network| head_maps(&mut engine(network, &model, Target::Portable), &image, [96, 64]));
+                assert!(
+                    maps[0].regression.iter().any(|value| value.abs() > 0.05),
+                    "maps of a dead network prove nothing"
+                );
+                let relative = if backbone == Backbone::Dla34 { RELATIVE } else { RELATIVE_MOBILE };
+                assert_within(relative, &format!("{backbone:?} {msfe:?} {neck:?}"), &maps[0], &maps[1]);
+            }
         }
     }
 }
