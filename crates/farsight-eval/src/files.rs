@@ -50,7 +50,8 @@ pub enum Scores {
     /// What the files say.
     #[default]
     AsGiven,
-    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks detections for AP in space.
+    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks
+    /// detections for AP in space.
     Place,
 }
 
@@ -182,7 +183,8 @@ impl FrameFiles {
         Self { scores, ..self }
     }
 
-    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it has learnt to.
+    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it
+    /// has learnt to.
     #[must_use]
     pub fn with_any_classes(self) -> Self {
         Self { report_classes: false, ..self }
@@ -244,7 +246,8 @@ impl FrameFiles {
         Ok(prediction)
     }
 
-    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps of a frame.
+    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps
+    /// of a frame.
     ///
     /// # Errors
     /// As [`FrameFiles::read`].

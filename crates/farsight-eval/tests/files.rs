@@ -120,8 +120,8 @@ fn a_split_chooses_frames_and_demands_their_files() {
 
 #[test]
 fn place_scores_need_an_error_bar_in_every_row() {
-    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first error bar the rest, 3/17, is one scale of
-    // Laplace's distribution.
+    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first
+    // error bar the rest, 3/17, is one scale of Laplace's distribution.
     let row = RESULT.trim_end().replace("0.80 1.71 13.60 -1.62", "0.00 1.71 13.60 -1.5707963");
     let one_scale = 4.07 * 3.0 / 17.0 * 2.0_f64.sqrt();
     let results = format!("{row} {one_scale}\n{row} 1000000\n{row} 0\n");

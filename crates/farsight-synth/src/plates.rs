@@ -25,8 +25,8 @@ pub(crate) fn plates(scene: &Scene, objects: &[LabelledObject], rendered: &Rende
     plates.collect()
 }
 
-/// The middles of the right and the left edge of the plate at the front (1) or the rear (-1), as seen by somebody who stands before it; none when the camera
-/// is behind it.
+/// The middles of the right and the left edge of the plate at the front (1) or the rear (-1), as seen by somebody who
+/// stands before it; none when the camera is behind it.
 fn ends_of(mesh: &Mesh, plate: MaterialId, box3d: &Box3d, end: f64) -> Option<[[f64; 3]; 2]> {
     let (sin, cos) = (libm::sin(box3d.yaw), libm::cos(box3d.yaw));
     let ahead = [end * cos, -end * sin];

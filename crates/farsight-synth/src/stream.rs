@@ -12,7 +12,7 @@ use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
 use crate::sensor::SensorModel;
 
-/// The stream of draws that decides about the photograph; scenes and layouts have 0 and 1.
+/// The stream of draws that decides about the sensor; scenes and layouts have 0 and 1.
 const SENSOR_STREAM: u64 = 2;
 
 /// Fowler, Noll and Vo's prime, for 64 bits.
@@ -37,14 +37,15 @@ impl SceneStream {
 
 /// A frame with the objects of `labels` at their own positions under their own `camera`, in a random scene around them.
 ///
-/// The world follows from `seed` and the frame's name `id`. Truncation and occlusion are those of the picture, which need not be those of `labels`.
+/// The scene follows from `seed` and the frame's name `id`. Truncation and occlusion are those of the picture, which
+/// need not be those of `labels`.
 pub fn frame_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64, id: &str) -> Frame {
     let seed = id.bytes().fold(seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
     let labelled = scene_from_labels(labels, camera, image_size, seed);
     captured(&labelled, id.to_owned(), &mut SceneRng::new(seed, 0, SENSOR_STREAM))
 }
 
-/// The photograph of a scene, with its camera and labels.
+/// The image of a scene, with its camera and labels.
 fn captured(labelled: &LabelledScene, id: String, rng: &mut SceneRng) -> Frame {
     let LabelledScene { scene, objects } = labelled;
     let rendered = render(scene);

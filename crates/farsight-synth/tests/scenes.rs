@@ -1,4 +1,4 @@
-//! Laws of drawn worlds and rebuilt frames.
+//! Laws of random scenes and rebuilt frames.
 
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 

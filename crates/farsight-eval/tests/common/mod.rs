@@ -8,7 +8,8 @@ use std::process::Command;
 use farsight_data::kitti::{RowKind, rows_as_devkit};
 use farsight_eval::{Frame, Prediction};
 
-/// The folder that `variable` names, or `default` beside the project; prints why the test is skipped when it is not there.
+/// The folder that `variable` names, or `default` beside the project; prints why the test is skipped when it is not
+/// there.
 pub fn folder(variable: &str, default: &str) -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(default);
     let folder = std::env::var_os(variable).map_or(beside, PathBuf::from);

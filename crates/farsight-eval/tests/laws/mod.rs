@@ -1,5 +1,5 @@
-//! What must hold for any bytes in a file: nothing panics, and the readers agree. The fuzz targets and the replay of their saved inputs
-//! share these.
+//! What must hold for any bytes in a file: nothing panics, and the readers agree. The fuzz targets and the replay of
+//! their saved inputs share these.
 #![allow(dead_code, unreachable_pub)] // Each user takes a part.
 #![allow(clippy::expect_used)] // A broken law is a finding.
 
