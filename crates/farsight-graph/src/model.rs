@@ -1,5 +1,6 @@
 //! A model in one file: weights, and in the header the method that they belong to and its config.
 
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -26,7 +27,7 @@ pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
 const FIRST_METHOD: &str = "smoke";
 
 /// Config of a network: it stands in the header of the network's file, as JSON.
-pub trait NetworkConfig: Clone + Serialize + DeserializeOwned {
+pub trait NetworkConfig: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {
     /// Tag of the method, as it stands in files and configs.
     const METHOD: &'static str;
     /// What such a network is called, with its article.

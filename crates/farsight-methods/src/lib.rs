@@ -11,6 +11,8 @@ pub mod plate_reader;
 pub mod refiner;
 pub mod roi;
 pub mod smoke;
+#[cfg(feature = "train")]
+pub mod training;
 
 pub use detector::{DetectError, Detector, UnfamiliarCamera};
 pub use input_spec::InputSpec;

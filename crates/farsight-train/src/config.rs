@@ -1,11 +1,12 @@
-//! A training run in one TOML file.
+//! A training run in one TOML file: what every method's training has in common.
 
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
-use farsight_methods::smoke::config::SmokeConfig;
+use farsight_graph::model::NetworkConfig;
 use farsight_synth::SceneConfig;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -17,18 +18,64 @@ use crate::learner::LearnerSettings;
 use crate::parts::Parts;
 use crate::schedule::Schedule;
 
-/// A run: what to train, on what, how. Every field has a default; the defaults are the paper's recipe.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RunConfig {
+/// What a method alone says about its training: the table `[task]`.
+pub trait TaskConfig: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {
+    /// The field that cannot be used, what was found and what was expected; `data` is where the frames come from.
+    fn problem(&self, data: &DataConfig) -> Option<String>;
+}
+
+/// A run: what to train, on what, how. Every table has defaults; those of `[train]` are the paper's recipe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, bound = "")]
+pub struct RunConfig<M: NetworkConfig, C: TaskConfig> {
+    /// Tag of the method.
+    pub method: String,
     /// The network.
-    pub model: SmokeConfig,
+    #[serde(default)]
+    pub model: M,
     /// Where the frames come from.
+    #[serde(default)]
     pub data: DataConfig,
     /// How they vary.
+    #[serde(default)]
     pub augmentation: AugmentationConfig,
     /// How the network learns.
+    #[serde(default)]
     pub train: TrainConfig,
+    /// What the method alone says.
+    #[serde(default)]
+    pub task: C,
+    /// What is measured while it learns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validate: Option<ValidateConfig>,
+}
+
+/// What is measured while a network learns: the model so far looks at frames that it does not learn from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValidateConfig {
+    /// Folder in KITTI's layout.
+    pub root: PathBuf,
+    /// Split: a name under `ImageSets` or a file of frame names.
+    pub split: PathBuf,
+    /// Steps between two measurements.
+    pub every_steps: u64,
+    /// The first so many frames of the split only; 0 for all.
+    #[serde(default)]
+    pub limit: usize,
+}
+
+/// The tag of the method in the text of a config file.
+///
+/// # Errors
+/// When the text is no TOML or has no such field.
+pub fn method_of(text: &str) -> Result<String, String> {
+    let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
+    match table.get("method") {
+        Some(toml::Value::String(method)) => Ok(method.clone()),
+        Some(other) => Err(format!("method is {other}; expected the name of one")),
+        None => Err("method is missing; expected the name of one".to_owned()),
+    }
 }
 
 /// Where the frames come from.
@@ -98,13 +145,13 @@ impl Default for RenderedConfig {
     }
 }
 
-/// How the network learns. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140 epochs, batch 8.
+/// How a network learns, whatever its method. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140 epochs, batch 8.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
     /// Passes over the data.
     pub epochs: u64,
-    /// Images a step.
+    /// Frames a step.
     pub batch_size: usize,
     /// Initial learning rate. The paper gives none; 2.5e-4 is official SMOKE's.
     pub learning_rate: f64,
@@ -118,19 +165,6 @@ pub struct TrainConfig {
     pub bias_rate_factor: f64,
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
-    /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that relative errors are learnt rather
-    /// than the guesses of the horizon; 0: all count the same, as in SMOKE.
-    pub full_weight_m: f64,
-    /// Factor on the orientation's part of the corner loss; 1 in SMOKE.
-    pub orientation_weight: f64,
-    /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
-    pub dimensions_weight: f64,
-    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which judges apparent sizes; 0 for none, as in SMOKE.
-    pub image_weight: f64,
-    /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
-    pub neighbour_cells: usize,
-    /// Weight of a second lesson, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
-    pub surface_weight: f64,
     /// Numbers of the convolutions.
     pub precision: Precision,
     /// Seed of the weights, the order and the augmentation.
@@ -172,12 +206,6 @@ impl Default for TrainConfig {
             warm_up_steps: 0,
             bias_rate_factor: 1.0,
             clip_norm: 0.0,
-            full_weight_m: 0.0,
-            orientation_weight: 1.0,
-            dimensions_weight: 1.0,
-            image_weight: 0.0,
-            neighbour_cells: 0,
-            surface_weight: 0.0,
             precision: Precision::F32,
             seed: 0,
             start_from: None,
@@ -223,7 +251,7 @@ pub enum RunConfigError {
 }
 
 /// Reads a TOML file of which `problem` says what is wrong with its values.
-pub fn read_checked<T: DeserializeOwned>(
+fn read_checked<T: DeserializeOwned>(
     path: &Path,
     problem: impl Fn(&T) -> Option<String>,
 ) -> Result<T, RunConfigError> {
@@ -235,13 +263,7 @@ pub fn read_checked<T: DeserializeOwned>(
     }
 }
 
-/// Why the weights' running means cannot have this decay, if they cannot.
-pub fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
-    let wrong = ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
-    wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
-}
-
-impl RunConfig {
+impl<M: NetworkConfig, C: TaskConfig> RunConfig<M, C> {
     /// Reads and checks a config file.
     ///
     /// # Errors
@@ -251,10 +273,12 @@ impl RunConfig {
     }
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.
+    #[must_use]
     pub fn identity(&self) -> Self {
         let train = TrainConfig::default();
         let mut identity = self.clone();
         identity.data = self.data.identity();
+        identity.validate = None;
         identity.train.checkpoint_steps = train.checkpoint_steps;
         identity.train.log_steps = train.log_steps;
         identity.train.statistics_batches = train.statistics_batches;
@@ -263,47 +287,56 @@ impl RunConfig {
 
     /// Why this run cannot be started, if it cannot.
     pub fn problem(&self) -> Option<String> {
-        if let Err(error) = self.model.validate() {
-            return Some(error.to_string());
+        if self.method != M::METHOD {
+            return Some(format!("method is \"{}\"; expected \"{}\"", self.method, M::METHOD));
         }
-        if let Some(problem) = self.augmentation.problem() {
-            return Some(format!("augmentation.{problem}"));
-        }
-        if let Some(problem) = self.data.problem() {
-            return Some(problem);
-        }
-        let train = &self.train;
-        let positive = [
-            ("train.epochs", train.epochs as f64),
-            ("train.batch_size", train.batch_size as f64),
-            ("train.learning_rate", train.learning_rate),
-            ("train.bias_rate_factor", train.bias_rate_factor),
-            ("train.checkpoint_steps", train.checkpoint_steps as f64),
-            ("train.log_steps", train.log_steps as f64),
-        ];
-        let not_negative = [
-            ("train.weight_decay", train.weight_decay),
-            ("train.clip_norm", train.clip_norm),
-            ("train.full_weight_m", train.full_weight_m),
-            ("train.orientation_weight", train.orientation_weight),
-            ("train.dimensions_weight", train.dimensions_weight),
-            ("train.image_weight", train.image_weight),
-            ("train.surface_weight", train.surface_weight),
-        ];
-        if train.surface_weight > 0.0 && self.data.rendered.is_none() {
-            return Some("train.surface_weight needs data.rendered; other frames have no depth".to_owned());
-        }
-        let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
-        let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
-        bad_positive
-            .map(|(name, v)| format!("{name} is {v}; expected a positive number"))
-            .or_else(|| bad_other.map(|(name, v)| format!("{name} is {v}; expected 0 or a positive number")))
-            .or_else(|| problem_of_decay(train.ema_decay))
-            .or_else(|| train.problem_of_parts())
+        let augmentation = || self.augmentation.problem().map(|problem| format!("augmentation.{problem}"));
+        let validate = || {
+            let every_steps = self.validate.as_ref()?.every_steps;
+            (every_steps == 0).then(|| "validate.every_steps is 0; expected at least 1".to_owned())
+        };
+        self.model
+            .problem()
+            .or_else(augmentation)
+            .or_else(|| self.data.problem())
+            .or_else(|| self.task.problem(&self.data).map(|problem| format!("task.{problem}")))
+            .or_else(|| self.train.problem())
+            .or_else(validate)
     }
 }
 
 impl TrainConfig {
+    /// Why a network cannot learn like this, if it cannot.
+    pub fn problem(&self) -> Option<String> {
+        let positive = [
+            ("epochs", self.epochs as f64),
+            ("batch_size", self.batch_size as f64),
+            ("learning_rate", self.learning_rate),
+            ("bias_rate_factor", self.bias_rate_factor),
+            ("checkpoint_steps", self.checkpoint_steps as f64),
+            ("log_steps", self.log_steps as f64),
+        ];
+        let not_negative = [("weight_decay", self.weight_decay), ("clip_norm", self.clip_norm)];
+        let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
+        let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
+        bad_positive
+            .map(|(name, v)| format!("train.{name} is {v}; expected a positive number"))
+            .or_else(|| bad_other.map(|(name, v)| format!("train.{name} is {v}; expected 0 or a positive number")))
+            .or_else(|| self.problem_of_decay())
+            .or_else(|| self.problem_of_parts())
+    }
+
+    /// Why the weights' running means cannot have this decay, if they cannot.
+    fn problem_of_decay(&self) -> Option<String> {
+        let wrong = self.ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
+        wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
+    }
+
+    /// The learning rate of a step, of so many in all.
+    pub fn rate(&self, step: u64, total: u64) -> f64 {
+        self.learning_rate * self.schedule.factor(step, total, self.warm_up_steps)
+    }
+
     /// Settings of the optimiser.
     pub fn adam(&self) -> AdamSettings {
         AdamSettings {
@@ -323,6 +356,7 @@ impl TrainConfig {
         })
     }
 
+    /// How a network starts and learns.
     pub fn learner(&self) -> LearnerSettings {
         LearnerSettings {
             adam: self.adam(),

@@ -104,6 +104,13 @@ impl Network {
         Ok(Self { graph, parameters, consumers, precision })
     }
 
+    /// The same network on the same tensors.
+    #[must_use]
+    pub fn share(&self) -> Self {
+        let parameters = self.parameters.iter().map(Tensor::shallow_clone).collect();
+        Self { graph: self.graph.clone(), parameters, consumers: self.consumers.clone(), precision: self.precision }
+    }
+
     /// The graph.
     pub fn graph(&self) -> &Graph {
         &self.graph

@@ -19,11 +19,13 @@ use crate::training::TrainError;
 /// How a network starts and learns.
 #[derive(Debug, Clone)]
 pub struct LearnerSettings {
+    /// The optimiser.
     pub adam: AdamSettings,
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
     /// Decay of the running means of the weights; none keeps none.
     pub ema_decay: Option<f64>,
+    /// Numbers of the convolutions.
     pub precision: Precision,
     /// Seed of what starts at random.
     pub seed: u64,
@@ -36,6 +38,7 @@ pub struct LearnerSettings {
 /// A network that learns.
 #[derive(Debug)]
 pub struct Learner {
+    /// The network.
     pub network: Network,
     adam: Adam,
     averages: Option<Averages>,
@@ -43,12 +46,12 @@ pub struct Learner {
     /// Whose weights it started from, where that must be told.
     attribution: Option<String>,
     /// What it started from, when that was a file.
-    pub taken: Option<Taken>,
+    pub loaded: Option<Loaded>,
 }
 
 /// How much of a network came from the file that it started from; the rest starts at random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Taken {
+pub struct Loaded {
     /// Tensors that had a place in the network.
     pub tensors: usize,
     /// Tensors that the network has.
@@ -66,12 +69,12 @@ impl Learner {
     ) -> Result<(Self, Progress), TrainError> {
         let graph = settings.parts.marked(graph)?;
         let stored = checkpoint.map(|path| checkpoint::read(path, identity)).transpose()?;
-        let (start, taken) = match (&stored, &settings.start_from) {
+        let (start, loaded) = match (&stored, &settings.start_from) {
             (Some((weights, _)), _) => (weights.clone(), None),
             (None, Some(path)) => {
                 let (fresh, loaded) = (initial_weights(&graph, settings.seed), Weights::read(path)?);
-                let (weights, taken) = settings.parts.overlaid(&graph, fresh, loaded, path)?;
-                (weights, Some(taken))
+                let (weights, loaded) = settings.parts.overlaid(&graph, fresh, loaded, path)?;
+                (weights, Some(loaded))
             }
             (None, None) => (initial_weights(&graph, settings.seed), None),
         };
@@ -79,7 +82,7 @@ impl Learner {
         let adam = Adam::new(settings.adam.clone(), network.learnt());
         let attribution = start.metadata.get(ATTRIBUTION_KEY).cloned();
         let averages = settings.ema_decay.map(|decay| Averages::new(decay, &network));
-        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, attribution, taken };
+        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, attribution, loaded };
         let mut progress = Progress::default();
         if let (Some(path), Some((weights, come_to))) = (checkpoint, stored) {
             let missing = |name| CheckpointError::Tensor { path: path.into(), name };
@@ -114,7 +117,7 @@ impl Learner {
     }
 
     /// The weights, and whose they once were.
-    pub(crate) fn weights(&self) -> Weights {
+    pub fn weights(&self) -> Weights {
         let mut weights = self.network.weights();
         let attribution = self.attribution.clone().map(|text| (ATTRIBUTION_KEY.to_owned(), text));
         weights.metadata.extend(attribution);

@@ -15,6 +15,7 @@ pub mod parts;
 pub mod runner;
 pub mod schedule;
 pub mod sources;
+pub mod task;
 pub mod training;
 
 /// Sets the number of threads that libtorch computes with; `None` leaves its own choice.

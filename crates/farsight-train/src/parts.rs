@@ -6,7 +6,7 @@ use std::path::Path;
 use farsight_graph::graph::{Graph, Parameter, Role};
 use farsight_graph::weights::Weights;
 
-use crate::learner::Taken;
+use crate::learner::Loaded;
 use crate::training::TrainError;
 
 /// What is to become of the parts of a network. By default all of it learns alike.
@@ -55,15 +55,15 @@ impl Parts {
         mut fresh: Weights,
         mut loaded: Weights,
         path: &Path,
-    ) -> Result<(Weights, Taken), TrainError> {
+    ) -> Result<(Weights, Loaded), TrainError> {
         let anew = self.start_without.as_deref().unwrap_or_default();
-        let mut taken = Taken { tensors: 0, of: fresh.tensors.len() };
+        let mut counts = Loaded { tensors: 0, of: fresh.tensors.len() };
         for parameter in graph.parameters.iter().filter(|p| !starts_with_any(&p.name, anew)) {
             let Parameter { name, shape, role, .. } = parameter;
             match loaded.tensors.remove(name) {
                 Some(tensor) if tensor.shape == *shape => {
                     fresh.tensors.insert(name.clone(), tensor);
-                    taken.tensors += 1;
+                    counts.tensors += 1;
                 }
                 found if self.start_without.is_some() && *role != Role::Unused => {
                     let found = found.map_or("is missing".to_owned(), |tensor| format!("has shape {:?}", tensor.shape));
@@ -74,7 +74,7 @@ impl Parts {
             }
         }
         fresh.metadata.extend(loaded.metadata);
-        if taken.tensors == 0 { Err(TrainError::NothingFits(path.into())) } else { Ok((fresh, taken)) }
+        if counts.tensors == 0 { Err(TrainError::NothingFits(path.into())) } else { Ok((fresh, counts)) }
     }
 }
 

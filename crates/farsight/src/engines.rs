@@ -217,7 +217,7 @@ fn open(args: &EngineArgs, path: Option<&Path>, options: DecodeOptions) -> Resul
 
 /// The first look of the model at `path`, or of the shipped one, and whether it has the shipped weights. Its regression head is only computed where it is
 /// needed, if it is of that kind.
-fn open_detector(args: &EngineArgs, path: Option<&Path>) -> Result<(SmokeDetector, bool)> {
+pub(crate) fn open_detector(args: &EngineArgs, path: Option<&Path>) -> Result<(SmokeDetector, bool)> {
     args.check()?;
     let source = path.unwrap_or(Path::new(shipped::NAME));
     if args.engine == EngineName::Libtorch {

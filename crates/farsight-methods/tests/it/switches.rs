@@ -44,7 +44,7 @@ fn another_backbone_goes_with_every_neck_and_msfe() {
             for (width, input) in [(1.0, [640, 192]), (0.35, [96, 32])] {
                 let config = mobile(SmokeConfig { msfe, neck, width, input, ..SmokeConfig::default() });
                 config.validate().unwrap();
-                let graph = network(&config);
+                let graph = config.graph();
                 let shapes = graph.shapes(input[0], input[1]).unwrap();
                 let shape = |name: &str| shapes[graph.tap(name).unwrap()];
                 assert_eq!(shape(LOGITS), [3, input[1] / 4, input[0] / 4]);
@@ -54,7 +54,7 @@ fn another_backbone_goes_with_every_neck_and_msfe() {
             }
         }
     }
-    let body = network(&mobile(SmokeConfig::default()));
+    let body = mobile(SmokeConfig::default()).graph();
     let body = body.parameters.iter().filter(|p| p.name.starts_with("backbone.body.") && p.role == Role::Learnt);
     // torchvision's 3,504,872 without the classifier (1,281,000) and the last convolution (320 x 1,280) with its norm (2 x 1,280).
     assert_eq!(body.map(farsight_graph::graph::Parameter::len).sum::<usize>(), 3_504_872 - 1_281_000 - 409_600 - 2_560);

@@ -1,15 +1,17 @@
-//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7). And a lesson in depth that rendered scenes allow.
+//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7). And an auxiliary loss in depth that rendered scenes allow.
 
 use std::collections::HashSet;
 
 use crate::smoke::codec::CHANNELS;
 use crate::smoke::corner_loss::{CornerLoss, corner_loss};
 use crate::smoke::targets::{ObjectTarget, Targets};
-use farsight_core::{Camera, Codec};
+use farsight_core::Camera;
 use serde::Serialize;
 use tch::{Device, Kind, Tensor};
 
-use crate::metrics::Terms;
+use crate::smoke::Codec;
+use farsight_train::executor::values_from_tensor;
+use farsight_train::metrics::Metrics;
 
 /// Bounds of the probability in the focal loss (spec section 4).
 const PROBABILITY_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
@@ -42,7 +44,7 @@ impl LossTerms {
     }
 }
 
-impl Terms for LossTerms {
+impl Metrics for LossTerms {
     const SAMPLES: &'static str = "images";
 
     fn named(&self) -> Vec<(&'static str, f64)> {
@@ -212,7 +214,7 @@ pub fn loss(
 ) -> (Tensor, LossTerms) {
     let heat_map = focal_loss(logits, &targets.heat_map);
     let raw = regression_at_objects(regression, targets);
-    let values = crate::executor::values_from_tensor(&raw);
+    let values = values_from_tensor(&raw);
 
     let mut gradient = Vec::with_capacity(values.len());
     let mut terms = LossTerms::default();

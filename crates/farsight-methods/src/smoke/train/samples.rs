@@ -1,14 +1,14 @@
 //! From labelled frames to the tensors of a batch.
 
 use farsight_core::input::InputRules;
-use crate::smoke::targets::{TargetRules, Targets};
 use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{AugmentationConfig, ItemKey};
-use crate::smoke::config::{SmokeConfig, Quirks};
+use farsight_train::sources::FrameSource;
 use tch::{Device, Tensor};
 
-use crate::loss::BatchTargets;
-use crate::sources::FrameSource;
+use super::loss::BatchTargets;
+use crate::smoke::targets::{TargetRules, Targets};
+use crate::smoke::{Quirks, SmokeConfig};
 
 /// One image as the network sees it, and what it should answer.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ pub struct TrainSample {
 
 /// Makes samples: frame, transform, targets. Shared by the loader's threads.
 #[derive(Debug)]
-pub struct Sampler {
+pub struct SampleMaker {
     source: Box<dyn FrameSource>,
     quirks: Quirks,
     input_rules: InputRules,
@@ -35,7 +35,7 @@ pub struct Sampler {
     augmentation: AugmentationConfig,
 }
 
-impl Sampler {
+impl SampleMaker {
     /// Samples of `source` for `model`.
     pub fn new(source: Box<dyn FrameSource>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
         let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
@@ -66,7 +66,7 @@ impl Sampler {
         let camera = self.quirks.camera(&sample.camera);
         let targets = self.target_rules.targets(&sample.labels, &camera, sample.size);
         let depth = self.target_rules.codec.depth;
-        let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), &targets.camera) as f32;
+        let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), camera.focal_y()) as f32;
         let surface_m = sample.surface_m.map(|surface_m| surface_m.iter().map(seen).collect());
         Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress, surface_m })
     }
