@@ -3,7 +3,7 @@
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "the helpers of a test may panic and say that they were skipped"
+    reason = "the helpers of a test may panic, and print what they compare"
 )]
 
 use std::collections::BTreeMap;
@@ -20,7 +20,8 @@ use farsight_net::init::initial_weights;
 use farsight_net::model::Model;
 use farsight_net::onnx::{Facts, OnnxModel, PeaksOnly, Target, write};
 use farsight_net::transform::Network;
-use farsight_net::weights::{WeightTensor, Weights};
+use farsight_net::weights::WeightTensor;
+use farsight_testing::{Array, Golden, kitti};
 use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -31,6 +32,9 @@ const RELATIVE: f32 = 1e-5;
 /// Tolerance of the reference's own README for the raw heads.
 const GOLDEN_GROUP: f32 = 1e-4;
 const GOLDEN_BATCH: f32 = 1e-3;
+
+/// Tensors of a reference file by name.
+type Tensors = BTreeMap<String, WeightTensor>;
 
 /// A network whose norms have seen something: all statistics and affine terms are drawn.
 fn lively(config: ModelConfig) -> Model {
@@ -138,20 +142,24 @@ fn rten_says_that_it_has_no_deformable_convolution() {
     assert!(error.starts_with("the engine rten failed: ") && error.contains("DeformConv"), "{error}");
 }
 
-/// Tensors of a reference file; `None`, with a printed reason, where the folder is not there.
-fn golden(name: &str) -> Option<BTreeMap<String, WeightTensor>> {
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/golden");
-    let folder = std::env::var_os("FARSIGHT_GOLDEN").map_or_else(default, PathBuf::from);
-    let path = folder.join(format!("{name}.safetensors"));
-    if !path.is_file() {
-        println!("skipped: no {} (set FARSIGHT_GOLDEN to the folder of reference tensors)", path.display());
-        return None;
-    }
-    Some(Weights::read(&path).unwrap().tensors)
+/// A reference file as weights.
+fn tensors(golden: &Golden) -> Tensors {
+    let tensor = |array: &Array| WeightTensor { shape: array.shape.clone(), values: array.singles() };
+    golden.iter().map(|(name, array)| (name.to_owned(), tensor(array))).collect()
+}
+
+/// A committed reference file.
+fn golden(name: &str) -> Tensors {
+    tensors(&Golden::open(name))
+}
+
+/// A reference file that is too large to be committed; `None` where it is not there.
+fn large_golden(name: &str) -> Option<Tensors> {
+    Golden::open_large(name).as_ref().map(tensors)
 }
 
 /// The model of `config` with the reference's weights.
-fn golden_model(config: ModelConfig, files: &[&BTreeMap<String, WeightTensor>]) -> Model {
+fn golden_model(config: ModelConfig, files: &[&Tensors]) -> Model {
     let mut weights = initial_weights(&network(&config), 0);
     for (name, tensor) in files.iter().flat_map(|file| file.iter()) {
         weights.tensors.insert(name.clone(), tensor.clone());
@@ -160,7 +168,7 @@ fn golden_model(config: ModelConfig, files: &[&BTreeMap<String, WeightTensor>]) 
 }
 
 #[track_caller]
-fn check_golden(what: &str, model: &Model, io: &BTreeMap<String, WeightTensor>, tolerance: f32) {
+fn check_golden(what: &str, model: &Model, io: &Tensors, tolerance: f32) {
     let &[batch, _, height, width] = &io["input"].shape[..] else { panic!("{what}: no batch of images") };
     let mut engine = engine(&Network::deployable(model).unwrap(), model, Target::Portable);
     for image in 0..batch {
@@ -183,7 +191,7 @@ fn reference_networks_give_the_reference_maps() {
         [(NormKind::Group, "net_full_io_gn", GOLDEN_GROUP), (NormKind::Batch, "net_full_io_bn", GOLDEN_BATCH)]
     {
         let (Some(weights), Some(statistics), Some(io)) =
-            (golden("net_full_weights"), golden("net_full_bn_stats"), golden(io_name))
+            (large_golden("net_full_weights"), large_golden("net_full_bn_stats"), large_golden(io_name))
         else {
             return;
         };
@@ -194,15 +202,15 @@ fn reference_networks_give_the_reference_maps() {
 
 #[test]
 fn tiny_reference_networks_give_the_reference_maps() {
+    let weights = golden("net_tiny_weights");
     for (norm, io_name) in [(NormKind::Group, "net_tiny_io_gn"), (NormKind::Batch, "net_tiny_io_bn")] {
-        let (Some(weights), Some(io)) = (golden("net_tiny_weights"), golden(io_name)) else { return };
         let config = ModelConfig {
             level_channels: Some([16, 16, 32, 48, 64, 80]),
             head_channels: Some(32),
             norm,
             ..ModelConfig::default()
         };
-        check_golden(io_name, &golden_model(config, &[&weights]), &io, GOLDEN_BATCH);
+        check_golden(io_name, &golden_model(config, &[&weights]), &golden(io_name), GOLDEN_BATCH);
     }
 }
 
@@ -252,14 +260,10 @@ fn a_head_with_group_norm_cannot_be_cut_off() {
 fn images() -> Vec<RgbImage> {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     let mut images = vec![RgbImage::from_fn(640, 192, |_, _| image::Rgb(std::array::from_fn(|_| rng.random())))];
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/kitti");
-    let folder = std::env::var_os("FARSIGHT_KITTI").map_or_else(default, PathBuf::from).join("frames/training/image_2");
-    let mut paths: Vec<PathBuf> =
-        std::fs::read_dir(&folder).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+    let frames = kitti("frames/training/image_2");
+    let entries = frames.into_iter().flat_map(|frames| std::fs::read_dir(frames).unwrap());
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     paths.sort();
-    if paths.is_empty() {
-        println!("real frames skipped: no {} (set FARSIGHT_KITTI)", folder.display());
-    }
     images.extend(paths.iter().take(3).map(|path| read_image(path).unwrap()));
     images
 }

@@ -1,8 +1,6 @@
 //! The naming rules against the table of the specification, which was read off the real modules.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic and print")]
-
-use std::path::{Path, PathBuf};
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 use farsight_net::checkpoint::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 
@@ -17,12 +15,8 @@ struct Row {
 
 /// The table, or none with a word to the reader of the test's output.
 fn table() -> Option<Vec<Row>> {
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/spec");
-    let path = std::env::var_os("FARSIGHT_SPEC").map_or_else(default, PathBuf::from).join("statedict_map.csv");
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        println!("skipped: {} is not there; FARSIGHT_SPEC names its folder", path.display());
-        return None;
-    };
+    let path = farsight_testing::folder("FARSIGHT_SPEC", "../shared/spec", "")?.join("statedict_map.csv");
+    let text = std::fs::read_to_string(path).unwrap();
     let row = |line: &str| {
         let mut fields = line.split(',').map(str::to_owned);
         let mut field = || fields.next().unwrap();
