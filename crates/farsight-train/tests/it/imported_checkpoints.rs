@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::golden_support::{assert_close, golden};
+use crate::golden_support::{assert_close, golden, large_golden};
 use farsight_net::checkpoint::{ImportOptions, import};
 use farsight_net::graph::{LOGITS, REGRESSION};
 use farsight_net::model::Model;
@@ -43,8 +43,8 @@ fn golden_networks_give_the_golden_head_maps() {
         println!("skipped: FARSIGHT_FIXTURES_FULL is not set");
         return;
     };
-    for size in ["tiny", "full"] {
-        let Some(io) = golden(&format!("net_{size}_io_gn")) else { return };
+    for (size, io) in [("tiny", Some(golden("net_tiny_io_gn"))), ("full", large_golden("net_full_io_gn"))] {
+        let Some(io) = io else { return };
         for file in FILES {
             let maps = head_maps(&folder.join(format!("net_{size}_{file}.pth")), &io["input"]);
             for (map, name) in maps.iter().zip([LOGITS, REGRESSION]) {
