@@ -7,6 +7,7 @@
 )]
 
 mod golden_layers;
+mod golden_msfe;
 mod golden_network;
 mod golden_support;
 mod imported_checkpoints;
