@@ -6,6 +6,7 @@
     reason = "a test that cannot go on stops, and says so when it was skipped"
 )]
 
+mod adam;
 mod golden_layers;
 mod golden_msfe;
 mod golden_network;
@@ -15,5 +16,6 @@ mod plate;
 mod pruning;
 mod refiner;
 mod resume;
+mod schedule;
 mod tiny;
 mod training;
