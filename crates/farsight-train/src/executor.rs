@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use farsight_graph::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window};
 use farsight_graph::weights::{WeightTensor, Weights};
 use serde::{Deserialize, Serialize};
+use tch::kind::Element;
 use tch::{Device, Kind, Tensor, no_grad};
 use thiserror::Error;
 
@@ -27,7 +28,9 @@ pub enum Mode {
     Evaluate,
 }
 
-/// In which numbers the maps between the layers are computed. Weights, sums of norms, outputs and losses stay in single precision.
+/// In which numbers the maps between the layers are computed.
+///
+/// Weights, norms, outputs and losses are in single precision, or in double where the maps are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
@@ -36,6 +39,11 @@ pub enum Precision {
     F32,
     /// bfloat16 (mixed precision), with the channels of a pixel side by side: what the matrix units of CPUs and GPUs are made for.
     Bf16,
+    /// Double precision throughout, for tests: they test formulas, not rounding.
+    ///
+    /// No config can ask for it: files hold weights in single precision, so a run could not go on where it stopped.
+    #[serde(skip)]
+    F64,
 }
 
 impl Precision {
@@ -44,7 +52,13 @@ impl Precision {
         match self {
             Self::F32 => Kind::Float,
             Self::Bf16 => Kind::BFloat16,
+            Self::F64 => Kind::Double,
         }
+    }
+
+    /// The kind of weights, norms and outputs.
+    fn wide_kind(self) -> Kind {
+        wide_kind(self.kind())
     }
 
     /// An input or a parameter in the order in which the layers want its numbers; they hand that order on to what they compute, gradients too.
@@ -54,6 +68,11 @@ impl Precision {
             _ => tensor.shallow_clone(),
         }
     }
+}
+
+/// What numbers of this kind are summed in: double precision stays, all else becomes single.
+pub fn wide_kind(kind: Kind) -> Kind {
+    if kind == Kind::Double { Kind::Double } else { Kind::Float }
 }
 
 /// Weights that do not fit the network.
@@ -96,7 +115,8 @@ impl Network {
                 return Err(ExecutorError::Shape { name: p.name.clone(), found, expected });
             }
             let shape: Vec<i64> = p.shape.iter().map(|&s| s as i64).collect();
-            let tensor = Tensor::from_slice(&tensor.values).view(shape.as_slice()).to_device(device);
+            let tensor = Tensor::from_slice(&tensor.values).view(shape.as_slice()).to_kind(precision.wide_kind());
+            let tensor = tensor.to_device(device);
             Ok(precision.arranged(&tensor).set_requires_grad(p.role == Role::Learnt))
         };
         let parameters = graph.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
@@ -155,7 +175,7 @@ impl Network {
         let last = wanted.iter().copied().max().unwrap_or(0);
         let mut maps: Vec<Option<Tensor>> = Vec::with_capacity(last + 1);
         for (id, node) in self.graph.nodes[..=last].iter().enumerate() {
-            let kind = if wanted.contains(&id) { Kind::Float } else { self.precision.kind() };
+            let kind = if wanted.contains(&id) { self.precision.wide_kind() } else { self.precision.kind() };
             let output = match node.op {
                 Op::Input => inputs.next().map(|input| self.precision.arranged(&input.to_kind(kind))),
                 _ => Some(self.compute(node, kind, &maps, &pending, mode)),
@@ -168,7 +188,7 @@ impl Network {
                 }
             }
         }
-        wanted.iter().filter_map(|&id| maps[id].as_ref().map(|map| map.to_kind(Kind::Float))).collect()
+        wanted.iter().filter_map(|&id| maps[id].as_ref().map(|map| map.to_kind(self.precision.wide_kind()))).collect()
     }
 
     /// Computes one node; convolutions in numbers of this kind.
@@ -200,7 +220,7 @@ impl Network {
                 x.conv_transpose2d(&operand(*weight), no_bias, stride, padding, [0; 2], groups, [1; 2])
             }
             Op::GroupNorm { groups, weight, bias } => {
-                let x = x.to_kind(Kind::Float);
+                let x = x.to_kind(self.precision.wide_kind());
                 x.group_norm(*groups as i64, Some(self.tensor(*weight)), Some(self.tensor(*bias)), NORM_EPSILON, true)
             }
             Op::BatchNorm { weight, bias, mean, variance } => {
@@ -233,7 +253,7 @@ impl Network {
             Op::Concat => Tensor::cat(&(0..node.inputs.len()).map(input).collect::<Vec<_>>(), 1),
             Op::WeightedSum { weight } => {
                 let weights = self.tensor(*weight).relu();
-                let weights = &weights / (weights.sum(Kind::Float) + FUSION_EPSILON);
+                let weights = &weights / (weights.sum(self.precision.wide_kind()) + FUSION_EPSILON);
                 let term = |i: usize| input(i) * weights.select(0, i as i64);
                 (1..node.inputs.len()).fold(term(0), |sum, i| sum + term(i))
             }
@@ -242,7 +262,7 @@ impl Network {
 
     /// The samples at the displaced taps, which a 1x1 convolution over channels and taps makes a deformable convolution.
     fn deformed(x: &Tensor, offsets: &Tensor, window: Window) -> Tensor {
-        let [x, offsets] = [x, offsets].map(|map| map.to_kind(Kind::Float).contiguous());
+        let [x, offsets] = [x, offsets].map(|map| map.to_kind(wide_kind(map.kind())).contiguous());
         let taps = offsets.size()[1] / 3;
         let offset = offsets.narrow(1, 0, 2 * taps);
         let mask = offsets.narrow(1, 2 * taps, taps).sigmoid();
@@ -277,8 +297,18 @@ pub fn fill(place: &mut Tensor, weights: &Weights, name: &str) -> Result<(), Str
 
 /// A tensor's values, last axis fastest.
 pub fn values_from_tensor(tensor: &Tensor) -> Vec<f32> {
-    let flat = no_grad(|| tensor.to_kind(Kind::Float).to_device(Device::Cpu).contiguous().view(-1));
-    let mut values = vec![0.0; flat.numel()];
+    copied(tensor, Kind::Float)
+}
+
+/// A tensor's values in double precision, last axis fastest.
+pub fn doubles_from_tensor(tensor: &Tensor) -> Vec<f64> {
+    copied(tensor, Kind::Double)
+}
+
+/// The values of `tensor` as numbers of `kind`, which is that of `T`.
+fn copied<T: Element + Default + Clone>(tensor: &Tensor, kind: Kind) -> Vec<T> {
+    let flat = no_grad(|| tensor.to_kind(kind).to_device(Device::Cpu).contiguous().view(-1));
+    let mut values = vec![T::default(); flat.numel()];
     flat.copy_data(&mut values, flat.numel());
     values
 }

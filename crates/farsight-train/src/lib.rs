@@ -10,6 +10,7 @@ pub mod config;
 pub mod deform;
 pub mod executor;
 pub mod learner;
+pub mod losses;
 pub mod metrics;
 pub mod parts;
 pub mod runner;

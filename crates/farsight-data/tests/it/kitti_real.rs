@@ -8,7 +8,7 @@ use farsight_data::kitti::{
     Calibration, Row, RowKind, read_labels, read_results, read_rows, read_split, text_from_labels, text_from_results,
 };
 
-use crate::material::{kitti_folder, unpacked};
+use crate::material::unpacked;
 
 const FRAMES: usize = 7481;
 const VALIDATION_FRAMES: usize = 3769;
@@ -69,7 +69,7 @@ fn without_alpha(text: &str) -> String {
 
 #[test]
 fn the_frames_folder_opens_in_both_layouts() {
-    let Some(kitti) = kitti_folder() else { return };
+    let Some(kitti) = farsight_testing::kitti("") else { return };
     let root = kitti.join("frames");
     let all = KittiDataset::open(&root, None).unwrap();
     assert_eq!(all.len(), 84);

@@ -10,6 +10,7 @@ use farsight_methods::smoke::import::{
     ImagenetNorms, ImportOptions, Imported, Layout, canonical_names, import, is_dead,
 };
 use farsight_methods::smoke::{Quirks, SmokeConfig};
+use farsight_testing::{Array, Golden};
 use proptest::prelude::*;
 
 /// Parameters of the 16-channel network, as the script prints them.
@@ -152,22 +153,20 @@ fn golden_networks_arrive_unchanged() {
         println!("skipped: FARSIGHT_FIXTURES_FULL is not set");
         return;
     };
-    for size in ["tiny", "full"] {
-        let golden = Weights::read(&golden_folder().join(format!("net_{size}_weights.safetensors"))).unwrap();
+    for (size, golden) in
+        [("tiny", Some(Golden::open("net_tiny_weights"))), ("full", Golden::open_large("net_full_weights"))]
+    {
+        let Some(golden) = golden else { return };
         let names = canonical_names();
-        let expected: BTreeMap<String, WeightTensor> =
-            golden.tensors.into_iter().filter(|(name, _)| names.contains(name)).collect();
+        let tensor = |array: &Array| WeightTensor { shape: array.shape.clone(), values: array.singles() };
+        let all = golden.iter().map(|(name, array)| (name.to_owned(), tensor(array)));
+        let expected: BTreeMap<String, WeightTensor> = all.filter(|(name, _)| names.contains(name)).collect();
         for file in ["official_zip", "official_legacy", "mmdet3d_zip", "mmdet3d_legacy"] {
             let path = folder.join(format!("net_{size}_{file}.pth"));
             let result = import(&path, ImportOptions::default()).unwrap();
             assert!(result.weights.tensors == expected, "{}", path.display());
         }
     }
-}
-
-fn golden_folder() -> PathBuf {
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/golden");
-    std::env::var_os("FARSIGHT_GOLDEN").map_or_else(default, PathBuf::from)
 }
 
 /// A fixture with some of its bytes replaced.

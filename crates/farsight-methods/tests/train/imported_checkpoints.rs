@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::golden_support::{assert_close, golden};
-use farsight_import::{ImportOptions, import};
-use farsight_graph::graph::{LOGITS, REGRESSION};
-use farsight_graph::model::Model;
+use crate::golden_support::{assert_close, golden, large_golden};
+use farsight_methods::smoke::import::{ImportOptions, import};
+use farsight_methods::smoke::{LOGITS, REGRESSION, SmokeModel};
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
 use tch::{Device, Kind, Tensor, no_grad};
 
@@ -16,7 +15,7 @@ const TOLERANCE: f64 = 1e-3;
 
 fn head_maps(path: &Path, input: &Tensor) -> Vec<Tensor> {
     let imported = import(path, ImportOptions::default()).unwrap();
-    let model = Model::new(imported.config.unwrap(), imported.weights).unwrap();
+    let model = SmokeModel::new(imported.config.unwrap(), imported.weights).unwrap();
     let outputs = [LOGITS, REGRESSION].map(|name| model.graph.tap(name).unwrap());
     let network = Network::new(model.graph, &model.weights, Device::Cpu, Precision::F32).unwrap();
     no_grad(|| network.forward(input, Mode::Evaluate, &outputs))
@@ -27,7 +26,7 @@ fn head_maps(path: &Path, input: &Tensor) -> Vec<Tensor> {
 fn four_files_of_one_network_give_the_same_head_maps() {
     let input = (Tensor::arange(3 * 64 * 96, (Kind::Float, Device::Cpu)) * 0.01).sin().view([1, 3, 64, 96]);
     let maps = FILES.map(|file| {
-        let path = format!("{}/../farsight-net/tests/fixtures/{file}.pth", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/tests/fixtures/{file}.pth", env!("CARGO_MANIFEST_DIR"));
         head_maps(path.as_ref(), &input).iter().flat_map(values_from_tensor).collect::<Vec<f32>>()
     });
     assert!(maps[0].iter().all(|v| v.is_finite()) && maps[0].iter().any(|v| (v - maps[0][0]).abs() > 1e-3));
@@ -43,8 +42,8 @@ fn golden_networks_give_the_golden_head_maps() {
         println!("skipped: FARSIGHT_FIXTURES_FULL is not set");
         return;
     };
-    for size in ["tiny", "full"] {
-        let Some(io) = golden(&format!("net_{size}_io_gn")) else { return };
+    for (size, io) in [("tiny", Some(golden("net_tiny_io_gn"))), ("full", large_golden("net_full_io_gn"))] {
+        let Some(io) = io else { return };
         for file in FILES {
             let maps = head_maps(&folder.join(format!("net_{size}_{file}.pth")), &io["input"]);
             for (map, name) in maps.iter().zip([LOGITS, REGRESSION]) {

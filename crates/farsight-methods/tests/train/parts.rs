@@ -4,22 +4,22 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::tiny::{Silent, data_set, run_config};
-use farsight_net::config::{Backbone, ModelConfig};
-use farsight_net::model::Model;
-use farsight_net::weights::Weights;
-use farsight_train::config::RunConfig;
-use farsight_train::detector::train;
-use farsight_train::loss::LossTerms;
-use farsight_train::metrics::Record;
-use farsight_train::trainer::{Beginning, Job, Observer};
+use farsight_methods::smoke::network::Backbone;
+use farsight_methods::smoke::{SmokeConfig, SmokeModel};
+use farsight_graph::weights::Weights;
+use farsight_train::config::ValidateConfig;
+use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
+use farsight_train::training::fit;
+use farsight_train::metrics::StepSummary;
+use farsight_train::training::{Start, Job, Callback};
 
 /// The features, without the pyramid and the heads.
 const BODY: &str = "backbone.body.";
 
 /// A run of the smallest `MobileNetV2`.
-fn run(root: &Path) -> RunConfig {
+fn run(root: &Path) -> SmokeRun {
     let mut run = run_config(root);
-    run.model = ModelConfig {
+    run.model = SmokeConfig {
         backbone: Backbone::MobilenetV2,
         width: 0.1,
         level_channels: None,
@@ -29,13 +29,13 @@ fn run(root: &Path) -> RunConfig {
     run
 }
 
-fn trained(run: &RunConfig, out: &Path) -> Result<PathBuf, String> {
+fn trained(run: &SmokeRun, out: &Path) -> Result<PathBuf, String> {
     let job = Job { run: run.clone(), out: out.to_path_buf(), resume: false };
-    train(&job, &mut Silent::default()).map_err(|error| error.to_string())
+    fit::<SmokeTask>(&job, &mut Silent::default()).map_err(|error| error.to_string())
 }
 
 fn tensors(path: &Path) -> Weights {
-    Model::read(path).unwrap().weights
+    SmokeModel::read(path).unwrap().weights
 }
 
 /// The names of the tensors that differ.
@@ -70,10 +70,14 @@ fn what_is_frozen_keeps_its_bytes_and_all_else_learns() {
 /// Stops a run in the middle.
 struct Stop;
 
-impl Observer<LossTerms> for Stop {
-    fn begin(&mut self, _: Beginning) {}
+impl Callback for Stop {
+    fn on_start(&mut self, _: Start) {}
 
-    fn step(&mut self, record: &Record<LossTerms>) {
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
+    }
+
+    fn on_step(&mut self, record: &StepSummary) {
         assert!(record.step < 5, "stopped on purpose");
     }
 }
@@ -89,9 +93,9 @@ fn a_frozen_run_that_stops_and_goes_on_ends_in_the_same_bytes() {
 
     // The checkpoint of the step before is there.
     let job = |resume| Job { run: whole.clone(), out: root.join("stopped"), resume };
-    let stopped = std::panic::catch_unwind(|| train(&job(false), &mut Stop));
+    let stopped = std::panic::catch_unwind(|| fit::<SmokeTask>(&job(false), &mut Stop));
     assert!(stopped.is_err());
-    let resumed = train(&job(true), &mut Silent::default()).unwrap();
+    let resumed = fit::<SmokeTask>(&job(true), &mut Silent::default()).unwrap();
     assert!(std::fs::read(end).unwrap() == std::fs::read(resumed).unwrap(), "the models differ");
 }
 
@@ -168,7 +172,7 @@ fn a_start_without_a_part_has_all_else_or_is_an_error() {
 fn parts_that_are_not_there_are_told() {
     let folder = data_set(2);
     let root = folder.path();
-    let with = |change: fn(&mut RunConfig)| {
+    let with = |change: fn(&mut SmokeRun)| {
         let mut run = run(root);
         change(&mut run);
         trained(&run, &root.join("none")).unwrap_err()
