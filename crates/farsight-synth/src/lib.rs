@@ -4,6 +4,7 @@
 //! builder draws scenes at random.
 
 mod actors;
+mod dataset;
 mod dice;
 pub mod labels;
 pub mod layout;
@@ -18,6 +19,7 @@ mod stream;
 pub(crate) mod vector;
 pub mod world;
 
+pub use dataset::SceneDataset;
 pub use layout::scene_from_labels;
 pub use stream::{SceneStream, twin};
 pub use world::{CameraRanges, PlaceWeights, WeatherWeights, WorldConfig, draw_scene};

@@ -2,6 +2,7 @@
 
 use farsight_core::{Camera, Label};
 use farsight_data::Frame;
+use farsight_data::annotations::DepthMap;
 
 use crate::dice::Dice;
 use crate::labels::LabelRules;
@@ -26,10 +27,15 @@ pub struct SceneStream {
 }
 
 impl SceneStream {
+    /// Name of the frame of scene number `index`.
+    pub fn id(index: u64) -> String {
+        format!("{index:06}")
+    }
+
     /// Scene number `index`, rendered and photographed: the same bytes for any number of threads.
     pub fn frame(&self, index: u64) -> Frame {
         let drawn = draw_scene(&self.world, self.seed, index);
-        photographed(&drawn, format!("{index:06}"), &mut Dice::new(self.seed, index, PHOTO_STREAM))
+        photographed(&drawn, Self::id(index), &mut Dice::new(self.seed, index, PHOTO_STREAM))
     }
 }
 
@@ -49,5 +55,5 @@ fn photographed(drawn: &Drawn, id: String, dice: &mut Dice) -> Frame {
     let image = PhotoSettings::draw(&scene.air, dice.rng()).develop(&rendered);
     let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, actors, &rendered);
     let plates = plates(scene, actors, &rendered, &labels);
-    Frame { id, image, camera: scene.camera, labels, depth_m: Some(rendered.depth_m), plates }
+    Frame::new(id, image, scene.camera, labels).with(plates).with(DepthMap { depth_m: rendered.depth_m })
 }

@@ -44,10 +44,6 @@ impl Golden {
         self.bytes::<1>(tensor).into_iter().map(u8::from_le_bytes).collect()
     }
 
-    pub(crate) fn integers(&self, tensor: &str) -> Vec<usize> {
-        self.bytes(tensor).into_iter().map(|b| usize::try_from(i64::from_le_bytes(b)).unwrap()).collect()
-    }
-
     pub(crate) fn numbers(&self, tensor: &str) -> Vec<f64> {
         self.bytes(tensor).into_iter().map(|b| f64::from(f32::from_le_bytes(b))).collect()
     }
