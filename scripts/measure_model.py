@@ -117,7 +117,7 @@ def main():
         world = args.out / f"hfov{hfov}.toml"
         world.write_text(f"farthest_m = 75.0\n[[cameras]]\nshare = 1.0\nimage_sizes = [[{width}, {height}]]\nfocal_widths = [{focal}, {focal}]\n")
         data = args.out / f"hfov{hfov}"
-        render(args, data, "--world", world, "--frames", args.camera_frames, "--seed", 4242)
+        render(args, data, "--scene-config", world, "--frames", args.camera_frames, "--seed", 4242)
         tell(f"{hfov} degrees", evaluate(args, data, None, args.out / f"hfov{hfov}_eval"))
 
 

@@ -1,6 +1,6 @@
 #![no_main]
 
-#[path = "../../crates/farsight-net/tests/laws/mod.rs"]
+#[path = "../../crates/farsight-methods/tests/laws/mod.rs"]
 mod laws;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| laws::model(bytes));

@@ -1,7 +1,8 @@
 //! Writes a made-up result set as large as KITTI's val split, to measure the evaluator on.
 //!
-//! `make_eval_set OUT [FRAMES] [SEED]` fills `OUT/label_2` and `OUT/results` with as many objects and detections a frame as the set on which
-//! the official devkit was timed: 7 objects, 1.5 `DontCare` regions and 53 weak detections (spec kitti-eval.md, section 3).
+//! `make_eval_set OUT [FRAMES] [SEED]` fills `OUT/label_2` and `OUT/results` with as many objects and detections a
+//! frame as the set on which the official devkit was timed: 7 objects, 1.5 `DontCare` regions and 53 weak detections
+//! (spec kitti-eval.md, section 3).
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -70,13 +71,13 @@ fn frame_text(random: &mut Pcg64) -> (String, String) {
     for _ in 0..random.random_range(40..=66) {
         // Two detections of five belong to an object, near it or not so near; the others are nothing.
         let is_near = random.random_range(0..5) < 2;
-        let (claim, score) = if is_near {
+        let (prediction, score) = if is_near {
             let object = &objects[random.random_range(0..objects.len())];
             (disturbed(object, random), random.random_range(0.1..1.0))
         } else {
             (thing(random), random.random_range(0.0..0.5))
         };
-        push(&mut results, &claim, "-1 -1", Some(score));
+        push(&mut results, &prediction, "-1 -1", Some(score));
     }
     (labels, results)
 }

@@ -1,4 +1,5 @@
-//! Times the evaluation of a result set: `time_eval LABELS RESULTS [REPEATS]`, seconds, reading included, without intervals.
+//! Times the evaluation of a result set: `time_eval LABELS RESULTS [REPEATS]`, seconds, reading included, without
+//! intervals.
 #![allow(clippy::print_stdout)] // An example is its own command line.
 
 use std::error::Error;
@@ -23,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let report = evaluation.report();
         let ap = report.ap.ap(
             farsight_eval::ap::OverlapSet::Strict,
-            farsight_eval::ap::Metric::Space,
+            farsight_eval::ap::Metric::Box3d,
             farsight_eval::EvaluatedClass::Car,
         );
         let all = start.elapsed();

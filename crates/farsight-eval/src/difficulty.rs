@@ -56,14 +56,15 @@ impl Difficulty {
         }
     }
 
-    /// Why `label` does not count at this level, or `None` when it does (spec rule 7: the height is strict, the others are not).
-    pub fn reason_to_ignore(self, label: &Label) -> Option<Ignored> {
+    /// Why `label` does not count at this level, or `None` when it does (spec rule 7: the height is strict, the others
+    /// are not).
+    pub fn reason_to_ignore(self, label: &Label) -> Option<DifficultyLimit> {
         if label.occlusion > self.max_occlusion() {
-            Some(Ignored::Occluded)
+            Some(DifficultyLimit::Occluded)
         } else if label.truncation > self.max_truncation() {
-            Some(Ignored::Truncated)
+            Some(DifficultyLimit::Truncated)
         } else if label.box2d.height() <= self.min_height_px() {
-            Some(Ignored::Small)
+            Some(DifficultyLimit::Small)
         } else {
             None
         }
@@ -91,7 +92,7 @@ impl fmt::Display for Difficulty {
 
 /// Why a labelled object does not count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ignored {
+pub enum DifficultyLimit {
     /// Too much hides it.
     Occluded,
     /// Too much of it is outside the image.

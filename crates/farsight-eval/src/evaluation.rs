@@ -4,14 +4,16 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use crate::Frame;
-use crate::ap::{ApReport, OverlapSet, SceneSet};
-use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport, Target, matched};
+use crate::ap::{ApAccumulator, ApReport, OverlapSet};
+use crate::ranging::{
+    Bootstrap, FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
+};
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
 ///
-/// A frame is boiled down at once and need not be kept. Two evaluations join into one, so frames can be evaluated on many threads:
-/// the report depends on the order of the frames only. It holds about 6 kB a frame
-/// of 7 objects and 53 detections (docs/evaluation.md has the measurement).
+/// A frame is reduced at once and need not be kept. Two evaluations join into one, so frames can be evaluated on many
+/// threads: the report depends on the order of the frames only. It holds about 6 kB a frame of 7 objects and 53
+/// detections (docs/evaluation.md has the measurement).
 ///
 /// ```
 /// use farsight_eval::{Evaluation, Frame, ranging::RangingOptions};
@@ -26,7 +28,7 @@ use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport,
 pub struct Evaluation {
     options: RangingOptions,
     frames: usize,
-    scenes: SceneSet,
+    ap: ApAccumulator,
     targets: Vec<Target>,
     false_alarms: Vec<FalseAlarm>,
 }
@@ -52,8 +54,8 @@ impl Evaluation {
 
     /// Evaluates one more frame.
     pub fn add(&mut self, frame: &Frame) {
-        self.scenes.append(SceneSet::observe(frame));
-        let (targets, false_alarms) = matched(frame, self.frames as u32, &self.options);
+        self.ap.append(ApAccumulator::of_frame(frame));
+        let (targets, false_alarms) = match_frame(frame, self.frames as u32, &self.options);
         self.targets.extend(targets);
         self.false_alarms.extend(false_alarms);
         self.frames += 1;
@@ -64,7 +66,7 @@ impl Evaluation {
         let first = self.frames as u32;
         self.targets.extend(later.targets.into_iter().map(|target| Target { frame: first + target.frame, ..target }));
         self.false_alarms.extend(later.false_alarms);
-        self.scenes.append(later.scenes);
+        self.ap.append(later.ap);
         self.frames += later.frames;
     }
 
@@ -78,10 +80,17 @@ impl Evaluation {
         &self.targets
     }
 
+    /// These results beside `others` on the same frames; `None` when the labels differ.
+    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<RangingComparison> {
+        let mut comparison = RangingComparison::new(&self.targets, &others.targets, self.frames, bootstrap)?;
+        comparison.identical &= self.ap == others.ap && self.false_alarms == others.false_alarms;
+        Some(comparison)
+    }
+
     /// The report on the frames so far.
     pub fn report(&self) -> Report {
         Report {
-            ap: self.scenes.report(),
+            ap: self.ap.report(),
             ranging: RangingReport::new(&self.targets, self.frames, &self.options),
             operating: OperatingPoints::new(&self.targets, &self.false_alarms, self.frames),
             frames: self.frames,

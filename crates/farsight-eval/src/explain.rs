@@ -5,14 +5,14 @@ use std::fmt;
 use farsight_core::ObjectClass;
 use farsight_core::overlap::{Block, iou_2d};
 
-use crate::ap::{Fate, Matching, Metric, OverlapSet, Scene, SceneSet, fates};
+use crate::ap::{ApAccumulator, ClassFrame, MatchOutcome, Matching, Metric, OverlapSet, outcomes};
 use crate::class::Role;
-use crate::difficulty::Ignored;
+use crate::difficulty::DifficultyLimit;
 use crate::{Difficulty, EvaluatedClass, Frame};
 
 /// How to look at a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct ExplainOptions {
     /// What overlaps are measured on.
     pub metric: Metric,
     /// How much overlap it takes.
@@ -21,22 +21,22 @@ pub struct View {
     pub min_score: Option<f64>,
 }
 
-/// The fates of a frame at the three difficulties.
+/// The outcomes of a frame at the three difficulties.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Explanation {
     /// For each label, in file order: easy, moderate, hard.
-    pub objects: Vec<[ObjectFate; 3]>,
+    pub objects: Vec<[ObjectOutcome; 3]>,
     /// For each detection, in file order: easy, moderate, hard.
-    pub claims: Vec<[ClaimFate; 3]>,
+    pub predictions: Vec<[PredictionOutcome; 3]>,
 }
 
 /// What became of a labelled object. Positions count from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ObjectFate {
+pub enum ObjectOutcome {
     /// A detection found it: a true positive.
     Found {
         /// Position of the detection.
-        claim: usize,
+        prediction: usize,
         /// How much they overlap.
         overlap: f64,
     },
@@ -46,16 +46,16 @@ pub enum ObjectFate {
         nearest: Option<(usize, f64)>,
     },
     /// Only a detection too small to count lies on it: neither found nor missed (spec rule 14).
-    Swallowed {
+    MatchedBySmall {
         /// Position of the detection.
-        claim: usize,
+        prediction: usize,
     },
     /// It need not be found.
     Ignored {
         /// Why.
-        why: WhyIgnored,
+        reason: IgnoreReason,
         /// The detection on it, which is neither right nor wrong either.
-        claim: Option<usize>,
+        prediction: Option<usize>,
     },
     /// A region that was not labelled; excuses detections in the image.
     DontCare,
@@ -65,16 +65,16 @@ pub enum ObjectFate {
 
 /// Why an object need not be found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WhyIgnored {
+pub enum IgnoreReason {
     /// It does not count at this difficulty.
-    Level(Ignored),
+    Level(DifficultyLimit),
     /// It is of a class that looks like an evaluated one.
     Neighbour(EvaluatedClass),
 }
 
 /// What became of a detection. Positions count from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ClaimFate {
+pub enum PredictionOutcome {
     /// It found an object.
     TruePositive {
         /// Position of the label.
@@ -103,125 +103,132 @@ pub enum ClaimFate {
 }
 
 /// Explains one frame.
-pub fn explain(frame: &Frame, view: &View) -> Explanation {
-    let scenes = EvaluatedClass::ALL.map(|class| SceneSet::scene(frame, class));
+pub fn explain(frame: &Frame, options: &ExplainOptions) -> Explanation {
+    let class_frames = EvaluatedClass::ALL.map(|class| ApAccumulator::class_frame(frame, class));
     let mut explanation = Explanation {
         objects: frame.labels.iter().map(|label| [unmatched_object(&label.class); 3]).collect(),
-        claims: vec![[ClaimFate::NotEvaluated; 3]; frame.claims.len()],
+        predictions: vec![[PredictionOutcome::NotEvaluated; 3]; frame.predictions.len()],
     };
-    for (class, scene) in EvaluatedClass::ALL.into_iter().zip(&scenes) {
+    for (class, class_frame) in EvaluatedClass::ALL.into_iter().zip(&class_frames) {
         for difficulty in Difficulty::ALL {
-            Explainer { frame, view, class, difficulty, scene }.explain(&mut explanation);
+            Explainer { frame, options, class, difficulty, class_frame }.explain(&mut explanation);
         }
     }
     explanation
 }
 
-fn unmatched_object(class: &ObjectClass) -> ObjectFate {
-    if class.is_in_any_case(&ObjectClass::DontCare) { ObjectFate::DontCare } else { ObjectFate::NotEvaluated }
+fn unmatched_object(class: &ObjectClass) -> ObjectOutcome {
+    if class.is_in_any_case(&ObjectClass::DontCare) { ObjectOutcome::DontCare } else { ObjectOutcome::NotEvaluated }
 }
 
 /// One frame for one class and difficulty.
 struct Explainer<'a> {
     frame: &'a Frame,
-    view: &'a View,
+    options: &'a ExplainOptions,
     class: EvaluatedClass,
     difficulty: Difficulty,
-    scene: &'a Scene,
+    class_frame: &'a ClassFrame,
 }
 
 impl Explainer<'_> {
     fn explain(&self, explanation: &mut Explanation) {
         let level = self.difficulty as usize;
-        let min_overlap = self.view.overlaps.min_overlap(self.class, self.view.metric);
-        let matching = Matching { metric: self.view.metric, difficulty: self.difficulty, min_overlap };
+        let min_overlap = self.options.overlaps.min_overlap(self.class, self.options.metric);
+        let matching = Matching { metric: self.options.metric, difficulty: self.difficulty, min_overlap };
         let mut taken = Vec::new();
-        let takes_part = |position: usize| !self.is_below(self.scene.claims[position].score);
-        let fates: Vec<_> = fates(self.scene, &matching, &mut taken, takes_part).collect();
+        let takes_part = |position: usize| !self.is_below(self.class_frame.predictions[position].score);
+        let outcomes: Vec<_> = outcomes(self.class_frame, &matching, &mut taken, takes_part).collect();
 
-        for (index, claim) in self.frame.claims.iter().enumerate() {
-            if EvaluatedClass::of(&claim.detection.class) == Some(self.class) {
-                explanation.claims[index][level] = self.untaken_claim(index, &matching);
+        for (index, prediction) in self.frame.predictions.iter().enumerate() {
+            if EvaluatedClass::of(&prediction.detection.class) == Some(self.class) {
+                explanation.predictions[index][level] = self.unmatched_prediction(index, &matching);
             }
         }
-        for (object, fate) in self.scene.objects.iter().zip(fates) {
+        for (object, outcome) in self.class_frame.objects.iter().zip(outcomes) {
             let label = object.label.index;
-            explanation.objects[label][level] = self.object_fate(label, fate, object);
-            let (Fate::Found(position) | Fate::Taken(position)) = fate else { continue };
-            let claim = self.scene.claims[position];
+            explanation.objects[label][level] = self.object_outcome(label, outcome, object);
+            let (MatchOutcome::Found(position) | MatchOutcome::Taken(position)) = outcome else { continue };
+            let prediction = self.class_frame.predictions[position];
             // A small detection of another class can be taken too; its own class explains it.
-            if claim.is_own && !self.is_small(claim.index) {
-                explanation.claims[claim.index][level] = match fate {
-                    Fate::Found(_) => {
-                        ClaimFate::TruePositive { object: label, overlap: self.overlap(claim.index, label) }
-                    }
-                    _ => ClaimFate::OnIgnored { object: label },
+            if prediction.is_own && !self.is_small(prediction.index) {
+                explanation.predictions[prediction.index][level] = match outcome {
+                    MatchOutcome::Found(_) => PredictionOutcome::TruePositive {
+                        object: label,
+                        overlap: self.overlap(prediction.index, label),
+                    },
+                    _ => PredictionOutcome::OnIgnored { object: label },
                 };
             }
         }
     }
 
-    fn object_fate(&self, label: usize, fate: Fate, object: &crate::ap::SceneObject) -> ObjectFate {
-        let claim_at = |position: usize| self.scene.claims[position].index;
-        let taken_by = match fate {
-            Fate::Found(position) | Fate::Taken(position) => Some(claim_at(position)),
-            Fate::Missed | Fate::Left => None,
+    fn object_outcome(&self, label: usize, outcome: MatchOutcome, object: &crate::ap::FrameObject) -> ObjectOutcome {
+        let prediction_at = |position: usize| self.class_frame.predictions[position].index;
+        let taken_by = match outcome {
+            MatchOutcome::Found(position) | MatchOutcome::Taken(position) => Some(prediction_at(position)),
+            MatchOutcome::Missed | MatchOutcome::Left => None,
         };
-        match (self.why_ignored(label), fate, taken_by) {
-            (Some(why), _, claim) => ObjectFate::Ignored { why, claim },
-            (None, Fate::Found(_), Some(claim)) => ObjectFate::Found { claim, overlap: self.overlap(claim, label) },
-            (None, _, Some(claim)) => ObjectFate::Swallowed { claim },
+        match (self.ignore_reason(label), outcome, taken_by) {
+            (Some(reason), _, prediction) => ObjectOutcome::Ignored { reason, prediction },
+            (None, MatchOutcome::Found(_), Some(prediction)) => {
+                ObjectOutcome::Found { prediction, overlap: self.overlap(prediction, label) }
+            }
+            (None, _, Some(prediction)) => ObjectOutcome::MatchedBySmall { prediction },
             (None, _, None) => {
                 debug_assert!(object.label.counts_at(self.difficulty));
-                ObjectFate::Missed { nearest: self.nearest_claim(label) }
+                ObjectOutcome::Missed { nearest: self.nearest_prediction(label) }
             }
         }
     }
 
-    fn why_ignored(&self, label: usize) -> Option<WhyIgnored> {
+    fn ignore_reason(&self, label: usize) -> Option<IgnoreReason> {
         let label = &self.frame.labels[label];
         match self.class.role(&label.class) {
-            Role::Neighbour => Some(WhyIgnored::Neighbour(self.class)),
-            _ => self.difficulty.reason_to_ignore(label).map(WhyIgnored::Level),
+            Role::Neighbour => Some(IgnoreReason::Neighbour(self.class)),
+            _ => self.difficulty.reason_to_ignore(label).map(IgnoreReason::Level),
         }
     }
 
-    fn untaken_claim(&self, index: usize, matching: &Matching) -> ClaimFate {
-        let is_excused =
-            self.scene.claims.iter().any(|claim| claim.index == index && claim.is_own && matching.excuses(claim));
-        if self.is_below(self.frame.claims[index].detection.score) {
-            ClaimFate::BelowScore
+    fn unmatched_prediction(&self, index: usize, matching: &Matching) -> PredictionOutcome {
+        let is_excused = self
+            .class_frame
+            .predictions
+            .iter()
+            .any(|prediction| prediction.index == index && prediction.is_own && matching.excuses(prediction));
+        if self.is_below(self.frame.predictions[index].detection.score) {
+            PredictionOutcome::BelowScore
         } else if self.is_small(index) {
-            ClaimFate::TooSmall
+            PredictionOutcome::TooSmall
         } else if is_excused {
-            ClaimFate::InDontCare
+            PredictionOutcome::InDontCare
         } else {
             let objects = (0..self.frame.labels.len()).map(|label| (label, self.overlap(index, label)));
-            ClaimFate::FalsePositive { nearest: largest(objects) }
+            PredictionOutcome::FalsePositive { nearest: largest(objects) }
         }
     }
 
-    fn nearest_claim(&self, label: usize) -> Option<(usize, f64)> {
-        let claims = self.frame.claims.iter().enumerate();
-        let own = claims.filter(|(_, claim)| EvaluatedClass::of(&claim.detection.class) == Some(self.class));
+    fn nearest_prediction(&self, label: usize) -> Option<(usize, f64)> {
+        let predictions = self.frame.predictions.iter().enumerate();
+        let own =
+            predictions.filter(|(_, prediction)| EvaluatedClass::of(&prediction.detection.class) == Some(self.class));
         largest(own.map(|(index, _)| (index, self.overlap(index, label))))
     }
 
-    fn is_small(&self, claim: usize) -> bool {
-        self.difficulty.ignores_detection(&self.frame.claims[claim].detection.box2d)
+    fn is_small(&self, prediction: usize) -> bool {
+        self.difficulty.ignores_detection(&self.frame.predictions[prediction].detection.box2d)
     }
 
     fn is_below(&self, score: f64) -> bool {
-        self.view.min_score.is_some_and(|min| score < min)
+        self.options.min_score.is_some_and(|min| score < min)
     }
 
-    fn overlap(&self, claim: usize, label: usize) -> f64 {
-        let (detection, label) = (&self.frame.claims[claim].detection, &self.frame.labels[label]);
-        let scene = || Block::new(&detection.box3d).overlap(&Block::new(&label.box3d));
-        match self.view.metric {
+    fn overlap(&self, prediction: usize, label: usize) -> f64 {
+        let (detection, label) = (&self.frame.predictions[prediction].detection, &self.frame.labels[label]);
+        let box3d = || Block::new(&detection.box3d).overlap(&Block::new(&label.box3d));
+        match self.options.metric {
             Metric::Image => iou_2d(&detection.box2d, &label.box2d),
-            Metric::Bev => scene().bev,
-            Metric::Space => scene().volume,
+            Metric::Bev => box3d().bev,
+            Metric::Box3d => box3d().volume,
         }
     }
 }
@@ -231,33 +238,35 @@ fn largest(overlaps: impl Iterator<Item = (usize, f64)>) -> Option<(usize, f64)>
     overlaps.filter(|(_, overlap)| *overlap > 0.0).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-impl fmt::Display for WhyIgnored {
+impl fmt::Display for IgnoreReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Level(Ignored::Occluded) => f.pad("occluded"),
-            Self::Level(Ignored::Truncated) => f.pad("truncated"),
-            Self::Level(Ignored::Small) => f.pad("too small"),
+            Self::Level(DifficultyLimit::Occluded) => f.pad("occluded"),
+            Self::Level(DifficultyLimit::Truncated) => f.pad("truncated"),
+            Self::Level(DifficultyLimit::Small) => f.pad("too small"),
             Self::Neighbour(class) => write!(f, "looks like a {class}"),
         }
     }
 }
 
-impl fmt::Display for ObjectFate {
+impl fmt::Display for ObjectOutcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Found { claim, overlap } => write!(f, "found by d{claim} ({overlap:.3})"),
+            Self::Found { prediction, overlap } => write!(f, "found by d{prediction} ({overlap:.3})"),
             Self::Missed { nearest: None } => write!(f, "missed"),
-            Self::Missed { nearest: Some((claim, overlap)) } => write!(f, "missed (nearest d{claim}, {overlap:.3})"),
-            Self::Swallowed { claim } => write!(f, "neither: d{claim} too small"),
-            Self::Ignored { why, claim: None } => write!(f, "ignored: {why}"),
-            Self::Ignored { why, claim: Some(claim) } => write!(f, "ignored: {why} (d{claim})"),
+            Self::Missed { nearest: Some((prediction, overlap)) } => {
+                write!(f, "missed (nearest d{prediction}, {overlap:.3})")
+            }
+            Self::MatchedBySmall { prediction } => write!(f, "neither: d{prediction} too small"),
+            Self::Ignored { reason, prediction: None } => write!(f, "ignored: {reason}"),
+            Self::Ignored { reason, prediction: Some(prediction) } => write!(f, "ignored: {reason} (d{prediction})"),
             Self::DontCare => write!(f, "excuses"),
             Self::NotEvaluated => write!(f, "not evaluated"),
         }
     }
 }
 
-impl fmt::Display for ClaimFate {
+impl fmt::Display for PredictionOutcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TruePositive { object, overlap } => write!(f, "true: g{object} ({overlap:.3})"),

@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use crate::label_source::{LabelSource, LabelledDataset};
 use crate::ranging::RangingOptions;
-use crate::{Claim, EvaluatedClass, Evaluation, Findings, Frame};
+use crate::{EvaluatedClass, Evaluation, Findings, Frame, Prediction};
 
 /// Frames read at a time: enough to keep all threads busy, few enough that memory does not grow with the set.
 const CHUNK: usize = 256;
@@ -40,9 +40,9 @@ pub struct FrameFiles {
     /// Frames that have files but take no part.
     left_out: Findings,
     /// Whether to tell what is odd about the labels.
-    tell_labels: bool,
+    report_labels: bool,
     /// Whether to tell of detections whose class plays no part.
-    tell_classes: bool,
+    report_classes: bool,
     scores: Scores,
 }
 
@@ -53,7 +53,8 @@ pub enum Scores {
     /// What the files say.
     #[default]
     AsGiven,
-    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks detections for AP in space.
+    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks
+    /// detections for AP in space.
     Place,
 }
 
@@ -173,17 +174,17 @@ impl FrameFiles {
             ids
         } else {
             for id in result_ids.difference(&label_ids) {
-                left_out.add(WITHOUT_LABELS, || file(&results, id));
+                left_out.add_file(WITHOUT_LABELS, || file(&results, id));
             }
             for id in label_ids.difference(&result_ids) {
-                left_out.add(WITHOUT_RESULTS, || file(&labels.place(), id));
+                left_out.add_file(WITHOUT_RESULTS, || file(&labels.place(), id));
             }
             label_ids.intersection(&result_ids).cloned().collect()
         };
         if ids.is_empty() {
             return Err(FilesError::NothingInCommon { labels: labels.place(), results });
         }
-        Self { labels, results, ids, left_out, tell_labels: true, tell_classes: true, scores: Scores::AsGiven }
+        Self { labels, results, ids, left_out, report_labels: true, report_classes: true, scores: Scores::AsGiven }
             .checked()
     }
 
@@ -193,10 +194,11 @@ impl FrameFiles {
         Self { scores, ..self }
     }
 
-    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it has learnt to.
+    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it
+    /// has learnt to.
     #[must_use]
     pub fn with_any_classes(self) -> Self {
-        Self { tell_classes: false, ..self }
+        Self { report_classes: false, ..self }
     }
 
     /// The same frames with other results, to compare the two; what is odd about the labels is not told again.
@@ -207,7 +209,8 @@ impl FrameFiles {
         let result_ids = ids_in(results, "result")?;
         require_all(&self.ids, &result_ids, ["comparison", "result"], results)?;
         let left_out = others(NOT_COMPARED, &result_ids, &self.ids, results);
-        Self { results: results.to_owned(), left_out, tell_labels: false, tell_classes: true, ..self.clone() }.checked()
+        Self { results: results.to_owned(), left_out, report_labels: false, report_classes: true, ..self.clone() }
+            .checked()
     }
 
     fn checked(self) -> Result<Self, FilesError> {
@@ -226,12 +229,12 @@ impl FrameFiles {
     pub fn read(&self, id: &str) -> Result<(Frame, Findings), FilesError> {
         let mut findings = Findings::default();
         let labels = labels_of(&self.labels, id, &mut findings)?;
-        if !self.tell_labels {
+        if !self.report_labels {
             findings = Findings::default();
         }
-        let claims = rows(&self.results, id, RowKind::Result, &mut findings)?;
-        for read in &claims {
-            if self.tell_classes && EvaluatedClass::of(&read.row.label.class).is_none() {
+        let predictions = rows(&self.results, id, RowKind::Result, &mut findings)?;
+        for read in &predictions {
+            if self.report_classes && EvaluatedClass::of(&read.row.label.class).is_none() {
                 let place = || format!("{}:{}: {:?}", file(&self.results, id), read.line, read.row.label.class.name());
                 findings.add("detections of classes that KITTI does not evaluate", place);
             }
@@ -239,22 +242,23 @@ impl FrameFiles {
         let frame = Frame {
             id: id.to_owned(),
             labels,
-            claims: claims.into_iter().map(|read| self.claim(id, read)).collect::<Result<_, _>>()?,
+            predictions: predictions.into_iter().map(|read| self.prediction(id, read)).collect::<Result<_, _>>()?,
         };
         Ok((frame, findings))
     }
 
-    fn claim(&self, id: &str, read: DevkitRow) -> Result<Claim, FilesError> {
+    fn prediction(&self, id: &str, read: DevkitRow) -> Result<Prediction, FilesError> {
         let line = read.line;
-        let mut claim = Claim::from(read);
+        let mut prediction = Prediction::from(read);
         if self.scores == Scores::Place {
             let no_error_bar = || FilesError::NoErrorBar { place: format!("{}:{line}", file(&self.results, id)) };
-            claim.detection.score = claim.detection.place_score().ok_or_else(no_error_bar)?;
+            prediction.detection.score = prediction.detection.place_score().ok_or_else(no_error_bar)?;
         }
-        Ok(claim)
+        Ok(prediction)
     }
 
-    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps of a frame.
+    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps
+    /// of a frame.
     ///
     /// # Errors
     /// As [`FrameFiles::read`].
@@ -301,7 +305,7 @@ fn others(kind: &'static str, there: &BTreeSet<String>, wanted: &[String], resul
     let wanted: BTreeSet<&String> = wanted.iter().collect();
     let mut left_out = Findings::default();
     for id in there.iter().filter(|id| !wanted.contains(id)) {
-        left_out.add(kind, || file(results, id));
+        left_out.add_file(kind, || file(results, id));
     }
     left_out
 }

@@ -23,6 +23,9 @@ pub struct Finding {
     pub count: usize,
     /// Where the first ones are and what is there.
     pub places: Vec<String>,
+    /// Whether they are whole files that lack their counterpart: one line says enough of any number of them.
+    #[serde(skip)]
+    pub is_of_files: bool,
 }
 
 impl Findings {
@@ -35,10 +38,17 @@ impl Findings {
         }
     }
 
+    /// Adds a file that lacks its counterpart.
+    pub fn add_file(&mut self, kind: &'static str, place: impl FnOnce() -> String) {
+        self.add(kind, place);
+        self.entry(kind).is_of_files = true;
+    }
+
     /// Adds those of files that come later.
     pub fn append(&mut self, later: Self) {
-        for Finding { kind, count, places } in later.kinds {
+        for Finding { kind, count, places, is_of_files } in later.kinds {
             let finding = self.entry(kind);
+            finding.is_of_files = is_of_files;
             finding.count += count;
             let room = PLACES_KEPT.saturating_sub(finding.places.len());
             finding.places.extend(places.into_iter().take(room));
@@ -57,7 +67,7 @@ impl Findings {
 
     fn entry(&mut self, kind: &'static str) -> &mut Finding {
         let position = self.kinds.iter().position(|finding| finding.kind == kind).unwrap_or_else(|| {
-            self.kinds.push(Finding { kind, count: 0, places: Vec::new() });
+            self.kinds.push(Finding { kind, count: 0, places: Vec::new(), is_of_files: false });
             self.kinds.len() - 1
         });
         &mut self.kinds[position]

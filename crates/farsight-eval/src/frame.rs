@@ -11,32 +11,33 @@ pub struct Frame {
     /// Ground truth, all classes and `DontCare` regions.
     pub labels: Vec<Label>,
     /// What the detector says.
-    pub claims: Vec<Claim>,
+    pub predictions: Vec<Prediction>,
 }
 
 impl Frame {
     /// The frame `id` with what a detector says in memory: angles of observation follow from place and heading.
     pub fn new(id: impl Into<String>, labels: Vec<Label>, detections: Vec<Detection>) -> Self {
-        Self { id: id.into(), labels, claims: detections.into_iter().map(Claim::from).collect() }
+        Self { id: id.into(), labels, predictions: detections.into_iter().map(Prediction::from).collect() }
     }
 }
 
 /// A detection as it is handed in.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Claim {
+pub struct Prediction {
     /// Class, score and boxes.
     pub detection: Detection,
-    /// Observation angle as handed in, radians; -10 says that the detector knows none, which turns AOS off for the whole set.
+    /// Observation angle as handed in, radians; -10 says that the detector knows none, which turns AOS off for the
+    /// whole set.
     pub alpha_rad: f64,
 }
 
-impl From<Detection> for Claim {
+impl From<Detection> for Prediction {
     fn from(detection: Detection) -> Self {
         Self { alpha_rad: detection.alpha(), detection }
     }
 }
 
-impl From<DevkitRow> for Claim {
+impl From<DevkitRow> for Prediction {
     /// The row of a result file, with the angle as written.
     fn from(read: DevkitRow) -> Self {
         let alpha_rad = read.row.label.alpha;

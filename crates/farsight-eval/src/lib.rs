@@ -5,7 +5,7 @@
 //! ```
 //! use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
 //! use farsight_eval::ap::{Metric, OverlapSet};
-//! use farsight_eval::ranging::{Figure, Group, RangingOptions};
+//! use farsight_eval::ranging::{RangingMetric, Group, RangingOptions};
 //! use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, Frame};
 //!
 //! # fn validation_set() -> impl Iterator<Item = (String, Vec<Label>)> {
@@ -34,22 +34,26 @@
 //! }
 //! let report = evaluation.report();
 //!
-//! let ap = report.ap.ap(OverlapSet::Strict, Metric::Space, EvaluatedClass::Car).ok_or("no car was detected")?;
+//! let ap = report.ap.ap(OverlapSet::Strict, Metric::Box3d, EvaluatedClass::Car).ok_or("no car was detected")?;
 //! println!("3D AP, moderate: {:.2} (R40), {:.2} (R11)", ap.r40[1], ap.r11[1]);
 //! let moderate = Group::Level(Difficulty::Moderate);
 //! let ranging = &report.ranging.group(EvaluatedClass::Car, moderate).ok_or("there is no car")?.whole;
-//! println!("{} of {} found, MAE {:?} m", ranging.found, ranging.objects, ranging.figures.get(Figure::MaeZ));
+//! println!("{} of {} found, MAE {:?} m", ranging.found, ranging.objects, ranging.metrics.get(RangingMetric::MaeZ));
 //! # assert!((ap.r40[1] - 100.0).abs() < 1e-9);
-//! # assert!((ranging.figures.get(Figure::MaeZ).unwrap() - 0.2).abs() < 1e-9);
+//! # assert!((ranging.metrics.get(RangingMetric::MaeZ).unwrap() - 0.2).abs() < 1e-9);
 //! # assert_eq!((ranging.found, ranging.objects), (50, 50));
 //! # Ok::<(), &str>(())
 //! ```
 //!
-//! | module | question |
+//! | module | what it is for |
 //! |---|---|
 //! | [`ap`] | how good is the detector by KITTI's average precision? |
-//! | [`explain`] | what became of each object and detection of one frame? |
 //! | [`ranging`] | how far off are the distances, and of how many objects? |
+//! | [`evaluation`] | frames in, report out: both of the above |
+//! | [`explain`] | what became of each object and detection of one frame? |
+//! | [`frame`], [`class`], [`difficulty`] | what is evaluated, and the devkit's rules of what counts |
+//! | [`files`], [`findings`] | folders of label and result files, and what is odd about them |
+//! | [`text`], `page` | the report for people: tables and notes, HTML and charts |
 
 pub mod ap;
 pub mod class;
@@ -70,5 +74,5 @@ pub use difficulty::Difficulty;
 pub use evaluation::{Evaluation, Report};
 pub use files::{FilesError, FrameFiles, Scores};
 pub use findings::{Finding, Findings};
-pub use frame::{Claim, Frame};
+pub use frame::{Frame, Prediction};
 pub use label_source::LabelSource;

@@ -2,12 +2,19 @@
 
 use crate::ap::{ApReport, ApValues, Metric, OverlapSet};
 use crate::ranging::{
-    Figure, GroupRanging, OperatingPoint, OperatingPoints, RangingComparison, RangingReport, SliceErrors,
+    FIXED_RECALL, GroupRanging, OperatingPoint, OperatingPoints, RangingComparison, RangingMetric, RangingReport,
+    SliceErrors,
 };
 use crate::{Difficulty, EvaluatedClass, Report};
 
 /// Objects that it takes for AP to be able to reach 100 (spec kitti-eval.md, rule 20).
 const OBJECTS_FOR_100: usize = 41;
+
+/// Results whose scores all reach this were probably cut at a score; detectors give lower ones to what is doubtful.
+const CUT_FROM: f64 = 0.1;
+
+/// With fewer detections the lowest score is an accident.
+const ENOUGH_DETECTIONS: usize = 50;
 
 /// With fewer objects an interval over frames is too narrow to draw a conclusion from.
 const FEW_OBJECTS: usize = 10;
@@ -39,7 +46,9 @@ pub fn notes(report: &Report) -> Vec<String> {
     for class in EvaluatedClass::ALL {
         let metrics = evaluated(class);
         if metrics == [false; 3] {
-            notes.push(format!("{class}: not evaluated, as there is no usable detection of the class (the devkit writes nothing either)"));
+            notes.push(format!(
+                "{class}: not evaluated, as there is no usable detection of the class (the devkit writes nothing either)"
+            ));
         } else if !metrics[1] || !metrics[2] {
             notes.push(format!("{class}: no detection has a 3D box; bev and 3d are not evaluated where that is so"));
         }
@@ -56,12 +65,48 @@ pub fn notes(report: &Report) -> Vec<String> {
             }
         }
     }
+    for class in EvaluatedClass::ALL {
+        notes.extend(cut_note(&report.ap, class));
+        notes.extend(recall_note(&report.ranging, class));
+    }
     if !report.ap.has_orientation {
         notes.push(
             "a detection has alpha -10 (unknown): AOS is not computed for any class, as in the devkit".to_owned(),
         );
     }
     notes
+}
+
+/// That results were cut at a score, as far as the scores show it.
+fn cut_note(report: &ApReport, class: EvaluatedClass) -> Option<String> {
+    let scores = report.scores(class);
+    // A score above 1 is no probability, and nothing is known of where doubt begins.
+    let is_cut = scores.count >= ENOUGH_DETECTIONS && scores.lowest >= CUT_FROM && scores.highest <= 1.0;
+    let curve = report.curve(OverlapSet::Strict, Metric::Image, class, Difficulty::Moderate)?;
+    let end = curve.thresholds.last()?;
+    let recall = end.true_positives as f64 / curve.objects as f64;
+    // Rounded down, or "below" would not be true of it.
+    let lowest = (100.0 * scores.lowest).floor() / 100.0;
+    (is_cut && end.false_negatives > 0).then(|| {
+        format!(
+            "{class}: no detection has a score below {lowest:.2}; if they were cut there, AP is too low: the moderate 2d \
+             curve ends at a recall of {recall:.3}, and precision counts as 0 beyond"
+        )
+    })
+}
+
+/// That the recall at which detectors are compared is not reached.
+fn recall_note(report: &RangingReport, class: EvaluatedClass) -> Option<String> {
+    let of_class = report.classes.iter().find(|of_class| of_class.class == class)?;
+    let lacks = |group: &&GroupRanging| group.whole.found > 0 && group.fixed_recall.is_none();
+    let lacking: Vec<_> = of_class.groups.iter().filter(lacks).map(|group| group.group.name()).collect();
+    (!lacking.is_empty()).then(|| {
+        format!(
+            "{class}: fewer than {:.0}% of the objects are found ({}), so there are no errors at that recall",
+            100.0 * FIXED_RECALL,
+            lacking.join(", ")
+        )
+    })
 }
 
 fn ap_rows(report: &ApReport, class: EvaluatedClass) -> Vec<String> {
@@ -104,7 +149,7 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
         for group in &class.groups {
             lines.push(slice_line(group.group.name(), &group.whole));
             if let Some(fixed) = &group.fixed_recall {
-                lines.push(slice_line(&format!("  at recall {:.1}", 0.7), &fixed.errors));
+                lines.push(slice_line(&format!("  at recall {FIXED_RECALL:.1}"), &fixed.errors));
             }
         }
         if let Some(moderate) = class.groups.iter().find(|group| group.group.name() == "moderate") {
@@ -148,7 +193,8 @@ fn operating_line(row: &OperatingPoint) -> String {
     )
 }
 
-/// The errors of one class at moderate difficulty, as a whole and by distance; nothing for a class without such objects.
+/// The errors of one class at moderate difficulty, as a whole and by distance; nothing for a class without such
+/// objects.
 pub fn moderate_lines(report: &RangingReport, class: EvaluatedClass) -> Vec<String> {
     let classes = report.classes.iter().filter(|of_class| of_class.class == class);
     let groups = classes.flat_map(|of_class| &of_class.groups);
@@ -171,7 +217,8 @@ fn distance_lines(group: &GroupRanging) -> Vec<String> {
     let mut lines: Vec<_> = filled.map(|(bin, errors)| slice_line(&format!("  moderate {bin} m"), errors)).collect();
     for row in group.calibration.iter().flat_map(|calibration| &calibration.rows) {
         lines.push(format!(
-            "  error bars {:<8} {:>6} objects, mean {:.2} m; truth within 1 sigma {:.1}% (normal: 68.3%), 2 sigma {:.1}% (95.4%)",
+            "  error bars {:<8} {:>6} objects, mean {:.2} m; truth within 1 sigma {:.1}% (normal: 68.3%), \
+             2 sigma {:.1}% (95.4%)",
             row.distance,
             row.count,
             row.mean_sigma_m,
@@ -183,10 +230,10 @@ fn distance_lines(group: &GroupRanging) -> Vec<String> {
 }
 
 fn slice_line(name: &str, errors: &SliceErrors) -> String {
-    let value = |figure: Figure, digits: usize| {
-        errors.figures.get(figure).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    let value = |figure: RangingMetric, digits: usize| {
+        errors.metrics.get(figure).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
-    let with_interval = |figure: Figure| {
+    let with_interval = |figure: RangingMetric| {
         let interval = errors.intervals.and_then(|all| all.get(figure));
         let interval = interval.map_or_else(String::new, |i| format!(" [{:.3}, {:.3}]", i.low, i.high));
         format!("{:>5}{interval}", value(figure, 3))
@@ -195,19 +242,28 @@ fn slice_line(name: &str, errors: &SliceErrors) -> String {
         "{name:<20}{:>8}{:>8}{:>8}  {:<21}{:<21}{:>7}{:>8}{:>8}",
         errors.objects,
         errors.found,
-        value(Figure::Share, 3),
-        with_interval(Figure::MaeZ),
-        with_interval(Figure::RmseZ),
-        value(Figure::BiasZ, 3),
-        value(Figure::AbsRelZ, 4),
-        value(Figure::MaeGround, 3)
+        value(RangingMetric::Share, 3),
+        with_interval(RangingMetric::MaeZ),
+        with_interval(RangingMetric::RmseZ),
+        value(RangingMetric::BiasZ, 3),
+        value(RangingMetric::AbsRelZ, 4),
+        value(RangingMetric::MaeGround, 3)
     );
     row.trim_end().to_owned()
 }
 
 /// The comparison with another result set, line by line: groups as a whole.
 pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
-    const SHOWN: [Figure; 5] = [Figure::Share, Figure::MaeZ, Figure::RmseZ, Figure::BiasZ, Figure::MaeGround];
+    const SHOWN: [RangingMetric; 5] = [
+        RangingMetric::Share,
+        RangingMetric::MaeZ,
+        RangingMetric::RmseZ,
+        RangingMetric::BiasZ,
+        RangingMetric::MaeGround,
+    ];
+    if comparison.identical {
+        return vec!["identical: both results have the same detections in every frame".to_owned()];
+    }
     let mut lines = vec![
         "these results and the others (errors on objects that both found)".to_owned(),
         format!("  {:<12}{:>9} {:>9}   difference with its 95% interval over frames", "", "these", "others"),
@@ -216,10 +272,11 @@ pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
         lines
             .push(format!("{} {}: {} objects, {} found by both", row.class, row.group, row.objects, row.found_by_both));
         for figure in SHOWN {
-            let Some(d) = row.figures.get(figure) else { continue };
+            let Some(d) = row.metrics.get(figure) else { continue };
             let interval = d.interval.map_or_else(String::new, |i| format!(" [{:+.4}, {:+.4}]", i.low, i.high));
-            let objects = if figure == Figure::Share { row.objects } else { row.found_by_both };
+            let objects = if figure == RangingMetric::Share { row.objects } else { row.found_by_both };
             let verdict = match d.excludes_zero {
+                _ if d.value.total_cmp(&d.against).is_eq() => "the same",
                 _ if objects < FEW_OBJECTS => "too few objects to say",
                 true => "differs",
                 false => "could be chance",

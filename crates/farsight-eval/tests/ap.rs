@@ -7,8 +7,8 @@ mod common;
 use std::path::Path;
 
 use common::RealSets;
-use farsight_eval::ap::{ApReport, Curve, Limit, Metric, OverlapSet, RECALL_POINTS, SceneSet};
-use farsight_eval::{Claim, Difficulty, EvaluatedClass, Frame};
+use farsight_eval::ap::{ApAccumulator, ApReport, Curve, Metric, OverlapSet, RECALL_POINTS, ScoreThreshold};
+use farsight_eval::{Difficulty, EvaluatedClass, Frame, Prediction};
 use serde_json::Value;
 
 /// Tolerances that the cases state.
@@ -21,9 +21,9 @@ const PLOT_TOLERANCE: f64 = 1.1e-6;
 const TABLE_TOLERANCE: f64 = 1e-4;
 
 fn report(frames: &[Frame]) -> ApReport {
-    let mut set = SceneSet::new();
+    let mut set = ApAccumulator::new();
     for frame in frames {
-        set.append(SceneSet::observe(frame));
+        set.append(ApAccumulator::of_frame(frame));
     }
     set.report()
 }
@@ -71,19 +71,19 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
 }
 
-#[allow(clippy::float_cmp)] // The limits are scores of the files, so they are equal or wrong.
+#[allow(clippy::float_cmp)] // The thresholds are scores of the files, so they are equal or wrong.
 fn assert_curve(curve: &Curve, expected: &Value, place: &str) {
     let count = |name: &str| expected[name].as_u64().unwrap() as usize;
     assert_eq!((curve.objects, curve.matched), (count("n_gt"), count("n_matched_scores")), "{place}: objects");
-    let limits: Vec<f64> = curve.limits.iter().map(|limit| limit.score).collect();
-    assert_eq!(limits, numbers(&expected["thresholds"]), "{place}: limits");
+    let thresholds: Vec<f64> = curve.thresholds.iter().map(|threshold| threshold.score).collect();
+    assert_eq!(thresholds, numbers(&expected["thresholds"]), "{place}: thresholds");
     for name in ["tp", "fp", "fn"] {
-        let part = |limit: &Limit| match name {
-            "tp" => limit.found,
-            "fp" => limit.wrong,
-            _ => limit.missed,
+        let part = |threshold: &ScoreThreshold| match name {
+            "tp" => threshold.true_positives,
+            "fp" => threshold.false_positives,
+            _ => threshold.false_negatives,
         };
-        let got: Vec<f64> = curve.limits.iter().map(|limit| part(limit) as f64).collect();
+        let got: Vec<f64> = curve.thresholds.iter().map(|threshold| part(threshold) as f64).collect();
         assert_eq!(got, numbers(&expected[name]), "{place}: {name}");
     }
     assert_points(&curve.precision, &expected["precision"], PRECISION_TOLERANCE, place);
@@ -92,8 +92,8 @@ fn assert_curve(curve: &Curve, expected: &Value, place: &str) {
         assert!((got - want).abs() < AP_TOLERANCE, "{place}: {name} {got}, expected {want}");
     }
     if let Some(sums) = expected.get("similarity_sum").filter(|sums| !sums.is_null()) {
-        for (limit, want) in curve.limits.iter().zip(numbers(sums)) {
-            assert!((limit.similarity - want).abs() <= want * ORIENTATION_TOLERANCE, "{place}: similarity");
+        for (threshold, want) in curve.thresholds.iter().zip(numbers(sums)) {
+            assert!((threshold.similarity - want).abs() <= want * ORIENTATION_TOLERANCE, "{place}: similarity");
         }
     }
 }
@@ -122,7 +122,7 @@ fn real_results_equal_the_devkit() {
             let values = match row[3] {
                 "2D" => report.ap(OverlapSet::Strict, Metric::Image, class),
                 "BEV" => report.ap(OverlapSet::Strict, Metric::Bev, class),
-                "3D" => report.ap(OverlapSet::Strict, Metric::Space, class),
+                "3D" => report.ap(OverlapSet::Strict, Metric::Box3d, class),
                 _ => report.aos(class),
             };
             let values = values.unwrap();
@@ -143,7 +143,7 @@ fn assert_plots(report: &ApReport, folder: &Path) -> usize {
         for (file, kind) in files {
             let path = folder.join(format!("{class}_{file}.txt"));
             let Ok(text) = std::fs::read_to_string(&path) else { continue };
-            let metric = [Metric::Image, Metric::Image, Metric::Bev, Metric::Space][kind];
+            let metric = [Metric::Image, Metric::Image, Metric::Bev, Metric::Box3d][kind];
             for (i, line) in text.lines().enumerate() {
                 let row: Vec<f64> = line.split_ascii_whitespace().map(|word| word.parse().unwrap()).collect();
                 for difficulty in Difficulty::ALL {
@@ -167,12 +167,12 @@ fn ground_truth_against_itself_is_perfect() {
         .into_iter()
         .map(|frame| {
             let own = frame.labels.iter().filter(|label| EvaluatedClass::of(&label.class).is_some());
-            let claims = own.map(|label| {
+            let predictions = own.map(|label| {
                 let (class, box2d, box3d) = (label.class.clone(), label.box2d, label.box3d);
                 let detection = farsight_core::Detection { class, score: 1.0, box2d, box3d, range_sigma_m: None };
-                Claim { detection, alpha_rad: label.alpha }
+                Prediction { detection, alpha_rad: label.alpha }
             });
-            Frame { claims: claims.collect(), ..frame }
+            Frame { predictions: predictions.collect(), ..frame }
         })
         .collect();
     let report = report(&frames);

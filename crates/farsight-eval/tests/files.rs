@@ -124,8 +124,8 @@ fn a_split_chooses_frames_and_demands_their_files() {
 
 #[test]
 fn place_scores_need_an_error_bar_in_every_row() {
-    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first error bar the rest, 3/17, is one scale of
-    // Laplace's distribution.
+    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first
+    // error bar the rest, 3/17, is one scale of Laplace's distribution.
     let row = RESULT.trim_end().replace("0.80 1.71 13.60 -1.62", "0.00 1.71 13.60 -1.5707963");
     let one_scale = 4.07 * 3.0 / 17.0 * 2.0_f64.sqrt();
     let results = format!("{row} {one_scale}\n{row} 1000000\n{row} 0\n");
@@ -133,7 +133,7 @@ fn place_scores_need_an_error_bar_in_every_row() {
     let (_kept, labels, results) = folders(&files.map(|(name, _)| (name, LABEL)), &files);
     let files = FrameFiles::open(&labels, &results, None).unwrap().with_scores(Scores::Place);
     let (frame, _) = files.read("000000").unwrap();
-    let scores: Vec<_> = frame.claims.iter().map(|claim| claim.detection.score).collect();
+    let scores: Vec<_> = frame.predictions.iter().map(|prediction| prediction.detection.score).collect();
     for (score, want) in scores.iter().zip([0.9 * (1.0 - (-1.0_f64).exp()), 0.0, 0.9]) {
         assert!((score - want).abs() < 1e-6, "{score}, not {want}");
     }

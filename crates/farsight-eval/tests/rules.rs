@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::float_cmp)] // The helpers of tests too; the scores are copied.
 
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
-use farsight_eval::ap::{ApReport, Curve, Metric, OverlapSet, SceneSet};
-use farsight_eval::explain::{ClaimFate, ObjectFate, View, explain};
-use farsight_eval::{Claim, Difficulty, EvaluatedClass, Frame};
+use farsight_eval::ap::{ApAccumulator, ApReport, Curve, Metric, OverlapSet};
+use farsight_eval::explain::{ExplainOptions, ObjectOutcome, PredictionOutcome, explain};
+use farsight_eval::{Difficulty, EvaluatedClass, Frame, Prediction};
 
 const CAR: EvaluatedClass = EvaluatedClass::Car;
 
@@ -34,36 +34,39 @@ fn high(label: Label, height_px: f64) -> Label {
     Label { box2d, ..label }
 }
 
-fn claim(like: &Label, score: f64) -> Claim {
+fn prediction(like: &Label, score: f64) -> Prediction {
     let Label { class, box2d, box3d, alpha, .. } = like.clone();
-    Claim { detection: Detection { class, score, box2d, box3d, range_sigma_m: None }, alpha_rad: alpha }
+    Prediction { detection: Detection { class, score, box2d, box3d, range_sigma_m: None }, alpha_rad: alpha }
 }
 
-fn report(labels: Vec<Label>, claims: Vec<Claim>) -> ApReport {
-    SceneSet::observe(&Frame { id: String::new(), labels, claims }).report()
+fn report(labels: Vec<Label>, predictions: Vec<Prediction>) -> ApReport {
+    ApAccumulator::of_frame(&Frame { id: String::new(), labels, predictions }).report()
 }
 
 fn curve(report: &ApReport, metric: Metric, difficulty: Difficulty) -> &Curve {
     report.curve(OverlapSet::Strict, metric, CAR, difficulty).unwrap()
 }
 
-/// Objects, true positives, false positives and misses at the lowest limit of the moderate car curve; no limit: no counts.
-fn counts(labels: Vec<Label>, claims: Vec<Claim>, metric: Metric) -> (usize, usize, usize, usize) {
-    let report = report(labels, claims);
+/// Objects, true positives, false positives and misses at the lowest threshold of the moderate car curve; no
+/// threshold: no counts.
+fn counts(labels: Vec<Label>, predictions: Vec<Prediction>, metric: Metric) -> (usize, usize, usize, usize) {
+    let report = report(labels, predictions);
     let curve = curve(&report, metric, Difficulty::Moderate);
-    curve.limits.last().map_or((curve.objects, 0, 0, curve.objects), |l| (curve.objects, l.found, l.wrong, l.missed))
+    curve.thresholds.last().map_or((curve.objects, 0, 0, curve.objects), |l| {
+        (curve.objects, l.true_positives, l.false_positives, l.false_negatives)
+    })
 }
 
 #[test]
 fn rules_7_and_9_labels_of_exactly_the_least_height_do_not_count_and_detections_do() {
     for (height, objects) in [(25.0, 0), (25.01, 1)] {
         let car = high(label("Car", 0.0), height);
-        assert_eq!(counts(vec![car.clone()], vec![claim(&car, 0.9)], Metric::Image).0, objects, "{height}");
+        assert_eq!(counts(vec![car.clone()], vec![prediction(&car, 0.9)], Metric::Image).0, objects, "{height}");
     }
     // Rule 9: the detection is right at 25.0 px and nothing at 24.9.
     let car = high(label("Car", 0.0), 26.0);
     for (height, found) in [(25.0, 1), (24.9, 0)] {
-        let detection = claim(&high(car.clone(), height), 0.9);
+        let detection = prediction(&high(car.clone(), height), 0.9);
         assert_eq!(counts(vec![car.clone()], vec![detection], Metric::Image).1, found, "{height}");
     }
 }
@@ -71,10 +74,10 @@ fn rules_7_and_9_labels_of_exactly_the_least_height_do_not_count_and_detections_
 #[test]
 fn rule_5_one_angle_of_minus_ten_turns_aos_off_for_every_class() {
     let (car, walker) = (label("Car", 0.0), label("Pedestrian", 1.0));
-    let mut ignored = claim(&label("DontCare", 2.0), 0.1);
+    let mut ignored = prediction(&label("DontCare", 2.0), 0.1);
     ignored.alpha_rad = -10.0;
-    let claims = vec![claim(&car, 0.9), claim(&walker, 0.9), ignored];
-    let report = report(vec![car, walker], claims);
+    let predictions = vec![prediction(&car, 0.9), prediction(&walker, 0.9), ignored];
+    let report = report(vec![car, walker], predictions);
     assert_eq!(report.aos(CAR), None);
     assert_eq!(report.aos(EvaluatedClass::Pedestrian), None);
     assert!(report.ap(OverlapSet::Strict, Metric::Image, CAR).is_some());
@@ -84,7 +87,7 @@ fn rule_5_one_angle_of_minus_ten_turns_aos_off_for_every_class() {
 fn rule_6_a_class_is_evaluated_only_where_some_detection_has_what_it_takes() {
     let car = label("Car", 0.0);
     let evaluated = |change: &dyn Fn(&mut Detection)| {
-        let mut detection = claim(&car, 0.9);
+        let mut detection = prediction(&car, 0.9);
         change(&mut detection.detection);
         let report = report(vec![car.clone()], vec![detection]);
         Metric::ALL.map(|metric| report.ap(OverlapSet::Strict, metric, CAR).is_some())
@@ -103,9 +106,11 @@ fn rule_8_neighbours_excuse_and_other_classes_do_not() {
     let target = label("Car", 0.0);
     for (other, wrong) in [("Van", 0), ("van", 0), ("Truck", 1), ("Pedestrian", 1)] {
         let neighbour = label(other, 1.0);
-        let on_it =
-            Claim { detection: Detection { class: class("Car"), ..claim(&neighbour, 0.95).detection }, alpha_rad: 0.0 };
-        let got = counts(vec![target.clone(), neighbour], vec![claim(&target, 0.9), on_it], Metric::Image);
+        let on_it = Prediction {
+            detection: Detection { class: class("Car"), ..prediction(&neighbour, 0.95).detection },
+            alpha_rad: 0.0,
+        };
+        let got = counts(vec![target.clone(), neighbour], vec![prediction(&target, 0.9), on_it], Metric::Image);
         assert_eq!(got, (1, 1, wrong, 0), "{other}");
     }
 }
@@ -114,10 +119,10 @@ fn rule_8_neighbours_excuse_and_other_classes_do_not() {
 fn quirk_1_a_small_detection_of_any_class_swallows_an_object() {
     // 24 px of a 30 px car: too small, and its class does not matter.
     let car = high(label("Car", 0.0), 30.0);
-    let mut small = claim(&high(label("Pedestrian", 0.0), 24.0), 0.99);
+    let mut small = prediction(&high(label("Pedestrian", 0.0), 24.0), 0.99);
     small.detection.box3d = car.box3d;
     let other = label("Car", 1.0);
-    let got = counts(vec![car, other.clone()], vec![small, claim(&other, 0.5)], Metric::Image);
+    let got = counts(vec![car, other.clone()], vec![small, prediction(&other, 0.5)], Metric::Image);
     // Neither true, nor false, nor missed.
     assert_eq!(got, (2, 1, 0, 0));
 }
@@ -126,9 +131,10 @@ fn quirk_1_a_small_detection_of_any_class_swallows_an_object() {
 fn rule_10_the_least_height_of_a_detection_depends_on_the_difficulty() {
     let car = label("Car", 0.0);
     for (height, wrong) in [(24.9, [0, 0, 0]), (30.0, [0, 1, 1]), (39.9, [0, 1, 1]), (40.0, [1, 1, 1])] {
-        let nothing_there = claim(&high(label("Car", 2.0), height), 0.95);
-        let report = report(vec![car.clone()], vec![claim(&car, 0.9), nothing_there]);
-        let got = Difficulty::ALL.map(|difficulty| curve(&report, Metric::Image, difficulty).limits[0].wrong);
+        let nothing_there = prediction(&high(label("Car", 2.0), height), 0.95);
+        let report = report(vec![car.clone()], vec![prediction(&car, 0.9), nothing_there]);
+        let got =
+            Difficulty::ALL.map(|difficulty| curve(&report, Metric::Image, difficulty).thresholds[0].false_positives);
         assert_eq!(got, wrong, "{height}");
     }
 }
@@ -137,20 +143,29 @@ fn rule_10_the_least_height_of_a_detection_depends_on_the_difficulty() {
 fn rule_11_other_classes_taken_detections_and_lower_scores_take_no_part() {
     let car = label("Car", 0.0);
     // Another class: neither its better score nor its better overlap counts.
-    let pedestrian = claim(&Label { class: class("Pedestrian"), ..car.clone() }, 0.95);
-    let own = claim(&high(car.clone(), 90.0), 0.9);
+    let pedestrian = prediction(&Label { class: class("Pedestrian"), ..car.clone() }, 0.95);
+    let own = prediction(&high(car.clone(), 90.0), 0.9);
     let set = report(vec![car.clone()], vec![pedestrian, own]);
-    let limits = &curve(&set, Metric::Image, Difficulty::Moderate).limits;
-    assert_eq!(limits.iter().map(|limit| (limit.score, limit.found, limit.wrong)).collect::<Vec<_>>(), [(0.9, 1, 0)]);
+    let thresholds = &curve(&set, Metric::Image, Difficulty::Moderate).thresholds;
+    assert_eq!(
+        thresholds
+            .iter()
+            .map(|threshold| (threshold.score, threshold.true_positives, threshold.false_positives))
+            .collect::<Vec<_>>(),
+        [(0.9, 1, 0)]
+    );
     // Already taken: one detection on two objects finds one of them, in both passes.
     let two = vec![car.clone(), car.clone()];
-    assert_eq!(curve(&report(two.clone(), vec![claim(&car, 0.9)]), Metric::Image, Difficulty::Easy).matched, 1);
-    assert_eq!(counts(two, vec![claim(&car, 0.9)], Metric::Image), (2, 1, 0, 1));
-    // Scores below the limit are out, the limit itself stays in.
+    assert_eq!(curve(&report(two.clone(), vec![prediction(&car, 0.9)]), Metric::Image, Difficulty::Easy).matched, 1);
+    assert_eq!(counts(two, vec![prediction(&car, 0.9)], Metric::Image), (2, 1, 0, 1));
+    // Scores below the threshold are out, the threshold itself stays in.
     let other = label("Car", 1.0);
-    let set = report(vec![car.clone(), other.clone()], vec![claim(&car, 0.9), claim(&other, 0.4)]);
-    let limits = &curve(&set, Metric::Image, Difficulty::Easy).limits;
-    let got: Vec<_> = limits.iter().map(|limit| (limit.score, limit.found, limit.missed)).collect();
+    let set = report(vec![car.clone(), other.clone()], vec![prediction(&car, 0.9), prediction(&other, 0.4)]);
+    let thresholds = &curve(&set, Metric::Image, Difficulty::Easy).thresholds;
+    let got: Vec<_> = thresholds
+        .iter()
+        .map(|threshold| (threshold.score, threshold.true_positives, threshold.false_negatives))
+        .collect();
     assert_eq!(got, [(0.9, 1, 1), (0.4, 2, 0)]);
 }
 
@@ -158,7 +173,7 @@ fn rule_11_other_classes_taken_detections_and_lower_scores_take_no_part() {
 fn rule_12_the_overlap_must_be_exceeded_not_reached() {
     let car = label("Car", 0.0);
     for (height, found) in [(70.0, 0), (70.01, 1)] {
-        let got = counts(vec![car.clone()], vec![claim(&high(car.clone(), height), 0.9)], Metric::Image);
+        let got = counts(vec![car.clone()], vec![prediction(&high(car.clone(), height), 0.9)], Metric::Image);
         assert_eq!(got.1, found, "{height}");
     }
 }
@@ -166,16 +181,16 @@ fn rule_12_the_overlap_must_be_exceeded_not_reached() {
 #[test]
 fn rules_12_and_13_the_best_score_sets_the_limit_and_the_best_overlap_matches() {
     let car = label("Car", 0.0);
-    let loose_but_sure = claim(&high(car.clone(), 80.0), 0.9);
-    let tight = claim(&car, 0.4);
+    let loose_but_sure = prediction(&high(car.clone(), 80.0), 0.9);
+    let tight = prediction(&car, 0.4);
     let sets = vec![loose_but_sure, tight];
     let report = report(vec![car.clone()], sets.clone());
     // One true positive of the first pass: the better score.
-    assert_eq!(curve(&report, Metric::Image, Difficulty::Moderate).limits[0].score, 0.9);
-    let view = View { metric: Metric::Image, overlaps: OverlapSet::Strict, min_score: None };
-    let told = explain(&Frame { id: String::new(), labels: vec![car], claims: sets }, &view);
-    assert_eq!(told.objects[0][0], ObjectFate::Found { claim: 1, overlap: 1.0 });
-    assert!(matches!(told.claims[0][0], ClaimFate::FalsePositive { nearest: Some((0, _)) }));
+    assert_eq!(curve(&report, Metric::Image, Difficulty::Moderate).thresholds[0].score, 0.9);
+    let options = ExplainOptions { metric: Metric::Image, overlaps: OverlapSet::Strict, min_score: None };
+    let told = explain(&Frame { id: String::new(), labels: vec![car], predictions: sets }, &options);
+    assert_eq!(told.objects[0][0], ObjectOutcome::Found { prediction: 1, overlap: 1.0 });
+    assert!(matches!(told.predictions[0][0], PredictionOutcome::FalsePositive { nearest: Some((0, _)) }));
 }
 
 #[test]
@@ -185,11 +200,11 @@ fn rule_15_dont_care_excuses_by_the_share_of_the_detection() {
     // The region is far larger than the detection in it, so their IoU is small.
     region.box2d = Box2d::new(150.0, 0.0, 1150.0, 300.0);
     region.box3d.location = [-1000.0; 3];
-    let inside = claim(&label("Car", 1.0), 0.95);
+    let inside = prediction(&label("Car", 1.0), 0.95);
     let labels = vec![car.clone(), region];
-    let claims = vec![claim(&car, 0.9), inside];
-    assert_eq!(counts(labels.clone(), claims.clone(), Metric::Image), (1, 1, 0, 0));
-    assert_eq!(counts(labels, claims, Metric::Bev), (1, 1, 1, 0), "from above there is no excuse");
+    let predictions = vec![prediction(&car, 0.9), inside];
+    assert_eq!(counts(labels.clone(), predictions.clone(), Metric::Image), (1, 1, 0, 0));
+    assert_eq!(counts(labels, predictions, Metric::Bev), (1, 1, 1, 0), "from above there is no excuse");
 }
 
 #[test]
@@ -201,18 +216,19 @@ fn quirk_2_detections_without_3d_box_are_excused_from_above_by_any_dont_care() {
         yaw: -10.0,
     };
     let region = Label { box3d: nowhere, ..label("DontCare", 3.0) };
-    let mut flat = claim(&label("Car", 1.0), 0.95);
+    let mut flat = prediction(&label("Car", 1.0), 0.95);
     flat.detection.box3d = nowhere;
-    let claims = vec![claim(&car, 0.9), flat];
-    assert_eq!(counts(vec![car.clone(), region.clone()], claims.clone(), Metric::Bev), (1, 1, 0, 0));
-    assert_eq!(counts(vec![car.clone()], claims.clone(), Metric::Bev), (1, 1, 1, 0));
-    assert_eq!(counts(vec![car, region], claims, Metric::Space), (1, 1, 1, 0));
+    let predictions = vec![prediction(&car, 0.9), flat];
+    assert_eq!(counts(vec![car.clone(), region.clone()], predictions.clone(), Metric::Bev), (1, 1, 0, 0));
+    assert_eq!(counts(vec![car.clone()], predictions.clone(), Metric::Bev), (1, 1, 1, 0));
+    assert_eq!(counts(vec![car, region], predictions, Metric::Box3d), (1, 1, 1, 0));
 }
 
 #[test]
 fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
-    /// Objects, how many of them are found, and the places of the chosen scores, best first, as the devkit's own `getThresholds` gives
-    /// them. With the aim at k / 40 instead of the sum of fortieths, the first two rows differ from the fourth score on.
+    /// Objects, how many of them are found, and the places of the chosen scores, best first, as the devkit's own
+    /// `getThresholds` gives them. With the aim at k / 40 instead of the sum of fortieths, the first two rows differ
+    /// from the fourth score on.
     const CHOSEN: [(usize, usize, &[usize]); 5] = [
         (
             60,
@@ -230,7 +246,7 @@ fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
                 67, 69, 72, 74, 77, 79, 82,
             ],
         ),
-        // The last score is always a limit, however far its recall is from the one aimed at.
+        // The last score is always a threshold, however far its recall is from the one aimed at.
         (300, 4, &[0, 3]),
         (20, 5, &[0, 1, 2, 3, 4]),
         (1, 1, &[0]),
@@ -239,10 +255,10 @@ fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
         let labels: Vec<_> = (0..objects).map(|i| label("Car", i as f64)).collect();
         let score = |place: usize| 1.0 - place as f64 / 1000.0;
         // Sorting is the evaluator's work, so the worst come first.
-        let claims = (0..found).rev().map(|place| claim(&labels[place], score(place))).collect();
-        let report = report(labels.clone(), claims);
-        let limits = &curve(&report, Metric::Image, Difficulty::Easy).limits;
-        let got: Vec<_> = limits.iter().map(|limit| limit.score).collect();
+        let predictions = (0..found).rev().map(|place| prediction(&labels[place], score(place))).collect();
+        let report = report(labels.clone(), predictions);
+        let thresholds = &curve(&report, Metric::Image, Difficulty::Easy).thresholds;
+        let got: Vec<_> = thresholds.iter().map(|threshold| threshold.score).collect();
         let want: Vec<_> = places.iter().map(|&place| score(place)).collect();
         assert_eq!(got, want, "{found} of {objects}");
     }
@@ -251,12 +267,14 @@ fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
 #[test]
 fn rule_18_precision_and_orientation_fall_and_end_in_zeros() {
     let cars: Vec<_> = (0..3).map(|i| label("Car", f64::from(i))).collect();
-    let mut turned = claim(&cars[1], 0.8);
+    let mut turned = prediction(&cars[1], 0.8);
     turned.alpha_rad += std::f64::consts::PI;
-    let nothing_there = claim(&label("Car", 5.0), 0.85);
-    let report = report(cars.clone(), vec![claim(&cars[0], 0.9), nothing_there, turned, claim(&cars[2], 0.7)]);
+    let nothing_there = prediction(&label("Car", 5.0), 0.85);
+    let report =
+        report(cars.clone(), vec![prediction(&cars[0], 0.9), nothing_there, turned, prediction(&cars[2], 0.7)]);
     let curve = curve(&report, Metric::Image, Difficulty::Easy);
-    // True of claimed at the three limits: 1/1, 2/3, 3/4. A false positive adds no similarity, nor does a car that faces the other way.
+    // True of claimed at the three thresholds: 1/1, 2/3, 3/4. A false positive adds no similarity, nor does a car that
+    // faces the other way.
     let (mut precision, mut orientation) = ([0.0; 41], [0.0; 41]);
     precision[..3].copy_from_slice(&[1.0, 0.75, 0.75]);
     orientation[..3].copy_from_slice(&[1.0, 0.5, 0.5]);
@@ -269,7 +287,8 @@ fn rule_19_r40_leaves_the_first_point_out_and_r11_takes_every_fourth() {
     for point in 0..41 {
         let mut precision = [0.0; 41];
         precision[point] = 1.0;
-        let curve = Curve { min_overlap: 0.7, objects: 41, matched: 41, limits: vec![], precision, orientation: None };
+        let curve =
+            Curve { min_overlap: 0.7, objects: 41, matched: 41, thresholds: vec![], precision, orientation: None };
         assert_eq!(curve.ap_r40(), if point == 0 { 0.0 } else { 2.5 }, "{point}");
         assert_eq!(curve.ap_r11(), if point % 4 == 0 { 100.0 / 11.0 } else { 0.0 }, "{point}");
     }
@@ -279,49 +298,56 @@ fn rule_19_r40_leaves_the_first_point_out_and_r11_takes_every_fourth() {
 fn rule_20_few_objects_cannot_reach_100() {
     for (objects, r40) in [(1, 0.0), (39, 95.0), (41, 100.0)] {
         let labels: Vec<_> = (0..objects).map(|i| label("Car", f64::from(i))).collect();
-        let claims = labels.iter().map(|l| claim(l, 1.0)).collect();
-        let report = report(labels, claims);
-        let got = curve(&report, Metric::Space, Difficulty::Easy).ap_r40();
+        let predictions = labels.iter().map(|l| prediction(l, 1.0)).collect();
+        let report = report(labels, predictions);
+        let got = curve(&report, Metric::Box3d, Difficulty::Easy).ap_r40();
         assert!((got - r40).abs() < 1e-9, "{objects}: {got}");
     }
 }
 
 #[test]
 fn rule_21_nothing_of_nothing_counts_as_zero_and_spoils_no_other_point() {
-    // First pass: the small detection has the better score and goes to the van, so the car's own gives the limit 0.9. Second pass: the van
-    // takes the larger one, the car is left with the small one, and nothing is right, wrong or missed.
+    // First pass: the small detection has the better score and goes to the van, so the car's own gives the threshold
+    // 0.9. Second pass: the van takes the larger one, the car is left with the small one, and nothing is right, wrong
+    // or missed.
     let (van, car, other) = (label("Van", 0.0), label("Car", 0.0), label("Car", 1.0));
-    let mut small = claim(&high(car.clone(), 20.0), 0.95);
+    let mut small = prediction(&high(car.clone(), 20.0), 0.95);
     small.detection.box3d = car.box3d;
-    let alone = (vec![van, car.clone()], vec![small, claim(&car, 0.9)]);
+    let alone = (vec![van, car.clone()], vec![small, prediction(&car, 0.9)]);
     let report_alone = report(alone.0.clone(), alone.1.clone());
     let got = curve(&report_alone, Metric::Bev, Difficulty::Moderate);
-    let counts: Vec<_> = got.limits.iter().map(|limit| (limit.score, limit.found, limit.wrong, limit.missed)).collect();
+    let counts: Vec<_> = got
+        .thresholds
+        .iter()
+        .map(|threshold| {
+            (threshold.score, threshold.true_positives, threshold.false_positives, threshold.false_negatives)
+        })
+        .collect();
     assert_eq!(counts, [(0.9, 0, 0, 0)]);
     assert_eq!(got.precision, [0.0; 41]);
-    // With another car found at a lower limit, the maximum over 0 / 0 and what follows is what follows.
+    // With another car found at a lower threshold, the maximum over 0 / 0 and what follows is what follows.
     let labels = [alone.0, vec![other.clone()]].concat();
-    let claims = [alone.1, vec![claim(&other, 0.5)]].concat();
-    let report = report(labels, claims);
+    let predictions = [alone.1, vec![prediction(&other, 0.5)]].concat();
+    let report = report(labels, predictions);
     let got = curve(&report, Metric::Bev, Difficulty::Moderate);
-    assert_eq!((got.limits[0].found, got.limits[0].wrong), (0, 0));
+    assert_eq!((got.thresholds[0].true_positives, got.thresholds[0].false_positives), (0, 0));
     assert_eq!(got.precision[..3], [1.0, 1.0, 0.0]);
 }
 
 #[test]
 fn rule_22_a_score_that_is_no_number_is_wrong_at_every_limit() {
     let (car, empty) = (label("Car", 0.0), label("Car", 1.0));
-    let claims = vec![claim(&car, 0.9), claim(&empty, f64::NAN)];
-    assert_eq!(counts(vec![car], claims, Metric::Image), (1, 1, 1, 0));
+    let predictions = vec![prediction(&car, 0.9), prediction(&empty, f64::NAN)];
+    assert_eq!(counts(vec![car], predictions, Metric::Image), (1, 1, 1, 0));
 }
 
 #[test]
 fn rule_27_boxes_with_swapped_edges_are_false_positives() {
     let car = label("Car", 0.0);
-    let mut swapped = claim(&car, 0.95);
+    let mut swapped = prediction(&car, 0.95);
     let Box2d { x1, y1, x2, y2 } = swapped.detection.box2d;
     swapped.detection.box2d = Box2d::new(x2, y2, x1, y1);
-    assert_eq!(counts(vec![car.clone()], vec![claim(&car, 0.9), swapped], Metric::Image), (1, 1, 1, 0));
+    assert_eq!(counts(vec![car.clone()], vec![prediction(&car, 0.9), swapped], Metric::Image), (1, 1, 1, 0));
 }
 
 #[test]

@@ -67,6 +67,8 @@ pub enum Op {
     },
     /// `max(x, 0)`.
     Relu,
+    /// `min(max(x, 0), 6)`.
+    Relu6,
     /// Logistic function.
     Sigmoid,
     /// Maximum over `size` x `size` cells, stride `size`.
@@ -109,6 +111,7 @@ impl Op {
             Self::UpConv { weight, .. } | Self::WeightedSum { weight } => vec![weight],
             Self::Input
             | Self::Relu
+            | Self::Relu6
             | Self::Sigmoid
             | Self::MaxPool { .. }
             | Self::GlobalAveragePool
@@ -193,6 +196,8 @@ pub enum Role {
     Learnt,
     /// Running statistics: updated by the forward pass, not by the optimiser.
     Statistic,
+    /// As it is: neither the optimiser nor the forward pass moves it.
+    Frozen,
     /// In every public checkpoint but never used: the outer projections of levels 3 and 4 (spec 2.3).
     Unused,
 }

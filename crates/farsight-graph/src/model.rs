@@ -19,6 +19,9 @@ pub const CONFIG_KEY: &str = "farsight.model";
 /// Key of the header that says that the tensors, not the config, decide how wide the layers are.
 pub const NARROWED_KEY: &str = "farsight.narrowed";
 
+/// Key of the header that says whose weights a model was made from, and under which licence.
+pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
+
 /// The method of files that have no tag: there was no other when they were written.
 const FIRST_METHOD: &str = "smoke";
 

@@ -71,12 +71,12 @@ pub enum DetectError {
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// The engine's answer does not fit the model's description.
-    #[error("the engine {engine} gave a {map} of the shape {found:?}; expected {expected:?}")]
+    #[error("the engine {engine} gave \"{map}\" of the shape {found:?}; expected {expected:?}")]
     Maps {
         /// Name of the engine.
         engine: String,
-        /// `heatmap` or `regression map`.
-        map: &'static str,
+        /// The output.
+        map: String,
         /// Its shape.
         found: Vec<usize>,
         /// The shape that the model has: images, channels, rows, columns.

@@ -4,10 +4,13 @@
 //! Second stages that look at single objects again ([`refiner`], [`plate_reader`]) are built the same way and share [`roi`]. What every detector can do
 //! stands in [`detector`].
 
+mod batch;
 pub mod detector;
+pub mod input_spec;
 pub mod plate_reader;
 pub mod refiner;
 pub mod roi;
 pub mod smoke;
 
 pub use detector::{DetectError, Detector, UnfamiliarCamera};
+pub use input_spec::InputSpec;

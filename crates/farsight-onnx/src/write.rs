@@ -182,6 +182,10 @@ impl Writer<'_> {
                 self.parts.node("BatchNormalization", &operands, out, vec![float("epsilon", NORM_EPSILON as f32)])
             }
             Op::Relu => self.parts.node("Relu", &all, out, Vec::new()),
+            Op::Relu6 => {
+                let [low, high] = [0.0, 6.0].map(|limit| self.parts.float(limit));
+                self.parts.node("Clip", &[x, &low, &high], out, Vec::new())
+            }
             Op::Sigmoid => self.parts.node("Sigmoid", &all, out, Vec::new()),
             Op::MaxPool { size } => {
                 let size = [*size as i64; 2];

@@ -1,12 +1,13 @@
 //! Renders a number of random scenes into one picture, smaller, in rows and columns.
 //!
-//! `cargo run --release -p farsight-synth --example contact_sheet -- sheet.png SEED FIRST COLUMNS ROWS [WIDTH] [generic]`
+//! `cargo run --release -p farsight-synth --example contact_sheet -- sheet.png SEED FIRST COLUMNS ROWS [WIDTH]
+//! [generic]`
 #![allow(missing_docs, clippy::print_stdout)]
 
 use std::time::Instant;
 
-use farsight_synth::photo::PhotoSettings;
-use farsight_synth::{WorldConfig, draw_scene, render};
+use farsight_synth::sensor::SensorModel;
+use farsight_synth::{SceneConfig, generate_scene, render};
 use image::{RgbImage, imageops};
 use rand_pcg::Pcg64;
 
@@ -17,19 +18,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (seed, first) = (number(1, 1)?, number(2, 0)?);
     let (columns, rows, width) = (number(3, 2)? as u32, number(4, 6)? as u32, number(5, 828)? as u32);
     let is_generic = arguments.get(6).is_some_and(|word| word == "generic");
-    let config = if is_generic { WorldConfig::generic() } else { WorldConfig::default() };
+    let config = if is_generic { SceneConfig::generic() } else { SceneConfig::default() };
     let height = if is_generic { width * 9 / 16 } else { width * 375 / 1242 };
     let mut sheet = RgbImage::new(columns * width, rows * height);
     for cell in 0..columns * rows {
         let start = Instant::now();
-        let drawn = draw_scene(&config, seed, first + u64::from(cell));
+        let generated = generate_scene(&config, seed, first + u64::from(cell));
         let built = start.elapsed();
-        let picture = picture(&drawn, first + u64::from(cell));
-        let triangles: usize = drawn.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum();
+        let picture = picture(&generated, first + u64::from(cell));
+        let triangles: usize = generated.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum();
         println!(
-            "{}: {} actors, {triangles} triangles, built in {:.1} ms, all in {:.0} ms",
+            "{}: {} objects, {triangles} triangles, built in {:.1} ms, all in {:.0} ms",
             first + u64::from(cell),
-            drawn.actors.len(),
+            generated.objects.len(),
             built.as_secs_f64() * 1e3,
             start.elapsed().as_secs_f64() * 1e3
         );
@@ -41,8 +42,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn picture(drawn: &farsight_synth::Drawn, index: u64) -> RgbImage {
-    let rendered = render::render(&drawn.scene);
+fn picture(generated: &farsight_synth::LabelledScene, index: u64) -> RgbImage {
+    let rendered = render::render(&generated.scene);
     let mut rng = Pcg64::new(7, u128::from(index));
-    PhotoSettings::draw(&drawn.scene.air, &mut rng).develop(&rendered)
+    SensorModel::sample(&generated.scene.atmosphere, &mut rng).capture(&rendered)
 }

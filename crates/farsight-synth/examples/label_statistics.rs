@@ -1,7 +1,8 @@
-//! What `sizes.rs` and the traffic are made from: sizes, distances, directions and numbers of the objects in a folder of KITTI label files.
+//! What `sizes.rs` and the traffic are made from: sizes, distances, directions and numbers of the objects in a folder
+//! of KITTI label files.
 //!
-//! `cargo run --release -p farsight-synth --example label_statistics -- LABEL_DIR`, or `drawn:COUNT` for the labels of that many random scenes,
-//! to compare.
+//! `cargo run --release -p farsight-synth --example label_statistics -- LABEL_DIR`, or `drawn:COUNT` for the labels of
+//! that many random scenes, to compare.
 #![allow(missing_docs, clippy::print_stdout)]
 
 use std::path::Path;
@@ -9,8 +10,8 @@ use std::path::Path;
 use farsight_core::{Label, ObjectClass};
 use farsight_data::kitti::read_labels;
 use farsight_synth::labels::LabelRules;
-use farsight_synth::sizes::PERCENTS;
-use farsight_synth::{WorldConfig, draw_scene, render};
+use farsight_synth::sizes::PERCENTILES;
+use farsight_synth::{SceneConfig, generate_scene, render};
 use rayon::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -37,10 +38,10 @@ fn read(folder: &Path) -> Result<Vec<Vec<Label>>, Box<dyn std::error::Error>> {
 }
 
 fn drawn(count: u64) -> Vec<Vec<Label>> {
-    let config = WorldConfig::default();
+    let config = SceneConfig::default();
     let labels = |index| {
-        let drawn = draw_scene(&config, 1, index);
-        LabelRules::default().labels(&drawn.scene, &drawn.actors, &render::render(&drawn.scene))
+        let generated = generate_scene(&config, 1, index);
+        LabelRules::default().labels(&generated.scene, &generated.objects, &render::render(&generated.scene))
     };
     (0..count).into_par_iter().map(labels).collect()
 }
@@ -90,8 +91,8 @@ fn at(sorted: &[f64], share: f64) -> f64 {
 fn spread(name: &str, mut values: Vec<f64>) {
     let center = mean(&values);
     values.sort_by(f64::total_cmp);
-    let row: Vec<String> = PERCENTS.iter().map(|percent| format!("{:.2}", at(&values, percent / 100.0))).collect();
-    println!("{name}: mean {center:.3}, at {PERCENTS:?} %: {}", row.join(" "));
+    let row: Vec<String> = PERCENTILES.iter().map(|percent| format!("{:.2}", at(&values, percent / 100.0))).collect();
+    println!("{name}: mean {center:.3}, at {PERCENTILES:?} %: {}", row.join(" "));
 }
 
 fn percentiles(name: &str, mut values: Vec<f64>) {

@@ -1,8 +1,9 @@
-//! What a finished frame costs, step by step, on one thread: the world, its picture, the photograph, the labels.
+//! What a finished frame costs, step by step, on one thread: the scene, its picture, the sensor, the labels.
 //!
-//! `cargo run --release -p farsight-synth --example render_speed -- [FRAMES] [SEED] [FOLDER for the photographs]`
+//! `cargo run --release -p farsight-synth --example render_speed -- [FRAMES] [SEED] [FOLDER for the images]`
 //!
-//! Times are of the processor, not of the clock, where the system tells them (Linux): other programs do not spoil them much.
+//! Times are of the processor, not of the clock, where the system tells them (Linux): other programs do not spoil them
+//! much.
 #![allow(missing_docs, clippy::print_stdout)]
 
 use std::path::PathBuf;
@@ -10,9 +11,9 @@ use std::sync::LazyLock;
 use std::time::Instant;
 
 use farsight_synth::labels::LabelRules;
-use farsight_synth::photo::PhotoSettings;
 use farsight_synth::render::render;
-use farsight_synth::{WorldConfig, draw_scene};
+use farsight_synth::sensor::SensorModel;
+use farsight_synth::{SceneConfig, generate_scene};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
@@ -23,24 +24,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let frames: u64 = arguments.next().map_or(Ok(10), |n| n.parse())?;
     let seed: u64 = arguments.next().map_or(Ok(1), |n| n.parse())?;
     let folder = arguments.next().map(PathBuf::from);
-    let config = WorldConfig::default();
+    let config = SceneConfig::default();
     let mut times = vec![Vec::new(); 5];
     for index in 0..frames {
         let mut marks = vec![now_ms()];
-        let drawn = draw_scene(&config, seed, index);
+        let generated = generate_scene(&config, seed, index);
         marks.push(now_ms());
-        let rendered = render(&drawn.scene);
+        let rendered = render(&generated.scene);
         marks.push(now_ms());
         let mut rng = Pcg64Mcg::seed_from_u64(seed ^ index);
-        let photo = PhotoSettings::draw(&drawn.scene.air, &mut rng).develop(&rendered);
+        let photo = SensorModel::sample(&generated.scene.atmosphere, &mut rng).capture(&rendered);
         marks.push(now_ms());
-        let labels = LabelRules::default().labels(&drawn.scene, &drawn.actors, &rendered);
+        let labels = LabelRules::default().labels(&generated.scene, &generated.objects, &rendered);
         marks.push(now_ms());
         let steps: Vec<f64> = marks.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let triangles: usize = drawn.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum();
+        let triangles: usize = generated.scene.objects.iter().map(|o| o.mesh.triangles.len()).sum();
         println!(
             "{index}: {triangles} triangles, {} lamps, {} labels, {steps:.1?} ms",
-            drawn.scene.lamps.len(),
+            generated.scene.lamps.len(),
             labels.len()
         );
         for (all, step) in times.iter_mut().zip(steps.iter().copied().chain([steps.iter().sum()])) {
@@ -50,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             photo.save(folder.join(format!("{index:06}.png")))?;
         }
     }
-    for (name, mut all) in ["world", "render", "photo", "labels", "in all"].into_iter().zip(times) {
+    for (name, mut all) in ["scene", "render", "sensor", "labels", "in all"].into_iter().zip(times) {
         all.sort_by(f64::total_cmp);
         let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
         println!("{name}: median {:.1} ms, mean {mean:.1} ms, most {:.1} ms", all[all.len() / 2], all[all.len() - 1]);

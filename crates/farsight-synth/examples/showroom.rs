@@ -1,10 +1,10 @@
-//! Renders every kind of actor near the camera, at several angles, into one picture.
+//! Renders every kind of object near the camera, at several angles, into one picture.
 //!
 //! `cargo run --release -p farsight-synth --example showroom -- showroom.png SEED`
 #![allow(missing_docs, clippy::print_stdout)]
 
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
-use farsight_synth::photo::PhotoSettings;
+use farsight_synth::sensor::SensorModel;
 use farsight_synth::sizes::SizeStatistics;
 use farsight_synth::{render, scene_from_labels};
 use image::{RgbImage, imageops};
@@ -29,11 +29,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut sheet = RgbImage::new(1242, 375 * rows.len() as u32);
     for (row, (class, z, pitch)) in rows.into_iter().enumerate() {
         let labels: Vec<Label> = (0..5).map(|k| label(class.clone(), k, z, pitch, seed + row as u64)).collect();
-        let drawn = scene_from_labels(&labels, &camera, SIZE, seed * 100 + row as u64);
-        let triangles: usize = drawn.scene.objects[2..].iter().map(|o| o.mesh.triangles.len()).sum();
+        let generated = scene_from_labels(&labels, &camera, SIZE, seed * 100 + row as u64);
+        let triangles: usize = generated.scene.objects[2..].iter().map(|o| o.mesh.triangles.len()).sum();
         println!("{class}: {} triangles each", triangles / labels.len());
-        let rendered = render::render(&drawn.scene);
-        let picture = PhotoSettings::PLAIN.develop(&rendered);
+        let rendered = render::render(&generated.scene);
+        let picture = SensorModel::IDEAL.capture(&rendered);
         imageops::replace(&mut sheet, &picture, 0, 375 * row as i64);
     }
     sheet.save(path)?;
@@ -43,9 +43,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// The k-th of five side by side, each turned further.
 fn label(class: ObjectClass, k: usize, z: f64, pitch: f64, seed: u64) -> Label {
     let sizes = SizeStatistics::of(&class);
-    let vary = |spread: &farsight_synth::sizes::Spread, step: u64| {
+    let vary = |spread: &farsight_synth::sizes::Distribution, step: u64| {
         let share = ((seed * 7 + k as u64 * 5 + step) % 11) as f64 / 10.0 - 0.5;
-        spread.at(2.0 * share)
+        spread.at_z_score(2.0 * share)
     };
     let dimensions =
         Dimensions { height: vary(&sizes.height, 1), width: vary(&sizes.width, 2), length: vary(&sizes.length, 3) };

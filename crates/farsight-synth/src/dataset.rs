@@ -7,7 +7,8 @@ use farsight_data::annotations::{Annotation, Annotations, DepthMap, Plates};
 use farsight_data::{Dataset, DatasetError, Frame};
 use image::RgbImage;
 
-use crate::{SceneStream, draw_scene};
+use crate::generator::generate_scene;
+use crate::stream::SceneStream;
 
 /// Scenes of a stream: an endless data set, in which every frame of every epoch is a new one, rendered when it is asked for.
 ///
@@ -47,7 +48,7 @@ impl Dataset for SceneDataset {
     }
 
     fn camera(&self, index: usize) -> Result<Camera, DatasetError> {
-        Ok(draw_scene(&self.stream.world, self.stream.seed, index as u64).scene.camera)
+        Ok(generate_scene(&self.stream.config, self.stream.seed, index as u64).scene.camera)
     }
 
     fn labels(&self, index: usize) -> Result<Vec<Label>, DatasetError> {

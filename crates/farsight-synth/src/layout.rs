@@ -1,17 +1,18 @@
-//! Real frames rebuilt: the labelled objects exactly where they are, in a random world that hides them no more than the label says.
+//! Real frames rebuilt: the labelled objects exactly where they are, in a random scene that hides them no more than
+//! the label says.
 
 use farsight_core::linear::{dot, solved};
 use farsight_core::{Box3d, Camera, Label, ObjectClass};
 
-use crate::Drawn;
-use crate::actors::Conduct;
-use crate::dice::Dice;
-use crate::world::ground::Ground;
-use crate::world::light::Light;
-use crate::world::plan::{Found, Plan};
-use crate::world::stage::{Sightline, Stage};
-use crate::world::view::View;
-use crate::world::{WorldConfig, furnish};
+use crate::generator::builder::{SceneBuilder, Sightline};
+use crate::generator::ground::Ground;
+use crate::generator::light::Light;
+use crate::generator::plan::{Plan, RoadEstimate};
+use crate::generator::view::View;
+use crate::generator::{SceneConfig, build_surroundings};
+use crate::objects::ObjectState;
+use crate::rng::SceneRng;
+use crate::scene::LabelledScene;
 
 /// A camera that no label says anything about stands this high, metres (KITTI's).
 const CAMERA_HEIGHT_M: f64 = 1.65;
@@ -19,38 +20,39 @@ const CAMERA_HEIGHT_M: f64 = 1.65;
 /// Vehicles whose axis is less askew to the camera's than this lie along its road, radians.
 const ALONG_ROAD_RAD: f64 = 0.45;
 
-/// Rebuilds a frame: the same camera, an actor with the class and box of each label (in their order, `DontCare` left out), and a world
-/// drawn from `seed` around them.
+/// Rebuilds a frame: the same camera, a labelled object with the class and box of each label (in their order,
+/// `DontCare` left out), and a scene drawn from `seed` around them.
 ///
-/// The ground is fitted to the bottoms of the boxes, and the road runs along the vehicles that stand along the camera's direction. Houses,
-/// trees and posts are left out where they would hide a labelled object more than its label says. Any labels will do, none too.
-pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64) -> Drawn {
+/// The ground is fitted to the bottoms of the boxes, and the road runs along the vehicles that stand along the
+/// camera's direction. Houses, trees and posts are left out where they would hide a labelled object more than its
+/// label says. Any labels will do, none too.
+pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64) -> LabelledScene {
     let objects: Vec<&Label> = labels.iter().filter(|label| label.class != ObjectClass::DontCare).collect();
-    let mut dice = Dice::new(seed, 0, 1);
-    let config = WorldConfig::default();
+    let mut rng = SceneRng::new(seed, 0, 1);
+    let config = SceneConfig::default();
     let ground = fitted_ground(&objects);
     let view = View::new(*camera, image_size, ground.at_camera, 0.0);
-    let unusual = dice.chance(config.unusual_share);
-    let light = Light::draw(dice.weighted(&config.weather.table()), unusual, &mut dice);
-    let plan = Plan::around(&found(&objects), &mut dice);
-    let mut stage = Stage::new(view, ground, light, unusual);
+    let unusual = rng.chance(config.unusual_share);
+    let light = Light::sample(rng.weighted(&config.weather.table()), unusual, &mut rng);
+    let plan = Plan::around(&estimated_road(&objects), &mut rng);
+    let mut builder = SceneBuilder::new(view, ground, light, unusual);
     for label in &objects {
-        stage.sightlines.extend(sightline(label));
+        builder.sightlines.extend(sightline(label));
     }
     for label in &objects {
         let moving = is_along(&label.box3d) && label.box3d.location[0].abs() < 4.0;
-        let share = if moving { stage.light.lights_share } else { 0.03 };
-        let conduct = Conduct { lights_on: dice.chance(share), braking: moving && dice.chance(0.2), moving };
-        let dice = dice.fork();
-        stage.add_actor(label.class.clone(), label.box3d, conduct, dice);
+        let share = if moving { builder.light.lights_share } else { 0.03 };
+        let state = ObjectState { lights_on: rng.chance(share), braking: moving && rng.chance(0.2), moving };
+        let rng = rng.fork();
+        builder.add_labelled(label.class.clone(), label.box3d, state, rng);
     }
-    let distracting = dice.chance(config.distractor_share);
-    furnish(&mut stage, &plan, distracting, config.clutter, &mut dice);
-    stage.into_drawn()
+    let distracting = rng.chance(config.distractor_share);
+    build_surroundings(&mut builder, &plan, distracting, config.clutter, &mut rng);
+    builder.finish()
 }
 
 /// What the vehicles say about the road.
-fn found(objects: &[&Label]) -> Found {
+fn estimated_road(objects: &[&Label]) -> RoadEstimate {
     let mut turns: Vec<f64> = Vec::new();
     let along: Vec<&Box3d> =
         objects.iter().map(|l| &l.box3d).filter(|b| b.dimensions.length > 2.5 && is_along(b)).collect();
@@ -67,7 +69,7 @@ fn found(objects: &[&Label]) -> Found {
     let left = near.iter().copied().fold(-3.2, f64::min) - 1.25;
     let right = near.iter().copied().fold(0.9, f64::max) + 1.25;
     let count = |class: ObjectClass| objects.iter().filter(|label| label.class == class).count();
-    Found { turn, edges: [left, right], people: count(ObjectClass::Pedestrian), vehicles: along.len() }
+    RoadEstimate { turn, edges: [left, right], people: count(ObjectClass::Pedestrian), vehicles: along.len() }
 }
 
 /// Angle between an axis and straight ahead, radians in `(-pi/2, pi/2]`, positive to the right.
@@ -105,8 +107,8 @@ fn sightline(label: &Label) -> Option<Sightline> {
     (kept > 0.0 && high >= low).then_some(Sightline { tangents: [middle - half, middle + half], depth_m: farthest })
 }
 
-/// A ground through the bottoms of the boxes: least squares towards a flat one, weighted so that few strays do not bend it
-/// (Huber 1964, by repeated weighting).
+/// A ground through the bottoms of the boxes: least squares towards a flat one, weighted so that few strays do not
+/// bend it (Huber 1964, by repeated weighting).
 fn fitted_ground(objects: &[&Label]) -> Ground {
     // Deviations that the ground's parameters are expected to have, and the noise of a label's bottom, metres.
     const EXPECTED: [f64; 4] = [0.08, 0.02, 0.02, 2e-4];

@@ -1,6 +1,6 @@
 //! Materials by name: what a scene is made of, collected while it is built.
 
-use crate::dice::Dice;
+use crate::rng::SceneRng;
 use crate::scene::{Color, Material, MaterialId, Pattern};
 
 /// The materials of a scene in the making.
@@ -10,7 +10,8 @@ pub(crate) struct Palette {
 }
 
 impl Palette {
-    /// The number of a new material. A scene needs a few hundred; past the last number there is, the last is used again.
+    /// The number of a new material. A scene needs a few hundred; past the last number there is, the last is used
+    /// again.
     pub(crate) fn add(&mut self, material: Material) -> MaterialId {
         if self.materials.len() < usize::from(MaterialId::MAX) {
             self.materials.push(material);
@@ -27,17 +28,17 @@ impl Palette {
     }
 
     pub(crate) fn glowing(&mut self, color: Color, emission: Color) -> MaterialId {
-        self.add(Material { emission, gloss: 0.5, shininess: 60.0, mirror: 0.05, ..matte(color) })
+        self.add(Material { emission, specular: 0.5, shininess: 60.0, reflectivity: 0.05, ..matte(color) })
     }
 
-    pub(crate) fn glossy(&mut self, color: Color, gloss: f32, shininess: f32, mirror: f32) -> MaterialId {
-        self.add(Material { gloss, shininess, mirror, ..matte(color) })
+    pub(crate) fn glossy(&mut self, color: Color, specular: f32, shininess: f32, reflectivity: f32) -> MaterialId {
+        self.add(Material { specular, shininess, reflectivity, ..matte(color) })
     }
 }
 
 /// A surface without shine.
 pub(crate) fn matte(color: Color) -> Material {
-    Material { color, pattern: Pattern::Plain, gloss: 0.0, shininess: 1.0, mirror: 0.0, emission: [0.0; 3] }
+    Material { color, pattern: Pattern::Plain, specular: 0.0, shininess: 1.0, reflectivity: 0.0, emission: [0.0; 3] }
 }
 
 pub(crate) fn grey(value: f32) -> Color {
@@ -49,9 +50,9 @@ pub(crate) fn times(color: Color, by: f32) -> Color {
 }
 
 /// `color` with each channel up to `reach` (a share) brighter or darker, and all together likewise.
-pub(crate) fn varied(dice: &mut Dice, color: Color, reach: f32) -> Color {
-    let all = 1.0 + dice.range32(-reach, reach);
-    color.map(|c| (c * all * (1.0 + 0.4 * dice.range32(-reach, reach))).clamp(0.0, 1.0))
+pub(crate) fn varied(rng: &mut SceneRng, color: Color, reach: f32) -> Color {
+    let all = 1.0 + rng.range32(-reach, reach);
+    color.map(|c| (c * all * (1.0 + 0.4 * rng.range32(-reach, reach))).clamp(0.0, 1.0))
 }
 
 /// A colour from hue (0 to 1), saturation and value, linear light.
@@ -64,7 +65,7 @@ pub(crate) fn from_hsv(hue: f32, saturation: f32, value: f32) -> Color {
 }
 
 /// Any colour at all.
-pub(crate) fn any_color(dice: &mut Dice) -> Color {
-    let (hue, saturation) = (dice.range32(0.0, 1.0), dice.range32(0.0, 1.0));
-    from_hsv(hue, saturation, dice.range32(0.02, 0.8))
+pub(crate) fn any_color(rng: &mut SceneRng) -> Color {
+    let (hue, saturation) = (rng.range32(0.0, 1.0), rng.range32(0.0, 1.0));
+    from_hsv(hue, saturation, rng.range32(0.02, 0.8))
 }

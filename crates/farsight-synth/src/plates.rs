@@ -4,7 +4,7 @@ use farsight_core::{Box3d, Label, ObjectClass};
 use farsight_data::annotations::{Plate, Plates};
 
 use crate::render::Rendered;
-use crate::scene::{Actor, MaterialId, Mesh, Scene, Vec3};
+use crate::scene::{LabelledObject, MaterialId, Mesh, Scene, Vec3};
 
 /// The image shows a plate if what it shows there is no farther from it than this, metres of depth.
 const APART_M: f64 = 0.1;
@@ -13,20 +13,20 @@ const APART_M: f64 = 0.1;
 const LOOKED_AT: [f64; 3] = [0.15, 0.5, 0.85];
 
 /// The plates that the image shows of those who have a label, in the order of the labels.
-pub(crate) fn plates(scene: &Scene, actors: &[Actor], rendered: &Rendered, labels: &[Label]) -> Plates {
+pub(crate) fn plates(scene: &Scene, objects: &[LabelledObject], rendered: &Rendered, labels: &[Label]) -> Plates {
     let labelled = labels.iter().enumerate().filter(|(_, label)| label.class != ObjectClass::DontCare);
     let plates = labelled.filter_map(|(place, label)| {
-        let actor = actors.iter().find(|actor| actor.box3d == label.box3d)?;
-        let mesh = &scene.objects.iter().find(|object| object.instance == actor.instance)?.mesh;
-        let ends = [1.0, -1.0].into_iter().filter_map(|end| ends_of(mesh, actor.plate?, &actor.box3d, end));
+        let labelled = objects.iter().find(|labelled| labelled.box3d == label.box3d)?;
+        let mesh = &scene.objects.iter().find(|object| object.instance == labelled.instance)?.mesh;
+        let ends = [1.0, -1.0].into_iter().filter_map(|end| ends_of(mesh, labelled.plate?, &labelled.box3d, end));
         let mut seen = ends.filter(|ends| is_seen(scene, rendered, ends));
         seen.next().map(|ends| Plate { label: place, ends })
     });
     Plates(plates.collect())
 }
 
-/// The middles of the right and the left edge of the plate at the front (1) or the rear (-1), as seen by somebody who stands before it; none when the camera
-/// is behind it.
+/// The middles of the right and the left edge of the plate at the front (1) or the rear (-1), as seen by somebody who
+/// stands before it; none when the camera is behind it.
 fn ends_of(mesh: &Mesh, plate: MaterialId, box3d: &Box3d, end: f64) -> Option<[[f64; 3]; 2]> {
     let (sin, cos) = (libm::sin(box3d.yaw), libm::cos(box3d.yaw));
     let ahead = [end * cos, -end * sin];

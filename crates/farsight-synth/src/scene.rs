@@ -1,7 +1,8 @@
-//! What the renderer is given: triangles, materials, light and air, and the camera that looks at them.
+//! What the renderer is given: triangles, materials, light and atmosphere, and the camera that looks at them.
 //!
-//! Coordinates are KITTI's, of a level camera: x right, y **down**, z forward, metres, origin at the camera. The ground of a flat world lies at
-//! `y = camera height`. A pitched or rolled camera is a [`Camera`] whose 3x4 projection contains the rotation, so boxes stay upright and labels exact.
+//! Coordinates are KITTI's, of a level camera: x right, y **down**, z forward, metres, origin at the camera. The
+//! ground of a flat scene lies at `y = camera height`. A pitched or rolled camera is a [`Camera`] whose 3x4 projection
+//! contains the rotation, so boxes stay upright and labels exact.
 
 use farsight_core::{Box3d, Camera, ObjectClass};
 
@@ -14,7 +15,8 @@ pub type Vec3 = [f32; 3];
 /// Index of a material in [`Scene::materials`].
 pub type MaterialId = u16;
 
-/// Who a triangle belongs to: 0 is the world, others are actors numbered from 1 in the order of their labels.
+/// Who a triangle belongs to: 0 is the background, others are labelled objects numbered from 1 in the order of their
+/// labels.
 pub type InstanceId = u16;
 
 /// One corner of a mesh.
@@ -35,7 +37,8 @@ pub struct Triangle {
     pub vertices: [u32; 3],
     /// What it is made of.
     pub material: MaterialId,
-    /// Paint on a surface in the same plane: a higher layer wins over a lower one (road 0, marking 1, shadow stain 2).
+    /// Paint on a surface in the same plane: a higher layer wins over a lower one (road 0, marking 1, contact shadow
+    /// 2).
     pub layer: u8,
 }
 
@@ -66,12 +69,12 @@ pub struct Material {
     pub color: Color,
     /// How the colour varies.
     pub pattern: Pattern,
-    /// Strength of the sun's highlight, 0 to 1; of sheer glass more.
-    pub gloss: f32,
+    /// Strength of the sun's highlight, 0 to 1; of transparent glass more.
+    pub specular: f32,
     /// Sharpness of the highlight, the exponent of Blinn and Phong.
     pub shininess: f32,
     /// Share of the surroundings (sky above, ground below) that it mirrors straight on; more at a grazing angle.
-    pub mirror: f32,
+    pub reflectivity: f32,
     /// Light that it gives off itself.
     pub emission: Color,
 }
@@ -139,8 +142,9 @@ pub enum Pattern {
         seed: u32,
     },
     /// Glass: in each pixel so many of the samples show it, the others what is behind.
-    Sheer {
-        /// Share of the samples that show the glass, 0 to 1. What the whole pane mirrors, these have to: divide the material's `gloss` and `mirror` by it.
+    Transparent {
+        /// Share of the samples that show the glass, 0 to 1. What the whole pane mirrors, these have to: divide the
+        /// material's `specular` and `reflectivity` by it.
         share: f32,
     },
     /// Worn paint: `color` with holes of noise that show what is below; `wear` 0 has none.
@@ -216,7 +220,7 @@ pub struct Sky {
 
 /// Fog, haze and rain.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Air {
+pub struct Atmosphere {
     /// Colour that everything far away takes.
     pub fog_color: Color,
     /// Share lost a metre: `exp(-density * distance)` is left.
@@ -244,13 +248,13 @@ pub struct Scene {
     pub lamps: Vec<Lamp>,
     /// The sky.
     pub sky: Sky,
-    /// The air.
-    pub air: Air,
+    /// The atmosphere.
+    pub atmosphere: Atmosphere,
 }
 
 /// Somebody in traffic: what the label of its instance says.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Actor {
+pub struct LabelledObject {
     /// What it is.
     pub class: ObjectClass,
     /// Its box.
@@ -259,4 +263,13 @@ pub struct Actor {
     pub instance: InstanceId,
     /// What its number plates, and nothing else, are made of.
     pub plate: Option<MaterialId>,
+}
+
+/// A scene and who is in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelledScene {
+    /// What the renderer is given.
+    pub scene: Scene,
+    /// Those in traffic, numbered from 1.
+    pub objects: Vec<LabelledObject>,
 }

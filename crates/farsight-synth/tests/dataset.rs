@@ -7,11 +7,11 @@ use std::sync::Arc;
 use farsight_data::annotations::{DepthMap, Plates};
 use farsight_data::dataset::check_laws;
 use farsight_data::{Dataset, ItemKey};
-use farsight_synth::{SceneDataset, SceneStream, WorldConfig};
+use farsight_synth::{SceneConfig, SceneDataset, SceneStream};
 
 #[test]
 fn the_laws_of_data_sets_hold_and_epochs_go_through_the_stream() {
-    let stream = SceneStream { world: WorldConfig::default(), seed: 11 };
+    let stream = SceneStream { config: SceneConfig::default(), seed: 11 };
     let dataset: Arc<dyn Dataset> = Arc::new(SceneDataset::new(stream.clone(), 3));
     assert_eq!(check_laws(&dataset, 1).unwrap(), None);
     assert!(dataset.has::<Plates>() && dataset.has::<DepthMap>() && dataset.is_endless());

@@ -5,7 +5,7 @@
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_data::Frame;
 use farsight_data::annotations::{Plate, Plates};
-use farsight_synth::{SceneStream, WorldConfig, twin};
+use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
 
 /// Width of a plate, metres, and how far a mesh's fit to its box may stretch it.
 const WIDTH_M: f64 = 0.52;
@@ -21,7 +21,7 @@ fn distance([a, b]: [[f64; 3]; 2]) -> f64 {
 
 #[test]
 fn plates_of_random_scenes_are_as_wide_as_plates_and_lie_on_their_vehicles() {
-    let stream = SceneStream { world: WorldConfig::default(), seed: 5 };
+    let stream = SceneStream { config: SceneConfig::default(), seed: 5 };
     let mut of_cars = 0;
     for index in 0..12 {
         let frame = stream.frame(index);
@@ -61,7 +61,7 @@ fn camera() -> Camera {
 }
 
 fn plates_of(cars: &[Label]) -> Frame {
-    twin(cars, &camera(), [1242, 375], 3, "000000")
+    frame_from_labels(cars, &camera(), [1242, 375], 3, "000000")
 }
 
 #[test]

@@ -38,8 +38,8 @@ fn pairs(training: &Path) -> Vec<(Label, Option<Label>)> {
         let real = read_labels(file).expect("labels");
         let calibration = training.join("calib").join(file.with_extension("txt").file_name().expect("a name"));
         let camera = Calibration::read(&calibration).expect("a calibration").camera();
-        let drawn = scene_from_labels(&real, &camera, [1242, 375], 1);
-        let made = LabelRules::default().labels(&drawn.scene, &drawn.actors, &render(&drawn.scene));
+        let generated = scene_from_labels(&real, &camera, [1242, 375], 1);
+        let made = LabelRules::default().labels(&generated.scene, &generated.objects, &render(&generated.scene));
         for label in real.into_iter().filter(|label| label.class == ObjectClass::Car) {
             let same = made.iter().find(|other| other.box3d == label.box3d).cloned();
             pairs.push((label, same));

@@ -10,7 +10,7 @@ const PREFIX: &str = "average.";
 
 /// Exponential running means of all parameters and statistics (EMA), over the steps taken so far: each counts `decay` times as much as the next.
 #[derive(Debug)]
-pub(crate) struct Averages {
+pub struct Averages {
     decay: f64,
     steps: u64,
     means: Vec<(String, Tensor)>,
@@ -18,13 +18,13 @@ pub(crate) struct Averages {
 
 impl Averages {
     /// No steps yet.
-    pub(crate) fn new(decay: f64, network: &Network) -> Self {
+    pub fn new(decay: f64, network: &Network) -> Self {
         let means = network.parameters().map(|(name, tensor)| (name.to_owned(), tensor.detach().copy()));
         Self { decay, steps: 0, means: means.collect() }
     }
 
     /// Takes the weights after one more step in.
-    pub(crate) fn follow(&mut self, network: &Network) {
+    pub fn follow(&mut self, network: &Network) {
         self.steps += 1;
         // The newest one's share of all steps so far: all of it after the first, so that the weights a run starts from count as no step.
         let share = (1.0 - self.decay) / (1.0 - self.decay.powf(self.steps as f64));
@@ -36,7 +36,7 @@ impl Averages {
     }
 
     /// Gives `network` the means; without a step it keeps what it has.
-    pub(crate) fn settle(&self, network: &Network) {
+    pub fn settle(&self, network: &Network) {
         no_grad(|| {
             for ((_, mean), (_, tensor)) in self.means.iter().zip(network.parameters()) {
                 tensor.shallow_clone().copy_(mean);
@@ -45,7 +45,7 @@ impl Averages {
     }
 
     /// Adds the means to `weights`, beside the parameters.
-    pub(crate) fn store(&self, weights: &mut Weights) {
+    pub fn store(&self, weights: &mut Weights) {
         let means = self.means.iter().map(|(name, mean)| (format!("{PREFIX}{name}"), weight_from_tensor(mean)));
         weights.tensors.extend(means);
     }
@@ -54,7 +54,7 @@ impl Averages {
     ///
     /// # Errors
     /// The name of a tensor that is missing or has another shape.
-    pub(crate) fn restore(&mut self, weights: &Weights, steps: u64) -> Result<(), String> {
+    pub fn restore(&mut self, weights: &Weights, steps: u64) -> Result<(), String> {
         self.steps = steps;
         self.means.iter_mut().try_for_each(|(name, mean)| fill(mean, weights, &format!("{PREFIX}{name}")))
     }

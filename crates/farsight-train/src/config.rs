@@ -1,11 +1,12 @@
 //! A training run in one TOML file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
 use farsight_methods::smoke::config::SmokeConfig;
-use farsight_synth::WorldConfig;
+use farsight_synth::SceneConfig;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -13,6 +14,7 @@ use thiserror::Error;
 use crate::adam::AdamSettings;
 use crate::executor::Precision;
 use crate::learner::LearnerSettings;
+use crate::parts::Parts;
 use crate::schedule::Schedule;
 
 /// A run: what to train, on what, how. Every field has a default; the defaults are the paper's recipe.
@@ -59,13 +61,13 @@ impl Default for DataConfig {
 
 impl DataConfig {
     /// What of it changes the steps of a run.
-    pub(crate) fn identity(&self) -> Self {
+    pub fn identity(&self) -> Self {
         let Self { rendered, split, limit, .. } = self.clone();
         Self { rendered, split, limit, ..Self::default() }
     }
 
     /// Why frames cannot be had from it, if they cannot.
-    pub(crate) fn problem(&self) -> Option<String> {
+    pub fn problem(&self) -> Option<String> {
         if let Some(rendered) = &self.rendered {
             if self.root.is_some() {
                 return Some("data has both root and rendered; expected one of them".to_owned());
@@ -87,12 +89,12 @@ pub struct RenderedConfig {
     /// Scenes in what the schedule calls an epoch; no scene is ever seen twice.
     pub frames_per_epoch: usize,
     /// What the scenes look like and which cameras see them.
-    pub world: WorldConfig,
+    pub world: SceneConfig,
 }
 
 impl Default for RenderedConfig {
     fn default() -> Self {
-        Self { frames_per_epoch: 1000, world: WorldConfig::default() }
+        Self { frames_per_epoch: 1000, world: SceneConfig::default() }
     }
 }
 
@@ -136,6 +138,15 @@ pub struct TrainConfig {
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
+    /// Starts of the names of tensors that start anew although `start_from` has them. With it, even empty, `start_from` must have all others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_without: Option<Vec<String>>,
+    /// Starts of the names of tensors that nothing moves; batch norms among them use their running statistics as they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub freeze: Vec<String>,
+    /// Factors on the learning rate of tensors by how their names start; of several the longest start counts.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub rate_factors: BTreeMap<String, f64>,
     /// Decay of the exponential running means of the weights (EMA), which the model gets in the end; without it those of the last step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ema_decay: Option<f64>,
@@ -170,6 +181,9 @@ impl Default for TrainConfig {
             precision: Precision::F32,
             seed: 0,
             start_from: None,
+            start_without: None,
+            freeze: Vec::new(),
+            rate_factors: BTreeMap::new(),
             ema_decay: None,
             statistics_batches: None,
             checkpoint_steps: 200,
@@ -209,7 +223,7 @@ pub enum RunConfigError {
 }
 
 /// Reads a TOML file of which `problem` says what is wrong with its values.
-pub(crate) fn read_checked<T: DeserializeOwned>(
+pub fn read_checked<T: DeserializeOwned>(
     path: &Path,
     problem: impl Fn(&T) -> Option<String>,
 ) -> Result<T, RunConfigError> {
@@ -222,7 +236,7 @@ pub(crate) fn read_checked<T: DeserializeOwned>(
 }
 
 /// Why the weights' running means cannot have this decay, if they cannot.
-pub(crate) fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
+pub fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
     let wrong = ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
     wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
 }
@@ -285,16 +299,31 @@ impl RunConfig {
             .map(|(name, v)| format!("{name} is {v}; expected a positive number"))
             .or_else(|| bad_other.map(|(name, v)| format!("{name} is {v}; expected 0 or a positive number")))
             .or_else(|| problem_of_decay(train.ema_decay))
+            .or_else(|| train.problem_of_parts())
     }
 }
 
 impl TrainConfig {
     /// Settings of the optimiser.
     pub fn adam(&self) -> AdamSettings {
-        AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+        AdamSettings {
+            rate_factors: self.rate_factors.clone(),
+            ..AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+        }
     }
 
-    pub(crate) fn learner(&self) -> LearnerSettings {
+    /// What is said about parts of the network that cannot be.
+    fn problem_of_parts(&self) -> Option<String> {
+        if self.start_without.is_some() && self.start_from.is_none() {
+            return Some("train.start_without needs train.start_from; without it everything starts anew".to_owned());
+        }
+        let wrong = self.rate_factors.iter().find(|(_, factor)| !(factor.is_finite() && **factor > 0.0));
+        wrong.map(|(prefix, factor)| {
+            format!("train.rate_factors has {factor} for \"{prefix}\"; expected a positive number (train.freeze stops a part)")
+        })
+    }
+
+    pub fn learner(&self) -> LearnerSettings {
         LearnerSettings {
             adam: self.adam(),
             clip_norm: self.clip_norm,
@@ -302,6 +331,11 @@ impl TrainConfig {
             precision: self.precision,
             seed: self.seed,
             start_from: self.start_from.clone(),
+            parts: Parts {
+                freeze: self.freeze.clone(),
+                start_without: self.start_without.clone(),
+                rate_factors: self.rate_factors.clone(),
+            },
         }
     }
 }

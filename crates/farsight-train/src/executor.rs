@@ -16,7 +16,7 @@ const BATCH_NORM_MOMENTUM: f64 = 0.1;
 /// What a pass is for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mode {
-    /// Batch norm uses the batch and updates its running statistics.
+    /// Batch norm uses the batch and updates its running statistics, unless those are frozen: then they are used as they are.
     Train,
     /// The same, with the batch counting for this share of the statistics.
     Gather {
@@ -197,14 +197,19 @@ impl Network {
                 x.group_norm(*groups as i64, Some(self.tensor(*weight)), Some(self.tensor(*bias)), NORM_EPSILON, true)
             }
             Op::BatchNorm { weight, bias, mean, variance } => {
+                let is_frozen = self.graph.parameters[*mean].role == Role::Frozen;
                 let [weight, bias, mean, variance] = [weight, bias, mean, variance].map(|id| Some(self.tensor(*id)));
-                let training = mode != Mode::Evaluate;
+                let training = mode != Mode::Evaluate && !is_frozen;
                 let momentum = if let Mode::Gather { share } = mode { share } else { BATCH_NORM_MOMENTUM };
                 x.batch_norm(weight, bias, mean, variance, training, momentum, NORM_EPSILON, true)
             }
             // Nobody else reads this map and nothing that makes it needs its own output for the gradient: no second copy.
             Op::Relu if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => x.shallow_clone().relu_(),
             Op::Relu => x.relu(),
+            Op::Relu6 if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => {
+                x.shallow_clone().relu6_()
+            }
+            Op::Relu6 => x.relu6(),
             Op::Sigmoid => x.sigmoid(),
             Op::MaxPool { size } => {
                 let size = [*size as i64; 2];

@@ -58,28 +58,28 @@ impl<T: Terms> Record<T> {
 
 /// What a step was like.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lesson<T> {
-    pub(crate) loss: f64,
-    pub(crate) terms: T,
-    pub(crate) gradient_norm: f64,
-    pub(crate) samples: usize,
+pub struct Lesson<T> {
+    pub loss: f64,
+    pub terms: T,
+    pub gradient_norm: f64,
+    pub samples: usize,
 }
 
 /// Sums over the steps since the last record that was written.
-pub(crate) struct Window<T> {
+pub struct Window<T> {
     started: Instant,
     steps: usize,
     sums: Lesson<T>,
 }
 
 impl<T: Terms> Window<T> {
-    pub(crate) fn new() -> Self {
+    pub fn new() -> Self {
         let sums = Lesson { loss: 0.0, terms: T::default(), gradient_norm: 0.0, samples: 0 };
         Self { started: Instant::now(), steps: 0, sums }
     }
 
     /// Counts `lesson`, and makes a record of it with the speed so far.
-    pub(crate) fn add(&mut self, lesson: &Lesson<T>, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
+    pub fn add(&mut self, lesson: &Lesson<T>, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
         let Lesson { loss, terms, gradient_norm, samples } = *lesson;
         self.steps += 1;
         self.sums.loss += loss;
@@ -91,7 +91,7 @@ impl<T: Terms> Window<T> {
     }
 
     /// A record of the means, and a new window.
-    pub(crate) fn finish(&mut self, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
+    pub fn finish(&mut self, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
         let samples_per_second = self.samples_per_second();
         let Self { steps, sums, .. } = std::mem::replace(self, Self::new());
         let count = steps.max(1) as f64;

@@ -3,16 +3,18 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
-use farsight_data::{Batch, ItemKey, KittiDataset, Loader, LoaderConfig, Position};
+use farsight_data::{
+    Batch, CachedDataset, Dataset, DatasetError, ItemKey, Loader, LoaderConfig, Position, open_labelled,
+};
 use farsight_files::{DurableError, write_atomically};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::ModelError;
 use farsight_graph::model::ModelError;
 use farsight_graph::weights::WeightsError;
-use farsight_synth::SceneStream;
+use farsight_synth::{SceneDataset, SceneStream};
 use serde::Serialize;
 use tch::Device;
 use thiserror::Error;
@@ -23,7 +25,6 @@ use crate::config::DataConfig;
 use crate::executor::ExecutorError;
 use crate::learner::{Learner, LearnerSettings};
 use crate::metrics::{Lesson, MetricsWriter, Record, Terms, Window};
-use crate::sources::{FrameSource, KittiSource, RenderedSource};
 
 pub use crate::learner::Taken;
 
@@ -67,6 +68,32 @@ pub enum TrainError {
     /// The start weights are those of another network.
     #[error("{}: train.start_from: none of its tensors has a place in the network; expected weights of the same kind of network", .0.display())]
     NothingFits(PathBuf),
+    /// The start weights lack a tensor that is not to start anew.
+    #[error(
+        "{}: tensor \"{name}\" {found}; expected shape {expected:?}, or the start of its name in train.start_without",
+        path.display()
+    )]
+    StartTensor {
+        /// The file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+        /// What was found.
+        found: String,
+        /// Its shape in the network.
+        expected: Vec<usize>,
+    },
+    /// A part of the network is named that it does not have.
+    #[error("train.{field} names \"{prefix}\"; expected how the name of a tensor of the network starts")]
+    Prefix {
+        /// The field of the config.
+        field: &'static str,
+        /// What it names.
+        prefix: String,
+    },
+    /// Every tensor is frozen.
+    #[error("train.freeze names the whole network; expected something left to learn")]
+    AllFrozen,
     /// The weights do not fit the network.
     #[error(transparent)]
     Network(#[from] ExecutorError),
@@ -143,7 +170,7 @@ pub trait Observer<T> {
 }
 
 /// A config as the loop sees it.
-pub(crate) trait Run: Serialize {
+pub trait Run: Serialize {
     /// Where the frames come from.
     fn data(&self) -> &DataConfig;
     /// How the run goes through them.
@@ -156,20 +183,20 @@ pub(crate) trait Run: Serialize {
 
 /// How a run goes through its frames.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pace {
-    pub(crate) epochs: u64,
+pub struct Pace {
+    pub epochs: u64,
     /// Frames a step.
-    pub(crate) batch_size: usize,
+    pub batch_size: usize,
     /// Seed of the order of the frames, and of rendered ones.
-    pub(crate) seed: u64,
-    pub(crate) log_steps: u64,
-    pub(crate) checkpoint_steps: u64,
+    pub seed: u64,
+    pub log_steps: u64,
+    pub checkpoint_steps: u64,
     /// Threads of libtorch; 0 for its own choice.
-    pub(crate) threads: usize,
+    pub threads: usize,
 }
 
 /// A kind of network that can be taught.
-pub(crate) trait Pupil {
+pub trait Pupil {
     /// What is prepared of a frame.
     type Sample: Send + 'static;
     /// What a step is judged by.
@@ -189,10 +216,10 @@ pub(crate) trait Pupil {
 
 /// A number that is not finite.
 #[derive(Debug)]
-pub(crate) struct NotFinite {
+pub struct NotFinite {
     /// The loss term or the gradient.
-    pub(crate) what: String,
-    pub(crate) value: f64,
+    pub what: String,
+    pub value: f64,
 }
 
 impl From<BadGradient> for NotFinite {
@@ -203,19 +230,19 @@ impl From<BadGradient> for NotFinite {
 
 /// A job whose data are open and whose folder is there.
 #[derive(Debug)]
-pub(crate) struct Session<'a, R> {
+pub struct Session<'a, R> {
     job: &'a Job<R>,
     pace: Pace,
     /// Frames in an epoch.
-    pub(crate) frames: usize,
+    pub frames: usize,
 }
 
 impl<'a, R: Run> Session<'a, R> {
     /// Opens the data, which are returned too, and makes the folder.
-    pub(crate) fn open(job: &'a Job<R>) -> Result<(Self, Box<dyn FrameSource>), TrainError> {
+    pub fn open(job: &'a Job<R>) -> Result<(Self, Arc<dyn Dataset>), TrainError> {
         let (data, pace) = (job.run.data(), job.run.pace());
         crate::set_threads((pace.threads > 0).then_some(pace.threads));
-        let source = source(data, pace.seed)?;
+        let source = dataset(data, pace.seed)?;
         let frames = if data.limit == 0 { source.len() } else { data.limit.min(source.len()) };
         prepare_folder(&job.out, job.resume)?;
         Ok((Self { job, pace, frames }, source))
@@ -226,7 +253,7 @@ impl<'a, R: Run> Session<'a, R> {
     }
 
     /// A network that learns: fresh, or from the checkpoint when the job resumes and there is one.
-    pub(crate) fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
+    pub fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
         let path = self.checkpoint_path();
         let checkpoint = (self.job.resume && path.exists()).then_some(path.as_path());
         let run = &self.job.run;
@@ -234,7 +261,7 @@ impl<'a, R: Run> Session<'a, R> {
     }
 
     /// Batches of what `sample` makes of the frames.
-    pub(crate) fn loader<S: Send + 'static>(
+    pub fn loader<S: Send + 'static>(
         &self,
         start: Position,
         epochs: Option<u64>,
@@ -257,7 +284,7 @@ impl<'a, R: Run> Session<'a, R> {
 
     /// Teaches `pupil` what is left of the run after `progress`, and writes checkpoints, metrics and the resolved config. In the end the network has the
     /// weights that the run is for.
-    pub(crate) fn teach<P: Pupil>(
+    pub fn teach<P: Pupil>(
         &self,
         pupil: &mut P,
         mut progress: Progress,
@@ -318,16 +345,19 @@ fn step<P: Pupil>(
 }
 
 /// The frames that `data` names; rendered ones from this seed.
-fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
-    let source: Box<dyn FrameSource> = match (&data.rendered, &data.root) {
+fn dataset(data: &DataConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
+    let dataset: Arc<dyn Dataset> = match (&data.rendered, &data.root) {
         (Some(rendered), _) => {
-            let stream = SceneStream { world: rendered.world.clone(), seed };
-            Box::new(RenderedSource::new(stream, rendered.frames_per_epoch))
+            let stream = SceneStream { config: rendered.world.clone(), seed };
+            Arc::new(SceneDataset::new(stream, rendered.frames_per_epoch))
         }
-        (None, Some(root)) => Box::new(KittiSource::new(KittiDataset::open(root, Some(&data.split))?, data.cache)),
+        (None, Some(root)) => open_labelled(root, Some(&data.split))?,
         (None, None) => return Err(TrainError::NoData),
     };
-    if source.is_empty() { Err(TrainError::NoFrames(data.split.clone())) } else { Ok(source) }
+    if dataset.is_empty() {
+        return Err(TrainError::NoFrames(data.split.clone()));
+    }
+    Ok(if data.cache { Arc::new(CachedDataset::new(dataset)) } else { dataset })
 }
 
 /// Makes the folder of a run, which must not hold another one.

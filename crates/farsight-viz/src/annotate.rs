@@ -4,12 +4,13 @@ use farsight_core::{Box2d, Box3d, Detection, ObjectClass};
 use image::RgbImage;
 
 use crate::canvas::{Canvas, Pen, Point};
+use crate::label_layout::LabelLayout;
 use crate::legend::legend;
-use crate::palette::{Ink, SHADOW, WHITE};
-use crate::placing::Placing;
+use crate::options::{DrawOptions, Names, Scene};
+use crate::palette::{Rgba, SHADOW, WHITE};
+use crate::scale::drawing_scale;
 use crate::text::{CAP_HEIGHT, text_width, write};
 use crate::wireframe::Wireframe;
-use crate::{DrawOptions, Names, Scene, drawing_scale};
 
 /// Height of the text on KITTI's images, pixels.
 const TEXT_PX: f64 = 16.0;
@@ -25,13 +26,15 @@ const FULL_WIDTH_HEIGHT: f64 = 5.0;
 
 /// `image` with the 3D box, class and distance of every detection, and a legend.
 ///
-/// Near boxes are drawn over far ones, ground truth over both, labels over everything. Boxes that cross the camera's own plane are cut there.
+/// Near boxes are drawn over far ones, ground truth over both, labels over everything. Boxes that cross the camera's
+/// own plane are cut there.
 pub fn annotate(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
     let annotated = annotated(image, scene, options, None, true);
     annotated.unwrap_or_else(|| image.clone())
 }
 
-/// [`annotate`] with a name and a distance on every detection and every object of the ground truth, so that one can talk about them.
+/// [`annotate`] with a name and a distance on every detection and every object of the ground truth, so that one can
+/// talk about them.
 pub fn annotate_named(image: &RgbImage, scene: &Scene, options: &DrawOptions, names: &Names) -> RgbImage {
     let annotated = annotated(image, scene, options, Some(names), true);
     annotated.unwrap_or_else(|| image.clone())
@@ -83,7 +86,7 @@ struct Drawing<'a> {
 /// What a label says, of what part of the image.
 struct Tag {
     text: String,
-    ink: Ink,
+    color: Rgba,
     depth_m: f64,
     area: Box2d,
 }
@@ -91,12 +94,12 @@ struct Tag {
 impl Drawing<'_> {
     fn detection(&mut self, detection: &Detection) {
         let Some((wireframe, line_px)) = self.wireframe(&detection.box3d) else { return };
-        let ink = self.options.ink(detection);
-        self.canvas.polygon(&wireframe.front, ink.faded(if wireframe.faces_camera { 0.36 } else { 0.16 }));
-        self.lines(&wireframe.far_edges, ink.faded(0.45), 0.55 * line_px);
-        self.lines(&wireframe.cross, ink.faded(if wireframe.faces_camera { 0.9 } else { 0.45 }), 0.55 * line_px);
+        let color = self.options.color(detection);
+        self.canvas.polygon(&wireframe.front, color.faded(if wireframe.faces_camera { 0.36 } else { 0.16 }));
+        self.lines(&wireframe.far_edges, color.faded(0.45), 0.55 * line_px);
+        self.lines(&wireframe.cross, color.faded(if wireframe.faces_camera { 0.9 } else { 0.45 }), 0.55 * line_px);
         self.lines(&wireframe.near_edges, SHADOW.faded(0.5), 1.9 * line_px);
-        self.lines(&wireframe.near_edges, ink, line_px);
+        self.lines(&wireframe.near_edges, color, line_px);
     }
 
     fn truth(&mut self, object: &Box3d) {
@@ -117,9 +120,9 @@ impl Drawing<'_> {
         (!wireframe.is_empty()).then_some((wireframe, LINE_PX * self.scale * fullness))
     }
 
-    fn lines(&mut self, lines: &[[Point; 2]], ink: Ink, width_px: f64) {
+    fn lines(&mut self, lines: &[[Point; 2]], color: Rgba, width_px: f64) {
         for line in lines {
-            self.canvas.polyline(line, Pen::solid(ink, width_px));
+            self.canvas.polyline(line, Pen::solid(color, width_px));
         }
     }
 
@@ -129,20 +132,21 @@ impl Drawing<'_> {
         tags.sort_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
         let objects: Vec<Box2d> = tags.iter().map(|tag| tag.area).collect();
         let text_px = self.scale * if self.names.is_some() { NAMED_TEXT_PX } else { TEXT_PX };
-        let mut placing = Placing::new(self.canvas.bounds(), &objects, 0.15 * text_px);
-        let place = |tag: &Tag| placing.place(&tag.area, [text_width(&tag.text, text_px) + text_px, 1.3 * text_px]);
+        let mut layout = LabelLayout::new(self.canvas.bounds(), &objects, 0.15 * text_px);
+        let place = |tag: &Tag| layout.place(&tag.area, [text_width(&tag.text, text_px) + text_px, 1.3 * text_px]);
         let places: Vec<_> = tags.iter().map(place).collect();
         for (tag, place) in tags.iter().zip(&places).rev() {
-            self.leader(&tag.area, place, tag.ink);
-            label(&mut self.canvas, &tag.text, place, text_px, tag.ink);
+            self.leader(&tag.area, place, tag.color);
+            label(&mut self.canvas, &tag.text, place, text_px, tag.color);
         }
     }
 
-    /// The labels of what can be seen: class and distance of each detection, or name and distance of everything that has a name.
+    /// The labels of what can be seen: class and distance of each detection, or name and distance of everything that
+    /// has a name.
     fn tags(&self) -> Vec<Tag> {
         let window = self.canvas.bounds();
-        let tag = |object: &Box3d, ink, text| {
-            Some(Tag { text, ink, depth_m: object.depth_m(), area: visible_part(object, self.scene, &window)? })
+        let tag = |object: &Box3d, color, text| {
+            Some(Tag { text, color, depth_m: object.depth_m(), area: visible_part(object, self.scene, &window)? })
         };
         let detections = self.scene.detections.iter().enumerate().filter_map(|(position, detection)| {
             let distance = self.options.distance_text(detection);
@@ -150,7 +154,7 @@ impl Drawing<'_> {
                 None => format!("{} {distance}", detection.class),
                 Some(name) => format!("{} {distance}", name?),
             };
-            tag(&detection.box3d, self.options.ink(detection), text)
+            tag(&detection.box3d, self.options.color(detection), text)
         });
         let truth_names = self.names.map_or(&[][..], |names| names.truth);
         let truth = self.scene.truth.iter().zip(truth_names).filter(|(label, _)| label.class != ObjectClass::DontCare);
@@ -162,14 +166,14 @@ impl Drawing<'_> {
     }
 
     /// A thin line from a label that had to move away to its object.
-    fn leader(&mut self, object: &Box2d, place: &Box2d, ink: Ink) {
+    fn leader(&mut self, object: &Box2d, place: &Box2d, color: Rgba) {
         let x = f64::midpoint(place.x1, place.x2);
         let from = [x, if place.y2 < object.y1 { place.y2 } else { place.y1 }];
         let to = [x.clamp(object.x1, object.x2), if place.y2 < object.y1 { object.y1 } else { object.y2 }];
         let apart = place.y2 < object.y1 || place.y1 > object.y2;
         if apart && (from[1] - to[1]).abs() > 0.5 * TEXT_PX * self.scale {
             self.canvas.polyline(&[from, to], Pen::solid(SHADOW.faded(0.5), 2.2 * self.scale));
-            self.canvas.polyline(&[from, to], Pen::solid(ink, 1.1 * self.scale));
+            self.canvas.polyline(&[from, to], Pen::solid(color, 1.1 * self.scale));
         }
     }
 }
@@ -181,12 +185,12 @@ fn visible_part(object: &Box3d, scene: &Scene, window: &Box2d) -> Option<Box2d> 
     (part.area() > 0.0).then_some(part)
 }
 
-/// A dark plate with a bar in the colour of the box and the text in white.
-fn label(canvas: &mut Canvas, text: &str, place: &Box2d, text_px: f64, ink: Ink) {
+/// A dark background with a bar in the colour of the box and the text in white.
+fn label(canvas: &mut Canvas, text: &str, place: &Box2d, text_px: f64, color: Rgba) {
     let inset = 0.2 * text_px;
     let bar = Box2d::new(place.x1 + inset, place.y1 + inset, place.x1 + 2.2 * inset, place.y2 - inset);
-    canvas.plate(place, 0.25 * text_px, SHADOW.faded(0.85));
-    canvas.plate(&bar, 0.6 * inset, ink);
+    canvas.rounded_rect(place, 0.25 * text_px, SHADOW.faded(0.85));
+    canvas.rounded_rect(&bar, 0.6 * inset, color);
     let baseline = f64::midpoint(place.y1, place.y2) + CAP_HEIGHT * text_px / 2.0;
     write(canvas, text, [place.x1 + 0.65 * text_px, baseline], text_px, WHITE);
 }

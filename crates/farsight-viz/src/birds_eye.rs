@@ -1,15 +1,17 @@
-//! The scene from above: the camera at the bottom looking up, rings of equal distance, boxes as they stand on the ground.
+//! The scene from above: the camera at the bottom looking up, rings of equal distance, boxes as they stand on the
+//! ground.
 
 use farsight_core::{Box2d, Box3d, Detection, ObjectClass};
 use image::RgbImage;
 
 use crate::annotate::far_to_near;
 use crate::canvas::{Canvas, Pen, Point};
+use crate::label_layout::LabelLayout;
 use crate::legend::legend;
+use crate::options::{DrawOptions, Scene};
 use crate::palette::{GROUND, MUTED, NIGHT, RING, SHADOW, WHITE};
-use crate::placing::Placing;
+use crate::scale::drawing_scale;
 use crate::text::{text_width, write};
-use crate::{DrawOptions, Scene, drawing_scale};
 
 /// Height of the text in a panel as wide as KITTI's images, pixels.
 const TEXT_PX: f64 = 15.0;
@@ -37,8 +39,8 @@ const FOOTPRINT: [usize; 4] = [2, 3, 6, 7];
 
 /// The scene from above in a panel of `panel_size` (width and height, pixels), for an image of `image_size`.
 ///
-/// The lit wedge is what the camera sees. The range is the nearest round number that holds every detection, at most 240 m; text is sized for the panel.
-/// A panel without pixels is answered by an empty image.
+/// The lit wedge is what the camera sees. The range is the nearest round number that holds every detection, at most
+/// 240 m; text is sized for the panel. A panel without pixels is answered by an empty image.
 pub fn birds_eye(scene: &Scene, image_size: [u32; 2], panel_size: [u32; 2], options: &DrawOptions) -> RgbImage {
     panel(scene, image_size, panel_size, drawing_scale(panel_size), options).unwrap_or_default()
 }
@@ -173,15 +175,15 @@ impl Panel<'_> {
     }
 
     fn detection(&mut self, detection: &Detection) {
-        let ink = self.options.ink(detection);
+        let color = self.options.color(detection);
         let footprint = self.map.footprint(&detection.box3d);
         let [front_a, front_b, rear_b, rear_a] = footprint;
-        self.canvas.polygon(&footprint, ink.faded(0.28));
+        self.canvas.polygon(&footprint, color.faded(0.28));
         // The arrow head from the middle of the box to its front.
         let tip = midpoint(front_a, front_b);
         let [a, b] = [midpoint(front_a, rear_a), midpoint(front_b, rear_b)];
-        self.canvas.polygon(&[tip, a, b], ink.faded(0.85));
-        self.canvas.outline(&footprint, Pen::solid(ink, self.line_px));
+        self.canvas.polygon(&[tip, a, b], color.faded(0.85));
+        self.canvas.outline(&footprint, Pen::solid(color, self.line_px));
         self.error_bar(detection);
     }
 
@@ -217,31 +219,56 @@ impl Panel<'_> {
             .collect();
         let areas: Vec<Box2d> = shown.iter().map(|(_, area)| *area).collect();
         let size_px = 0.85 * self.text_px;
-        let mut placing = Placing::new(window, &areas, 0.2 * size_px);
+        let mut layout = LabelLayout::new(window, &areas, 0.2 * size_px);
         for (detection, area) in shown {
             let text = self.options.distance_text(detection);
-            let place = placing.place(&area, [text_width(&text, size_px) + 0.4 * size_px, size_px]);
-            self.canvas.plate(&place, 0.2 * size_px, SHADOW.faded(0.55));
+            let place = layout.place(&area, [text_width(&text, size_px) + 0.4 * size_px, size_px]);
+            self.canvas.rounded_rect(&place, 0.2 * size_px, SHADOW.faded(0.55));
             write(&mut self.canvas, &text, [place.x1 + 0.2 * size_px, place.y2 - 0.2 * size_px], size_px, WHITE);
         }
     }
 
-    /// In the upper left corner: how many there are and how near the nearest is.
+    /// In the upper left corner: how many there are and how near the nearest of them is.
     fn headline(&mut self) {
-        // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to nothing.
         let distances = self.scene.detections.iter().map(|d| self.options.distance_of(&d.box3d));
-        let nearest = distances.filter(|&distance| distance >= 0.0).reduce(f64::min);
-        let first = match self.scene.detections.len() {
-            0 => "nothing found".to_owned(),
-            count => format!("{count} found"),
-        };
-        let second = nearest.map_or_else(String::new, |nearest| format!("nearest {nearest:.1} m"));
+        let [first, second] = headline_of(distances);
         let [left, top] = [0.9 * self.text_px, 1.7 * self.text_px];
         write(&mut self.canvas, &first, [left, top], 1.2 * self.text_px, WHITE);
         write(&mut self.canvas, &second, [left, top + 1.3 * self.text_px], self.text_px, MUTED);
     }
 }
 
+/// What is said about objects at these distances, metres, in two lines.
+///
+/// Something that was not found may be nearer than what was, so the second line speaks of what was found.
+fn headline_of(distances: impl ExactSizeIterator<Item = f64>) -> [String; 2] {
+    let first = match distances.len() {
+        0 => "nothing found".to_owned(),
+        count => format!("{count} found"),
+    };
+    // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to
+    // nothing.
+    let nearest = distances.filter(|&distance| distance >= 0.0).reduce(f64::min);
+    [first, nearest.map_or_else(String::new, |nearest| format!("nearest found {nearest:.1} m"))]
+}
+
 fn midpoint(a: Point, b: Point) -> Point {
     [0, 1].map(|i| f64::midpoint(a[i], b[i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::headline_of;
+
+    #[test]
+    fn the_headline_speaks_of_what_was_found() {
+        for (distances, expected) in [
+            (vec![], ["nothing found", ""]),
+            (vec![31.26, 8.0, 12.5], ["3 found", "nearest found 8.0 m"]),
+            (vec![-2.0, 40.0], ["2 found", "nearest found 40.0 m"]),
+            (vec![-2.0, f64::NAN], ["2 found", ""]),
+        ] {
+            assert_eq!(headline_of(distances.into_iter()), expected);
+        }
+    }
 }

@@ -6,26 +6,26 @@ use tiny_skia::{
     Color, FillRule, IntSize, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform,
 };
 
-use crate::palette::Ink;
+use crate::palette::Rgba;
 
 /// A point of the picture, pixels.
 pub(crate) type Point = [f64; 2];
 
-/// A pen: how wide, which ink, whether dashed.
+/// A pen: how wide, which rgba, whether dashed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pen {
-    pub(crate) ink: Ink,
+    pub(crate) rgba: Rgba,
     pub(crate) width_px: f64,
     pub(crate) dashed: bool,
 }
 
 impl Pen {
-    pub(crate) const fn solid(ink: Ink, width_px: f64) -> Self {
-        Self { ink, width_px, dashed: false }
+    pub(crate) const fn solid(rgba: Rgba, width_px: f64) -> Self {
+        Self { rgba, width_px, dashed: false }
     }
 
-    pub(crate) const fn dashed(ink: Ink, width_px: f64) -> Self {
-        Self { ink, width_px, dashed: true }
+    pub(crate) const fn dashed(rgba: Rgba, width_px: f64) -> Self {
+        Self { rgba, width_px, dashed: true }
     }
 }
 
@@ -42,9 +42,9 @@ impl Canvas {
     }
 
     /// `None` as for [`Canvas::from_image`].
-    pub(crate) fn filled([width, height]: [u32; 2], ink: Ink) -> Option<Self> {
+    pub(crate) fn filled([width, height]: [u32; 2], rgba: Rgba) -> Option<Self> {
         let mut pixmap = Pixmap::new(width, height)?;
-        pixmap.fill(color(ink));
+        pixmap.fill(color(rgba));
         Some(Self { pixmap })
     }
 
@@ -60,16 +60,16 @@ impl Canvas {
         Box2d::new(0.0, 0.0, f64::from(self.pixmap.width()), f64::from(self.pixmap.height()))
     }
 
-    /// Mixes `ink` into one pixel; a pixel outside is left out.
-    pub(crate) fn blend(&mut self, [x, y]: [i64; 2], ink: Ink, coverage: f32) {
+    /// Mixes `rgba` into one pixel; a pixel outside is left out.
+    pub(crate) fn blend(&mut self, [x, y]: [i64; 2], rgba: Rgba, coverage: f32) {
         let (width, height) = (i64::from(self.pixmap.width()), i64::from(self.pixmap.height()));
         if !(0..width).contains(&x) || !(0..height).contains(&y) {
             return;
         }
-        let weight = (ink.opacity * coverage).clamp(0.0, 1.0);
+        let weight = (rgba.opacity * coverage).clamp(0.0, 1.0);
         let first = 4 * (y * width + x) as usize;
         let Some(pixel) = self.pixmap.data_mut().get_mut(first..first + 3) else { return };
-        for (old, new) in pixel.iter_mut().zip(ink.rgb) {
+        for (old, new) in pixel.iter_mut().zip(rgba.rgb) {
             *old = (f32::from(*old) * (1.0 - weight) + f32::from(new) * weight).round() as u8;
         }
     }
@@ -89,16 +89,16 @@ impl Canvas {
     }
 
     /// Fills the polygon with these corners.
-    pub(crate) fn polygon(&mut self, points: &[Point], ink: Ink) {
+    pub(crate) fn polygon(&mut self, points: &[Point], rgba: Rgba) {
         if let Some(path) = path(points, true) {
-            self.fill(&path, ink);
+            self.fill(&path, rgba);
         }
     }
 
     /// Fills a rectangle with rounded corners.
-    pub(crate) fn plate(&mut self, area: &Box2d, radius_px: f64, ink: Ink) {
+    pub(crate) fn rounded_rect(&mut self, area: &Box2d, radius_px: f64, rgba: Rgba) {
         if let Some(path) = rounded(area, radius_px) {
-            self.fill(&path, ink);
+            self.fill(&path, rgba);
         }
     }
 
@@ -106,12 +106,12 @@ impl Canvas {
     pub(crate) fn paste(&mut self, image: &RgbImage, at: [u32; 2]) {
         for (x, y, pixel) in image.enumerate_pixels() {
             let target = [i64::from(at[0]) + i64::from(x), i64::from(at[1]) + i64::from(y)];
-            self.blend(target, Ink::new(pixel.0), 1.0);
+            self.blend(target, Rgba::new(pixel.0), 1.0);
         }
     }
 
-    fn fill(&mut self, path: &Path, ink: Ink) {
-        self.pixmap.fill_path(path, &paint(ink), FillRule::Winding, Transform::identity(), None);
+    fn fill(&mut self, path: &Path, rgba: Rgba) {
+        self.pixmap.fill_path(path, &paint(rgba), FillRule::Winding, Transform::identity(), None);
     }
 
     fn stroke(&mut self, path: &Path, pen: Pen) {
@@ -123,20 +123,20 @@ impl Canvas {
             dash: pen.dashed.then(|| StrokeDash::new(vec![3.0 * width, 3.5 * width], 0.0)).flatten(),
             ..Stroke::default()
         };
-        self.pixmap.stroke_path(path, &paint(pen.ink), &stroke, Transform::identity(), None);
+        self.pixmap.stroke_path(path, &paint(pen.rgba), &stroke, Transform::identity(), None);
     }
 }
 
-fn color(ink: Ink) -> Color {
-    let [r, g, b] = ink.rgb;
+fn color(rgba: Rgba) -> Color {
+    let [r, g, b] = rgba.rgb;
     let mut color = Color::from_rgba8(r, g, b, 255);
-    color.apply_opacity(ink.opacity);
+    color.apply_opacity(rgba.opacity);
     color
 }
 
-fn paint(ink: Ink) -> Paint<'static> {
+fn paint(rgba: Rgba) -> Paint<'static> {
     let mut paint = Paint { anti_alias: true, ..Paint::default() };
-    paint.set_color(color(ink));
+    paint.set_color(color(rgba));
     paint
 }
 

@@ -3,9 +3,9 @@
 use farsight_core::{Box2d, ObjectClass};
 
 use crate::canvas::Canvas;
-use crate::palette::{Ink, RAMP_END_M, SHADOW, WHITE, class_ink, distance_ink};
+use crate::options::{ColorBy, DrawOptions, Scene};
+use crate::palette::{RAMP_END_M, Rgba, SHADOW, WHITE, class_color, distance_color};
 use crate::text::{CAP_HEIGHT, text_width, write};
-use crate::{ColorBy, DrawOptions, Scene};
 
 /// Swatches that make the ramp of distances.
 const SWATCHES: u32 = 24;
@@ -13,7 +13,7 @@ const SWATCHES: u32 = 24;
 /// A part of the legend, from left to right.
 enum Item {
     Ramp,
-    Swatch(Ink),
+    Swatch(Rgba),
     Text(String),
 }
 
@@ -40,20 +40,20 @@ pub(crate) fn legend(canvas: &mut Canvas, scene: &Scene, options: &DrawOptions, 
     let width = items.iter().map(|item| item.width(text_px) + gap).sum::<f64>() + gap;
     let bounds = canvas.bounds();
     let bottom = bounds.y2 - gap;
-    let plate = Box2d::new(gap, bottom - 1.6 * text_px, gap + width, bottom);
-    if plate.x2 > bounds.x2 || plate.y1 < bounds.y2 / 2.0 {
+    let background = Box2d::new(gap, bottom - 1.6 * text_px, gap + width, bottom);
+    if background.x2 > bounds.x2 || background.y1 < bounds.y2 / 2.0 {
         return;
     }
-    canvas.plate(&plate, 0.25 * text_px, SHADOW.faded(0.75));
-    let mut x = plate.x1 + gap;
+    canvas.rounded_rect(&background, 0.25 * text_px, SHADOW.faded(0.75));
+    let mut x = background.x1 + gap;
     for item in items {
-        let middle = f64::midpoint(plate.y1, plate.y2);
+        let middle = f64::midpoint(background.y1, background.y2);
         let half_height = CAP_HEIGHT * text_px / 2.0;
         let area = Box2d::new(x, middle - half_height, x + item.width(text_px), middle + half_height);
         x = area.x2 + gap;
         match item {
             Item::Ramp => ramp(canvas, &area),
-            Item::Swatch(ink) => canvas.plate(&area, 0.15 * text_px, ink),
+            Item::Swatch(color) => canvas.rounded_rect(&area, 0.15 * text_px, color),
             Item::Text(text) => write(canvas, &text, [area.x1, area.y2], text_px, WHITE),
         }
     }
@@ -64,7 +64,7 @@ fn ramp(canvas: &mut Canvas, area: &Box2d) {
         let share = |part: u32| f64::from(part) / f64::from(SWATCHES);
         // Each reaches to the end, under its successors, so that no seam shows between them.
         let rest = Box2d::new(area.x1 + share(i) * area.width(), area.y1, area.x2, area.y2);
-        canvas.plate(&rest, 0.0, distance_ink(RAMP_END_M * share(i)));
+        canvas.rounded_rect(&rest, 0.0, distance_color(RAMP_END_M * share(i)));
     }
 }
 
@@ -72,5 +72,5 @@ fn class_items(scene: &Scene) -> Vec<Item> {
     let mut classes: Vec<&ObjectClass> = scene.detections.iter().map(|d| &d.class).collect();
     classes.sort();
     classes.dedup();
-    classes.into_iter().flat_map(|class| [Item::Swatch(class_ink(class)), Item::Text(class.to_string())]).collect()
+    classes.into_iter().flat_map(|class| [Item::Swatch(class_color(class)), Item::Text(class.to_string())]).collect()
 }

@@ -5,8 +5,9 @@ use image::RgbImage;
 use crate::annotate::annotated;
 use crate::birds_eye::panel;
 use crate::canvas::Canvas;
+use crate::options::{DrawOptions, Scene};
 use crate::palette::SHADOW;
-use crate::{DrawOptions, Scene, drawing_scale};
+use crate::scale::drawing_scale;
 
 /// Images wider than this many heights get the panel below, others beside.
 const WIDE: f64 = 2.0;

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use ab_glyph::{Font, FontRef, GlyphId, PxScale, ScaleFont, point};
 
 use crate::canvas::Canvas;
-use crate::palette::Ink;
+use crate::palette::Rgba;
 
 /// `None` only if the compiled-in font were damaged; then pictures have no text.
 static FONT: LazyLock<Option<FontRef<'static>>> =
@@ -23,7 +23,7 @@ pub(crate) fn text_width(text: &str, height_px: f64) -> f64 {
 }
 
 /// Writes `text` with the left end of its baseline at `at`.
-pub(crate) fn write(canvas: &mut Canvas, text: &str, at: [f64; 2], height_px: f64, ink: Ink) {
+pub(crate) fn write(canvas: &mut Canvas, text: &str, at: [f64; 2], height_px: f64, color: Rgba) {
     let Some(font) = FONT.as_ref() else { return };
     let [x, y] = at.map(|v| v as f32);
     let bold = EMBOLDENING * height_px as f32;
@@ -34,7 +34,7 @@ pub(crate) fn write(canvas: &mut Canvas, text: &str, at: [f64; 2], height_px: f6
                 placed.id.with_scale_and_position(PxScale::from(height_px as f32), point(x + placed.start + shift, y));
             let Some(outline) = font.outline_glyph(glyph) else { continue };
             let [left, top] = [outline.px_bounds().min.x as i64, outline.px_bounds().min.y as i64];
-            outline.draw(|dx, dy, coverage| canvas.blend([left + i64::from(dx), top + i64::from(dy)], ink, coverage));
+            outline.draw(|dx, dy, coverage| canvas.blend([left + i64::from(dx), top + i64::from(dy)], color, coverage));
         }
     }
 }

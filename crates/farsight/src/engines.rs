@@ -10,7 +10,7 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::roi::{self, RoiRunner};
-use farsight_methods::smoke::{DetectorFile, DetectorSpec, REGRESSION, SmokeDetector, SmokeModel, SparseHead};
+use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxModel, Target, key};
 use farsight_runtime::{RtenRunner, Runner};
 
@@ -222,9 +222,8 @@ fn open_detector(args: &EngineArgs, path: Option<&Path>) -> Result<(SmokeDetecto
     let source = path.unwrap_or(Path::new(shipped::NAME));
     if args.engine == EngineName::Libtorch {
         let model = own_model(path)?;
-        let spec = DetectorSpec::new(&model.config);
         let is_shipped = shipped::has_weights(&model.weights.sha256())?;
-        return Ok((SmokeDetector::new(libtorch(args, &model)?, spec, None), is_shipped));
+        return Ok((SmokeDetector::new(libtorch(args, &model)?, &model.config, None), is_shipped));
     }
     let file = read(args.engine, path)?;
     let is_shipped = has_shipped_weights(&file.onnx)?;
@@ -243,8 +242,7 @@ fn has_shipped_weights(model: &OnnxModel) -> Result<bool> {
 /// A model in memory, ready to look at images; `path` is only what errors call it.
 pub(crate) fn detector_of(args: &EngineArgs, file: DetectorFile, path: &Path) -> Result<SmokeDetector> {
     args.check()?;
-    let spec = DetectorSpec::new(&file.config);
-    detector(args, file.onnx, path, spec)
+    detector(args, file.onnx, path, &file.config)
 }
 
 /// How a network is to be run when only the time matters.
@@ -280,29 +278,29 @@ fn first_look_to_time(args: &EngineArgs, path: Option<&Path>, timing: Timing) ->
         Some(path) if is_config => DetectorFile::from_model(&untrained::model(path)?, target(args.engine), path)?,
         _ => read(args.engine, path)?,
     };
-    let mut spec = DetectorSpec::new(&file.config);
+    let mut config = file.config;
     if let Some(size) = timing.input {
-        spec.input.size = size;
+        config.input = size;
         // The camera must not change the size.
-        spec.focal_range_px = None;
+        config.focal_range_px = None;
     }
     let source = path.unwrap_or(Path::new(shipped::NAME));
     let is_shipped = has_shipped_weights(&file.onnx)?;
     let detector = if timing.dense_head {
-        SmokeDetector::new(start(args, file.onnx, source)?, spec, None)
+        SmokeDetector::new(start(args, file.onnx, source)?, &config, None)
     } else {
-        detector(args, file.onnx, source, spec)?
+        detector(args, file.onnx, source, &config)?
     };
     Ok(Opened { pipeline: Pipeline::new(Box::new(detector), DecodeOptions::default()), is_shipped })
 }
 
-fn detector(args: &EngineArgs, onnx: OnnxModel, source: &Path, spec: DetectorSpec) -> Result<SmokeDetector> {
+fn detector(args: &EngineArgs, onnx: OnnxModel, source: &Path, config: &SmokeConfig) -> Result<SmokeDetector> {
     Ok(match LocalHeadFile::new(&onnx, REGRESSION, source)? {
         Some(cut) => {
             let head = SparseHead::new(&cut);
-            SmokeDetector::new(start(args, cut.model, source)?, spec, Some(head))
+            SmokeDetector::new(start(args, cut.model, source)?, config, Some(head))
         }
-        None => SmokeDetector::new(start(args, onnx, source)?, spec, None),
+        None => SmokeDetector::new(start(args, onnx, source)?, config, None),
     })
 }
 

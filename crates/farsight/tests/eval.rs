@@ -124,13 +124,54 @@ fn strict_looks_at_the_other_results_too() {
 #[test]
 fn without_resamples_there_are_figures_and_no_intervals() {
     let folder = tempfile::tempdir().unwrap();
-    let (status, out, err) = eval(folder.path(), &["--against", "results", "--resamples", "0", "--json", "a.json"]);
+    let others = folder.path().join("others");
+    fs::create_dir_all(&others).unwrap();
+    fs::write(others.join("000001.txt"), RESULTS.replace("20.10", "20.30")).unwrap();
+    let (status, out, err) = eval(folder.path(), &["--against", "others", "--resamples", "0", "--json", "a.json"]);
     assert_eq!(status, 0, "{err}");
-    assert!(out.contains("distance of cars, metres\n") && out.contains("0.1000    0.1000   +0.0000  "), "{out}");
+    assert!(out.contains("distance of cars, metres\n") && out.contains("0.1000    0.3000   -0.2000  "), "{out}");
     let json: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("a.json")).unwrap()).unwrap();
     assert!(json["ranging"]["car"]["moderate"]["intervals"].is_null());
     assert!(json["against"]["rows"][0]["figures"]["mae_z"]["interval"].is_null());
+}
+
+#[test]
+fn the_same_results_twice_are_said_to_be_identical() {
+    let folder = tempfile::tempdir().unwrap();
+    let others = folder.path().join("others");
+    fs::create_dir_all(&others).unwrap();
+    let compared = |theirs: &str| {
+        fs::write(others.join("000001.txt"), theirs).unwrap();
+        let (status, out, err) = eval(folder.path(), &["--against", "others", "--resamples", "20", "--json", "a.json"]);
+        assert_eq!(status, 0, "{err}");
+        let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        (out, json["against"]["identical"].as_bool().unwrap())
+    };
+    let (out, is_identical) = compared(RESULTS);
+    assert!(out.ends_with("\n\nidentical: both results have the same detections in every frame\n"), "{out}");
+    assert!(is_identical);
+    // A false alarm more changes no distance and is a difference all the same.
+    let car = "Car -1 -1 1.50 400.00 160.00 450.00 210.00 1.50 1.60 4.00 -9.00 1.70 33.00 1.60 0.55\n";
+    let (out, is_identical) = compared(&format!("{RESULTS}{car}"));
+    assert!(out.contains("+0.0000") && out.contains("  the same\n") && !out.contains("identical"), "{out}");
+    assert!(!is_identical);
+}
+
+#[test]
+fn any_number_of_files_without_a_counterpart_is_told_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    eval(folder.path(), &[]);
+    for id in 100..400 {
+        fs::write(folder.path().join(format!("results/{id:06}.txt")), "").unwrap();
+    }
+    let told = "result files without a label file, left out: 300; first results/000100.txt";
+    let (status, _, err) = eval(folder.path(), &["--min-score", "0"]);
+    assert_eq!((status, err.matches("results/0001").count()), (0, 1), "{err}");
+    let (status, _, strict) = eval(folder.path(), &["--strict"]);
+    assert_eq!((status, strict.matches("results/0001").count()), (1, 1), "{strict}");
+    assert!(err.contains(told) && strict.contains(told), "{err}{strict}");
 }
 
 #[test]
@@ -186,9 +227,13 @@ fn json_and_report_hold_what_is_promised() {
     assert!((moderate["mae_z"].as_f64().unwrap() - 0.1).abs() < 1e-9);
     assert_eq!(moderate["calibration"]["rows"][0]["within_1_sigma"], 1.0);
     assert_eq!(json["against"]["rows"][0]["figures"]["mae_z"]["difference"], 0.0);
+    let coverage = moderate["calibration"]["coverage"].as_array().unwrap();
+    assert_eq!((coverage.len(), &coverage[30]["observed"]), (31, &1.0.into()));
     let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
     assert!(page.contains("data:image/png;base64,") && !page.contains("src=\"http"));
-    assert!(folder.path().join("page/car_3d_curve.png").is_file());
+    for chart in ["car_3d_curve", "car_error_bar_coverage"] {
+        assert!(folder.path().join(format!("page/{chart}.png")).is_file(), "{chart}");
+    }
     assert!(!page.contains("data:image/jpeg"), "without --images there is nothing to draw on");
 }
 

@@ -112,6 +112,22 @@ fn an_image_that_fails_loses_no_other_ones() {
 }
 
 #[test]
+fn many_frames_that_fail_are_told_in_few_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_small_model(folder);
+    done(folder, &["synth", "--out", "k", "--frames", "9", "--seed", "3"]);
+    for id in 0..8 {
+        fs::write(folder.join(format!("k/training/image_2/{id:06}.png")), "no picture").unwrap();
+    }
+    let output = farsight(folder, &["eval", "--data", "k", "--model", "m.safetensors", "--resamples", "0"]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.code(), told.matches("no image that is known here").count()), (Some(1), 5), "{told}");
+    assert!(told.contains("error: 3 more frames failed\n"), "{told}");
+    assert!(told.ends_with("error: 8 frames failed, see above; not in these figures\n"), "{told}");
+}
+
+#[test]
 fn scenes_replace_no_data_set() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

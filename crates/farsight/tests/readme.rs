@@ -51,7 +51,7 @@ fn every_command_is_one_that_the_program_understands() {
 fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
     let readme = readme();
     let rows: Vec<&str> = readme.lines().filter(|line| line.starts_with("| `configs/")).collect();
-    assert_eq!(rows.len(), 10);
+    assert_eq!(rows.len(), 11);
     for row in rows {
         let config = row.split('`').nth(1).unwrap();
         let output = farsight(&["info", config]);

@@ -1,4 +1,5 @@
-//! Where the material lies that is not part of the project: goldens and real KITTI files.
+//! Where the material lies that is not part of the project: goldens and real KITTI files. Shared with the tests of the methods.
+#![allow(dead_code, reason = "each user needs a part of it")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

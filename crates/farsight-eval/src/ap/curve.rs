@@ -1,7 +1,8 @@
 //! Precision at 41 points of recall (spec rules 17 to 21).
 
+use super::class_frame::{ClassFrame, ClassFrames};
 use super::matching::{Counts, Matching, counts, first_pass_scores};
-use super::set::{ClassScenes, Scores};
+use super::scores::Scores;
 
 /// Points of a curve: recall 0, 1/40, ... 1.
 pub const RECALL_POINTS: usize = 41;
@@ -13,33 +14,34 @@ pub struct Curve {
     pub min_overlap: f64,
     /// Objects that had to be found.
     pub objects: usize,
-    /// True positives of the first pass, from whose scores the limits are chosen.
+    /// True positives of the first pass, from whose scores the thresholds are chosen.
     pub matched: usize,
-    /// The score limits, highest first; the one at position `i` stands for recall `i / 40`.
-    pub limits: Vec<Limit>,
-    /// Precision at each point, 0 to 1, made falling; 0 where no limit is.
+    /// The score thresholds, highest first; the one at position `i` stands for recall `i / 40`.
+    pub thresholds: Vec<ScoreThreshold>,
+    /// Precision at each point, 0 to 1, made falling; 0 where no threshold is.
     pub precision: [f64; RECALL_POINTS],
     /// Orientation similarity at each point, 0 to 1; only in the image, and only when every detection states its angle.
     pub orientation: Option<[f64; RECALL_POINTS]>,
 }
 
-/// One score limit and the counts over all frames there.
+/// One score threshold and the counts over all frames there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limit {
+pub struct ScoreThreshold {
     /// Detections with a lower score take no part.
     pub score: f64,
     /// True positives.
-    pub found: usize,
+    pub true_positives: usize,
     /// False positives.
-    pub wrong: usize,
+    pub false_positives: usize,
     /// Objects missed.
-    pub missed: usize,
+    pub false_negatives: usize,
     /// Sum of the orientation similarities of the true positives.
     pub similarity: f64,
 }
 
 impl Curve {
-    /// Average precision over 40 points of recall, percent: the mean without the point at recall 0 (KITTI since 8.10.2019).
+    /// Average precision over 40 points of recall, percent: the mean without the point at recall 0 (KITTI since
+    /// 8.10.2019).
     pub fn ap_r40(&self) -> f64 {
         percent_r40(&self.precision)
     }
@@ -49,23 +51,28 @@ impl Curve {
         percent_r11(&self.precision)
     }
 
-    pub(super) fn new(scenes: &ClassScenes, matching: &Matching, scores: &Scores, with_orientation: bool) -> Self {
-        let must_be_found = |scene: &super::Scene| {
-            scene.objects.iter().filter(|object| object.label.counts_at(matching.difficulty)).count()
+    pub(super) fn new(
+        class_frames: &ClassFrames,
+        matching: &Matching,
+        scores: &Scores,
+        with_orientation: bool,
+    ) -> Self {
+        let must_be_found = |class_frame: &ClassFrame| {
+            class_frame.objects.iter().filter(|object| object.label.counts_at(matching.difficulty)).count()
         };
-        let objects = scenes.iter().map(must_be_found).sum();
+        let objects = class_frames.iter().map(must_be_found).sum();
         let mut taken = Vec::new();
         let mut found_scores = Vec::new();
-        for scene in scenes {
-            first_pass_scores(scene, matching, &mut taken, &mut found_scores);
+        for class_frame in class_frames {
+            first_pass_scores(class_frame, matching, &mut taken, &mut found_scores);
         }
         let matched = found_scores.len();
-        let limits = score_limits(found_scores, objects);
-        let limits = count_at_limits(scenes, matching, scores, &limits);
-        let share = |part: fn(&Limit) -> f64| falling(&limits, part);
-        let precision = share(|limit| limit.found as f64);
-        let orientation = with_orientation.then(|| share(|limit| limit.similarity));
-        Self { min_overlap: matching.min_overlap, objects, matched, limits, precision, orientation }
+        let thresholds = score_thresholds(found_scores, objects);
+        let thresholds = count_at_thresholds(class_frames, matching, scores, &thresholds);
+        let share = |part: fn(&ScoreThreshold) -> f64| falling(&thresholds, part);
+        let precision = share(|threshold| threshold.true_positives as f64);
+        let orientation = with_orientation.then(|| share(|threshold| threshold.similarity));
+        Self { min_overlap: matching.min_overlap, objects, matched, thresholds, precision, orientation }
     }
 }
 
@@ -79,81 +86,89 @@ pub(super) fn percent_r11(points: &[f64; RECALL_POINTS]) -> f64 {
 
 /// The scores at which recall comes nearest to 0, 1/40, ... 1; the last score is always one (spec rule 17).
 ///
-/// The recall aimed at is **summed up**, as the devkit does: `k / 40` would choose other scores for most numbers of objects.
-fn score_limits(mut scores: Vec<f64>, objects: usize) -> Vec<f64> {
+/// The recall aimed at is **summed up**, as the devkit does: `k / 40` would choose other scores for most numbers of
+/// objects.
+fn score_thresholds(mut scores: Vec<f64>, objects: usize) -> Vec<f64> {
     scores.sort_unstable_by(|a, b| b.total_cmp(a));
     let recall = |count: usize| count as f64 / objects as f64;
     let mut aim = 0.0;
-    let mut limits = Vec::with_capacity(RECALL_POINTS);
+    let mut thresholds = Vec::with_capacity(RECALL_POINTS);
     for (i, &score) in scores.iter().enumerate() {
         let is_last = i + 1 == scores.len();
         let here = recall(i + 1);
         if !is_last && recall(i + 2) - aim < aim - here {
             continue;
         }
-        limits.push(score);
+        thresholds.push(score);
         aim += 1.0 / (RECALL_POINTS as f64 - 1.0);
     }
     // Never more than 41 for any number of objects tried; a longer list would have no place on the curve.
-    limits.truncate(RECALL_POINTS);
-    limits
+    thresholds.truncate(RECALL_POINTS);
+    thresholds
 }
 
-/// Position of the first limit that a score reaches. Scores that are no numbers reach every limit: the devkit asks whether they are lower.
-fn first_reached(limits: &[f64], score: f64) -> usize {
-    limits.partition_point(|&limit| score < limit)
+/// Position of the first threshold that a score reaches. Scores that are no numbers reach every threshold: the devkit
+/// asks whether they are lower.
+fn first_reached(thresholds: &[f64], score: f64) -> usize {
+    thresholds.partition_point(|&threshold| score < threshold)
 }
 
-fn count_at_limits(scenes: &ClassScenes, matching: &Matching, scores: &Scores, limits: &[f64]) -> Vec<Limit> {
-    let mut totals = vec![Counts::default(); limits.len()];
+fn count_at_thresholds(
+    class_frames: &ClassFrames,
+    matching: &Matching,
+    scores: &Scores,
+    thresholds: &[f64],
+) -> Vec<ScoreThreshold> {
+    let mut totals = vec![Counts::default(); thresholds.len()];
     let (mut taken, mut reached, mut starts) = (Vec::new(), Vec::new(), Vec::new());
-    for scene in scenes {
+    for class_frame in class_frames {
         reached.clear();
-        reached.extend(scene.claims.iter().map(|claim| first_reached(limits, claim.score)));
-        // A frame looks the same at all limits between two scores of its candidates: it is matched once for each such stretch.
+        reached.extend(class_frame.predictions.iter().map(|prediction| first_reached(thresholds, prediction.score)));
+        // A frame looks the same at all thresholds between two scores of its candidates: it is matched once for each
+        // such stretch.
         starts.clear();
-        starts.extend(candidates(scene, matching).map(|position| reached[position]));
+        starts.extend(candidates(class_frame, matching).map(|position| reached[position]));
         starts.push(0);
         starts.sort_unstable();
         starts.dedup();
-        for (i, &start) in starts.iter().enumerate().take_while(|(_, start)| **start < limits.len()) {
-            let end = starts.get(i + 1).map_or(limits.len(), |&end| end.min(limits.len()));
-            let here = counts(scene, matching, &mut taken, |position| reached[position] <= start);
+        for (i, &start) in starts.iter().enumerate().take_while(|(_, start)| **start < thresholds.len()) {
+            let end = starts.get(i + 1).map_or(thresholds.len(), |&end| end.min(thresholds.len()));
+            let here = counts(class_frame, matching, &mut taken, |position| reached[position] <= start);
             for total in &mut totals[start..end] {
                 total.found += here.found;
                 total.missed += here.missed;
-                total.claimed += here.claimed;
+                total.matched += here.matched;
                 total.similarity += here.similarity;
             }
         }
     }
-    let limit = |(&score, total): (&f64, &Counts)| Limit {
+    let threshold = |(&score, total): (&f64, &Counts)| ScoreThreshold {
         score,
-        found: total.found,
-        wrong: scores.reaching(score) - total.claimed,
-        missed: total.missed,
+        true_positives: total.found,
+        false_positives: scores.reaching(score) - total.matched,
+        false_negatives: total.missed,
         similarity: total.similarity,
     };
-    limits.iter().zip(&totals).map(limit).collect()
+    thresholds.iter().zip(&totals).map(threshold).collect()
 }
 
-/// Positions of the claims that can match some object.
-fn candidates<'a>(scene: &'a super::Scene, matching: &'a Matching) -> impl Iterator<Item = usize> + 'a {
-    let overlapping = scene.objects.iter().flat_map(|object| &object.overlapping);
+/// Positions of the predictions that can match some object.
+fn candidates<'a>(class_frame: &'a ClassFrame, matching: &'a Matching) -> impl Iterator<Item = usize> + 'a {
+    let overlapping = class_frame.objects.iter().flat_map(|object| &object.overlapping);
     let enough = overlapping.filter(|(_, overlaps)| overlaps.get(matching.metric) > matching.min_overlap);
     enough.map(|(position, _)| *position)
 }
 
-/// `part / (true + false positives)` at each limit, then the largest value from there on.
+/// `part / (true + false positives)` at each threshold, then the largest value from there on.
 ///
 /// 0 / 0 counts as 0. The devkit gets NaN there, which hides or spreads depending on where it stands (spec rule 21).
-fn falling(limits: &[Limit], part: impl Fn(&Limit) -> f64) -> [f64; RECALL_POINTS] {
+fn falling(thresholds: &[ScoreThreshold], part: impl Fn(&ScoreThreshold) -> f64) -> [f64; RECALL_POINTS] {
     let mut points = [0.0; RECALL_POINTS];
     let mut largest = 0.0_f64;
-    for (point, limit) in points.iter_mut().zip(limits).rev() {
-        let claims = limit.found + limit.wrong;
-        if claims > 0 {
-            largest = largest.max(part(limit) / claims as f64);
+    for (point, threshold) in points.iter_mut().zip(thresholds).rev() {
+        let predictions = threshold.true_positives + threshold.false_positives;
+        if predictions > 0 {
+            largest = largest.max(part(threshold) / predictions as f64);
         }
         *point = largest;
     }

@@ -1,7 +1,7 @@
 //! Who matches whom in one frame: the devkit's two greedy passes (spec rules 11 to 15).
 
-use super::scene::ClaimRole;
-use super::{Metric, OverlapSet, Scene, SceneClaim};
+use super::class_frame::PredictionRole;
+use super::{ClassFrame, FramePrediction, Metric, OverlapSet};
 use crate::{Difficulty, EvaluatedClass};
 
 /// Scores at or below this never match (devkit, `NO_DETECTION`).
@@ -18,10 +18,10 @@ pub(crate) struct Matching {
 
 /// What became of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Fate {
-    /// Found by the claim at this position of the scene.
+pub(crate) enum MatchOutcome {
+    /// Found by the prediction at this position of the frame.
     Found(usize),
-    /// Taken by the claim at this position; neither counts as right or wrong.
+    /// Taken by the prediction at this position; neither counts as right or wrong.
     Taken(usize),
     /// It had to be found and was not.
     Missed,
@@ -37,7 +37,7 @@ pub(super) struct Counts {
     /// Objects that must be found and were not.
     pub(super) missed: usize,
     /// Detections that would be false positives, had an object not taken them.
-    pub(super) claimed: usize,
+    pub(super) matched: usize,
     /// Sum of the orientation similarities of the found objects, each from 0 to 1.
     pub(super) similarity: f64,
 }
@@ -47,31 +47,36 @@ impl Matching {
         Self { metric, difficulty, min_overlap: set.min_overlap(class, metric) }
     }
 
-    /// Whether a `DontCare` region keeps the claim from being a false positive.
-    pub(crate) fn excuses(&self, claim: &SceneClaim) -> bool {
-        claim.excuse.get(self.metric) > self.min_overlap
+    /// Whether a `DontCare` region keeps the prediction from being a false positive.
+    pub(crate) fn excuses(&self, prediction: &FramePrediction) -> bool {
+        prediction.excuse.get(self.metric) > self.min_overlap
     }
 }
 
 /// The first pass: scores of the true positives when each object takes the best-scored detection.
-pub(super) fn first_pass_scores(scene: &Scene, matching: &Matching, taken: &mut Vec<bool>, scores: &mut Vec<f64>) {
+pub(super) fn first_pass_scores(
+    class_frame: &ClassFrame,
+    matching: &Matching,
+    taken: &mut Vec<bool>,
+    scores: &mut Vec<f64>,
+) {
     taken.clear();
-    taken.resize(scene.claims.len(), false);
-    for object in &scene.objects {
+    taken.resize(class_frame.predictions.len(), false);
+    for object in &class_frame.objects {
         let mut best: Option<(usize, f64)> = None;
         for &(position, overlaps) in &object.overlapping {
-            let claim = &scene.claims[position];
+            let prediction = &class_frame.predictions[position];
             let is_candidate = overlaps.get(matching.metric) > matching.min_overlap
                 && !taken[position]
-                && claim.role_at(matching.difficulty) != ClaimRole::Other;
+                && prediction.role_at(matching.difficulty) != PredictionRole::Other;
             // Strictly better, so the first one wins a tie; a score that is no number is never better.
-            if is_candidate && claim.score > best.map_or(NO_DETECTION, |(_, score)| score) {
-                best = Some((position, claim.score));
+            if is_candidate && prediction.score > best.map_or(NO_DETECTION, |(_, score)| score) {
+                best = Some((position, prediction.score));
             }
         }
         if let Some((position, score)) = best {
             taken[position] = true;
-            let counts = scene.claims[position].role_at(matching.difficulty) == ClaimRole::Counts;
+            let counts = class_frame.predictions[position].role_at(matching.difficulty) == PredictionRole::Counts;
             if counts && object.label.counts_at(matching.difficulty) {
                 scores.push(score);
             }
@@ -79,16 +84,17 @@ pub(super) fn first_pass_scores(scene: &Scene, matching: &Matching, taken: &mut 
     }
 }
 
-/// The second pass: what becomes of each object when only the claims at the positions that `takes_part` names are there.
-pub(crate) fn fates<'a>(
-    scene: &'a Scene,
+/// The second pass: what becomes of each object when only the predictions at the positions that `takes_part` names are
+/// there.
+pub(crate) fn outcomes<'a>(
+    class_frame: &'a ClassFrame,
     matching: &'a Matching,
     taken: &'a mut Vec<bool>,
     takes_part: impl Fn(usize) -> bool + 'a,
-) -> impl Iterator<Item = Fate> + 'a {
+) -> impl Iterator<Item = MatchOutcome> + 'a {
     taken.clear();
-    taken.resize(scene.claims.len(), false);
-    scene.objects.iter().map(move |object| {
+    taken.resize(class_frame.predictions.len(), false);
+    class_frame.objects.iter().map(move |object| {
         let mut best: Option<(usize, f64)> = None;
         let mut small = None;
         for &(position, overlaps) in &object.overlapping {
@@ -96,46 +102,47 @@ pub(crate) fn fates<'a>(
             if overlap <= matching.min_overlap || taken[position] || !takes_part(position) {
                 continue;
             }
-            match scene.claims[position].role_at(matching.difficulty) {
-                ClaimRole::Counts if best.is_none_or(|(_, largest)| overlap > largest) => {
+            match class_frame.predictions[position].role_at(matching.difficulty) {
+                PredictionRole::Counts if best.is_none_or(|(_, largest)| overlap > largest) => {
                     best = Some((position, overlap));
                 }
-                ClaimRole::TooSmall => small = small.or(Some(position)),
-                ClaimRole::Counts | ClaimRole::Other => {}
+                PredictionRole::TooSmall => small = small.or(Some(position)),
+                PredictionRole::Counts | PredictionRole::Other => {}
             }
         }
         let must_be_found = object.label.counts_at(matching.difficulty);
-        // A claim of full size replaces a small one, whatever their overlaps.
+        // A prediction of full size replaces a small one, whatever their overlaps.
         let Some(position) = best.map(|(position, _)| position).or(small) else {
-            return if must_be_found { Fate::Missed } else { Fate::Left };
+            return if must_be_found { MatchOutcome::Missed } else { MatchOutcome::Left };
         };
         taken[position] = true;
-        if must_be_found && best.is_some() { Fate::Found(position) } else { Fate::Taken(position) }
+        if must_be_found && best.is_some() { MatchOutcome::Found(position) } else { MatchOutcome::Taken(position) }
     })
 }
 
 /// The second pass in numbers.
 pub(super) fn counts(
-    scene: &Scene,
+    class_frame: &ClassFrame,
     matching: &Matching,
     taken: &mut Vec<bool>,
     takes_part: impl Fn(usize) -> bool,
 ) -> Counts {
     let mut counts = Counts::default();
-    for (fate, object) in fates(scene, matching, taken, takes_part).zip(&scene.objects) {
-        match fate {
-            Fate::Found(position) => {
+    for (outcome, object) in outcomes(class_frame, matching, taken, takes_part).zip(&class_frame.objects) {
+        match outcome {
+            MatchOutcome::Found(position) => {
                 counts.found += 1;
-                let turn = object.label.alpha_rad - scene.claims[position].alpha_rad;
+                let turn = object.label.alpha_rad - class_frame.predictions[position].alpha_rad;
                 counts.similarity += 0.5 * (1.0 + turn.cos());
             }
-            Fate::Missed => counts.missed += 1,
-            Fate::Taken(_) | Fate::Left => {}
+            MatchOutcome::Missed => counts.missed += 1,
+            MatchOutcome::Taken(_) | MatchOutcome::Left => {}
         }
-        if let Fate::Found(position) | Fate::Taken(position) = fate {
-            let claim = &scene.claims[position];
-            let would_count = claim.role_at(matching.difficulty) == ClaimRole::Counts && !matching.excuses(claim);
-            counts.claimed += usize::from(would_count);
+        if let MatchOutcome::Found(position) | MatchOutcome::Taken(position) = outcome {
+            let prediction = &class_frame.predictions[position];
+            let would_count =
+                prediction.role_at(matching.difficulty) == PredictionRole::Counts && !matching.excuses(prediction);
+            counts.matched += usize::from(would_count);
         }
     }
     counts

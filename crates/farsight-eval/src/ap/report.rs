@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use super::curve::{percent_r11, percent_r40};
+use super::scores::ScoreRange;
 use super::{Curve, Metric, OverlapSet};
 use crate::{Difficulty, EvaluatedClass};
 
@@ -12,6 +13,8 @@ use crate::{Difficulty, EvaluatedClass};
 pub struct ApReport {
     /// By overlap set, metric, class and difficulty; `None` where the devkit evaluates nothing.
     curves: Vec<Option<Curve>>,
+    /// How many detections each class has, with which scores.
+    scores: [ScoreRange; 3],
     /// Whether every detection states its angle, so that AOS can be computed.
     pub has_orientation: bool,
 }
@@ -36,8 +39,13 @@ pub struct ApTable<'a> {
 struct ClassTable<'a>(ApTable<'a>, EvaluatedClass);
 
 impl ApReport {
-    pub(super) fn new(curves: Vec<Option<Curve>>, has_orientation: bool) -> Self {
-        Self { curves, has_orientation }
+    pub(super) fn new(curves: Vec<Option<Curve>>, scores: [ScoreRange; 3], has_orientation: bool) -> Self {
+        Self { curves, scores, has_orientation }
+    }
+
+    /// The scores of the detections of one class.
+    pub fn scores(&self, class: EvaluatedClass) -> ScoreRange {
+        self.scores[class as usize]
     }
 
     /// One curve; `None` when no detection of the class has what the metric needs (spec rule 6).

@@ -3,13 +3,33 @@
 use std::sync::Once;
 
 use image::RgbImage;
+use plotters::coord::Shift;
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
-use super::PageError;
+use super::error::PageError;
+
+/// What the drawing library says of a backend.
+type DrawingError<DB> = DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>;
 
 /// Size of a chart, pixels.
-const SIZE: (u32, u32) = (760, 460);
+const SIZE: (u32, u32) = (760, 480);
+
+/// Height of heading and legend above the plot, pixels. The legend stands outside the plot, so it covers no line.
+pub(super) const HEADER_PX: u32 = 72;
+
+/// Rows of heading and legend within the header, pixels from above.
+const HEADING_Y: i32 = 14;
+const LEGEND_Y: i32 = 50;
+
+/// Length of the line in a legend entry, and the gaps after it and after the entry, pixels.
+const LEGEND_LINE_PX: i32 = 22;
+const LEGEND_GAPS_PX: [i32; 2] = [7, 26];
+
+/// Dashes of a dashed line and the gaps between them, pixels.
+const DASH_PX: [u32; 2] = [7, 5];
 
 /// The name under which the compiled-in font is known to the drawing library.
 const FONT: &str = "sans-serif";
@@ -30,19 +50,8 @@ pub struct Chart {
     pub x_end: f64,
     /// Where the vertical axis ends; it starts at 0.
     pub y_end: f64,
-    /// Where the legend hides least.
-    pub legend: Corner,
     /// The lines.
     pub series: Vec<Series>,
-}
-
-/// A corner of a chart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Corner {
-    /// For lines that rise.
-    UpperLeft,
-    /// For lines that fall.
-    LowerLeft,
 }
 
 /// One line.
@@ -56,6 +65,8 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
     /// Lower and upper end of an interval at each point; empty without intervals.
     pub band: Vec<[f64; 2]>,
+    /// Dashed, and without marks at the points: what others are compared with.
+    pub is_reference: bool,
 }
 
 impl Chart {
@@ -77,9 +88,11 @@ impl Chart {
     fn draw_on(&self, image: &mut RgbImage) -> Result<(), Box<dyn std::error::Error + '_>> {
         let area = BitMapBackend::with_buffer(image, SIZE).into_drawing_area();
         area.fill(&WHITE).map_err(|e| e.to_string())?;
-        let mut chart = ChartBuilder::on(&area)
+        let (header, body) = area.split_vertically(HEADER_PX);
+        self.draw_header(&header).map_err(|e| e.to_string())?;
+        let mut chart = ChartBuilder::on(&body)
             .margin(14)
-            .caption(&self.title, (FONT, 22))
+            .margin_top(4)
             .x_label_area_size(46)
             .y_label_area_size(62)
             .build_cartesian_2d(0.0..self.x_end, 0.0..self.y_end)
@@ -96,37 +109,106 @@ impl Chart {
             .draw()
             .map_err(|e| e.to_string())?;
         for series in &self.series {
-            let [red, green, blue] = series.color;
-            let color = RGBColor(red, green, blue);
+            let color = series.rgb();
             let edge = |end: usize| series.points.iter().zip(&series.band).map(move |(p, band)| (p[0], band[end]));
             let outline: Vec<_> = edge(0).chain(edge(1).rev()).collect();
             chart
                 .draw_series(std::iter::once(Polygon::new(outline, color.mix(BAND_OPACITY))))
                 .map_err(|e| e.to_string())?;
             let points = series.points.iter().map(|p| (p[0], p[1]));
-            chart
-                .draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))
-                .map_err(|e| e.to_string())?
-                .label(&series.name)
-                .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], color.stroke_width(2)));
+            if series.is_reference {
+                let [dash, gap] = DASH_PX;
+                let line = DashedLineSeries::new(points, dash, gap, color.stroke_width(2));
+                chart.draw_series(line).map_err(|e| e.to_string())?;
+                continue;
+            }
+            chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2))).map_err(|e| e.to_string())?;
             if series.points.len() < 20 {
                 chart
                     .draw_series(points.map(|point| Circle::new(point, 3, color.filled())))
                     .map_err(|e| e.to_string())?;
             }
         }
-        chart
-            .configure_series_labels()
-            .position(match self.legend {
-                Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
-                Corner::LowerLeft => SeriesLabelPosition::LowerLeft,
-            })
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(200, 200, 200))
-            .label_font((FONT, 15))
-            .draw()
-            .map_err(|e| e.to_string())?;
         area.present().map_err(|e| e.to_string())?;
         Ok(())
+    }
+
+    /// Heading and legend, each centred in a row of its own.
+    fn draw_header<DB: DrawingBackend>(&self, header: &DrawingArea<DB, Shift>) -> Result<(), DrawingError<DB>> {
+        let middle = Pos::new(HPos::Center, VPos::Top);
+        let heading = TextStyle::from((FONT, 22)).pos(middle);
+        header.draw_text(&self.title, &heading, (SIZE.0 as i32 / 2, HEADING_Y))?;
+        let text = TextStyle::from((FONT, 15)).pos(Pos::new(HPos::Left, VPos::Center));
+        let [gap, next] = LEGEND_GAPS_PX;
+        let widths = self.series.iter().map(|series| Ok(header.estimate_text_size(&series.name, &text)?.0 as i32));
+        let widths: Vec<i32> = widths.collect::<Result<_, DrawingError<DB>>>()?;
+        let total: i32 = widths.iter().map(|width| LEGEND_LINE_PX + gap + width + next).sum::<i32>() - next;
+        let mut x = (SIZE.0 as i32 - total) / 2;
+        for (series, width) in self.series.iter().zip(widths) {
+            let ends = [(x, LEGEND_Y), (x + LEGEND_LINE_PX, LEGEND_Y)];
+            if series.is_reference {
+                let [dash, gap] = DASH_PX.map(|length| length as i32);
+                header.draw(&DashedPathElement::new(ends, dash, gap, series.rgb().stroke_width(2)))?;
+            } else {
+                header.draw(&PathElement::new(ends, series.rgb().stroke_width(2)))?;
+            }
+            header.draw_text(&series.name, &text, (x + LEGEND_LINE_PX + gap, LEGEND_Y))?;
+            x += LEGEND_LINE_PX + gap + width + next;
+        }
+        Ok(())
+    }
+}
+
+impl Series {
+    fn rgb(&self) -> RGBColor {
+        let [red, green, blue] = self.color;
+        RGBColor(red, green, blue)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::{Chart, HEADER_PX, Series};
+
+    fn chart(names: [&str; 2]) -> Chart {
+        let series = |name: &str, color, points: &[[f64; 2]], is_reference| Series {
+            name: name.to_owned(),
+            color,
+            points: points.to_vec(),
+            band: Vec::new(),
+            is_reference,
+        };
+        Chart {
+            title: "a curve through all corners".to_owned(),
+            x_label: "x".to_owned(),
+            y_label: "y".to_owned(),
+            x_end: 1.0,
+            y_end: 1.0,
+            series: vec![
+                series(names[0], [0, 114, 178], &[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]], false),
+                series(names[1], [120, 120, 120], &[[0.0, 0.0], [1.0, 1.0]], true),
+            ],
+        }
+    }
+
+    #[test]
+    fn the_legend_touches_no_part_of_the_plot() {
+        let [short, long] =
+            [["a", "b"], ["moderate: 71.23 of 100", "expected"]].map(|names| chart(names).draw().unwrap());
+        let (width, height) = short.dimensions();
+        let part =
+            |image: &image::RgbImage, y: u32, rows: u32| image::imageops::crop_imm(image, 0, y, width, rows).to_image();
+        assert_ne!(part(&short, 0, HEADER_PX), part(&long, 0, HEADER_PX));
+        assert_eq!(part(&short, HEADER_PX, height - HEADER_PX), part(&long, HEADER_PX, height - HEADER_PX));
+    }
+
+    #[test]
+    fn a_curve_along_the_upper_edge_is_seen_whole() {
+        let image = chart(["a", "b"]).draw().unwrap();
+        let blue = |x: u32, y: u32| image.get_pixel(x, y).0 == [0, 114, 178];
+        let longest = (HEADER_PX..image.height()).map(|y| (0..image.width()).filter(|&x| blue(x, y)).count()).max();
+        assert!(longest.unwrap() > 600, "{longest:?}");
     }
 }

@@ -1,13 +1,16 @@
 //! Which charts the page has.
 
 use crate::ap::{Metric, OverlapSet};
-use crate::ranging::{ClassRanging, Figure, GroupRanging, bin_middle_m};
+use crate::ranging::{ClassRanging, GroupRanging, RangingMetric, bin_middle_m};
 use crate::{Difficulty, EvaluatedClass, Report};
 
-use super::{Chart, Corner, Series};
+use super::chart::{Chart, Series};
 
 /// Colours of the three difficulties, told apart by colour-blind eyes too (Okabe and Ito 2008).
 const LEVEL_COLORS: [[u8; 3]; 3] = [[0, 158, 115], [0, 114, 178], [213, 94, 0]];
+
+/// Colour of what curves are compared with.
+const REFERENCE_COLOR: [u8; 3] = [120, 120, 120];
 
 /// Bins with fewer found objects are not drawn: their error is an accident.
 const MIN_FOUND: usize = 5;
@@ -16,7 +19,7 @@ const MIN_FOUND: usize = 5;
 pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
     let mut charts = Vec::new();
     for class in EvaluatedClass::ALL {
-        for metric in [Metric::Space, Metric::Bev, Metric::Image] {
+        for metric in [Metric::Box3d, Metric::Bev, Metric::Image] {
             charts.extend(curve_chart(report, class, metric).map(|c| (format!("{class}_{}_curve", metric.name()), c)));
         }
         let ranging = report.ranging.classes.iter().find(|ranging| ranging.class == class);
@@ -26,6 +29,7 @@ pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
                 charts.push((format!("{class}_distance_error"), errors));
             }
             charts.push((format!("{class}_share_found"), share_chart(ranging)));
+            charts.extend(coverage_chart(ranging).map(|chart| (format!("{class}_error_bar_coverage"), chart)));
         }
     }
     charts
@@ -36,7 +40,13 @@ fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option
     for (level, color) in Difficulty::ALL.into_iter().zip(LEVEL_COLORS) {
         let curve = report.ap.curve(OverlapSet::Strict, metric, class, level)?;
         let points = curve.precision.iter().enumerate().map(|(i, p)| [i as f64 / 40.0, *p]).collect();
-        series.push(Series { name: format!("{level}: {:.2}", curve.ap_r40()), color, points, band: Vec::new() });
+        series.push(Series {
+            name: format!("{level}: AP {:.2}", curve.ap_r40()),
+            color,
+            points,
+            band: Vec::new(),
+            is_reference: false,
+        });
     }
     let limit = OverlapSet::Strict.min_overlap(class, metric);
     Some(Chart {
@@ -45,13 +55,12 @@ fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option
         y_label: "precision".to_owned(),
         x_end: 1.0,
         y_end: 1.0,
-        legend: Corner::LowerLeft,
         series,
     })
 }
 
 fn error_chart(ranging: &ClassRanging) -> Chart {
-    let series: Vec<_> = level_series(ranging, Figure::MaeZ, MIN_FOUND);
+    let series: Vec<_> = level_series(ranging, RangingMetric::MaeZ, MIN_FOUND);
     let tops = series.iter().flat_map(|s| s.points.iter().map(|p| p[1]).chain(s.band.iter().map(|band| band[1])));
     let highest = tops.fold(0.0_f64, f64::max);
     Chart {
@@ -60,7 +69,6 @@ fn error_chart(ranging: &ClassRanging) -> Chart {
         y_label: "mean absolute error of z, m".to_owned(),
         x_end: 80.0,
         y_end: if highest > 0.0 { 1.1 * highest } else { 1.0 },
-        legend: Corner::UpperLeft,
         series,
     }
 }
@@ -72,18 +80,44 @@ fn share_chart(ranging: &ClassRanging) -> Chart {
         y_label: "found / objects".to_owned(),
         x_end: 80.0,
         y_end: 1.05,
-        legend: Corner::LowerLeft,
-        series: level_series(ranging, Figure::Share, 0),
+        series: level_series(ranging, RangingMetric::Share, 0),
     }
 }
 
-fn level_series(ranging: &ClassRanging, figure: Figure, min_found: usize) -> Vec<Series> {
+/// How often the truth lies within k standard deviations, against how often it should; `None` without error bars.
+fn coverage_chart(ranging: &ClassRanging) -> Option<Chart> {
+    let calibrated = ranging.groups.iter().zip(LEVEL_COLORS).filter_map(|(group, color)| {
+        let calibration = group.calibration.as_ref()?;
+        let objects = calibration.rows.first().map_or(0, |all| all.count);
+        let points = calibration.coverage.iter().map(|point| [point.expected, point.observed]).collect();
+        let name = format!("{}: {objects} objects", group.group.name());
+        Some(Series { name, color, points, band: Vec::new(), is_reference: false })
+    });
+    let calibrated: Vec<_> = calibrated.collect();
+    let ideal = Series {
+        name: "expected".to_owned(),
+        color: REFERENCE_COLOR,
+        points: vec![[0.0, 0.0], [1.0, 1.0]],
+        band: Vec::new(),
+        is_reference: true,
+    };
+    (!calibrated.is_empty()).then(|| Chart {
+        title: format!("{}: share of true z within k sigma; below the line: too sure", ranging.class),
+        x_label: "expected share (normal distribution: 1 sigma 0.68, 2 sigma 0.95)".to_owned(),
+        y_label: "observed share".to_owned(),
+        x_end: 1.0,
+        y_end: 1.0,
+        series: [ideal].into_iter().chain(calibrated).collect(),
+    })
+}
+
+fn level_series(ranging: &ClassRanging, figure: RangingMetric, min_found: usize) -> Vec<Series> {
     let of_group = |(group, color): (&GroupRanging, [u8; 3])| {
         let bins = group.by_distance.0.iter().enumerate();
         let filled = bins.filter(|(_, (_, errors))| errors.objects > 0 && errors.found >= min_found);
         let (mut points, mut band) = (Vec::new(), Vec::new());
         for (bin, (_, errors)) in filled {
-            let Some(value) = errors.figures.get(figure) else { continue };
+            let Some(value) = errors.metrics.get(figure) else { continue };
             points.push([bin_middle_m(bin), value]);
             band.extend(errors.intervals.and_then(|all| all.get(figure)).map(|i| [i.low, i.high]));
         }
@@ -91,7 +125,7 @@ fn level_series(ranging: &ClassRanging, figure: Figure, min_found: usize) -> Vec
         if band.len() != points.len() {
             band.clear();
         }
-        Series { name: group.group.name().to_owned(), color, points, band }
+        Series { name: group.group.name().to_owned(), color, points, band, is_reference: false }
     };
     ranging.groups.iter().zip(LEVEL_COLORS).map(of_group).collect()
 }

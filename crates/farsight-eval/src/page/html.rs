@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use super::{Page, Picture, ShownFrame};
+use super::contents::{Page, Picture, ShownFrame};
 use crate::text;
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1560px;padding:0 1rem;color:#222}\
@@ -81,14 +81,16 @@ fn push_frame(html: &mut String, shown: &ShownFrame, picture: Option<&Picture>) 
     if let Some(picture) = picture {
         push_picture(html, picture);
     }
-    html.push_str("<table><tr><th>object</th><th>found by</th><th>true z</th><th>claimed z</th><th>error</th><th>score</th></tr>\n");
+    html.push_str(
+        "<table><tr><th>object</th><th>found by</th><th>true z</th><th>predicted z</th><th>error</th><th>score</th></tr>\n",
+    );
     for target in &frame.targets {
         let object = format!("g{} {}", target.label, target.class);
         let row = match &target.found {
             None => format!("<td>missed</td><td>{:.2} m</td><td></td><td></td><td></td>", target.depth_m),
             Some(found) => format!(
                 "<td>d{}</td><td>{:.2} m</td><td>{:.2} m</td><td>{:+.2} m</td><td>{:.3}</td>",
-                found.claim,
+                found.prediction,
                 target.depth_m,
                 found.depth_m,
                 found.depth_m - target.depth_m,
@@ -106,17 +108,19 @@ fn push_frame(html: &mut String, shown: &ShownFrame, picture: Option<&Picture>) 
 fn push_others(html: &mut String, shown: &ShownFrame) {
     let targets = &shown.worst.targets;
     let is_target = |i: usize| targets.iter().any(|target| target.label as usize == i);
-    let is_used = |i: usize| targets.iter().filter_map(|target| target.found).any(|found| found.claim as usize == i);
+    let is_used =
+        |i: usize| targets.iter().filter_map(|target| target.found).any(|found| found.prediction as usize == i);
     let labels = shown.frame.labels.iter().enumerate().filter(|(i, _)| !is_target(*i));
     let labels = labels.map(|(i, label)| format!("g{i} {}", label.class));
-    let claims = shown.frame.claims.iter().enumerate().filter(|(i, _)| !is_used(*i));
-    let claims = claims.map(|(i, claim)| {
-        let detection = &claim.detection;
+    let predictions = shown.frame.predictions.iter().enumerate().filter(|(i, _)| !is_used(*i));
+    let predictions = predictions.map(|(i, prediction)| {
+        let detection = &prediction.detection;
         format!("d{i} {} {:.3} at {:.1} m", detection.class, detection.score, detection.box3d.depth_m())
     });
-    for (heading, names) in
-        [("labels that do not count", labels.collect::<Vec<_>>()), ("detections of none of these", claims.collect())]
-    {
+    for (heading, names) in [
+        ("labels that do not count", labels.collect::<Vec<_>>()),
+        ("detections of none of these", predictions.collect()),
+    ] {
         if !names.is_empty() {
             let _ = writeln!(html, "<p>{heading}: {}</p>", escaped(&names.join(", ")));
         }

@@ -3,18 +3,22 @@
 use serde::Serialize;
 
 use super::bootstrap::{Bootstrap, Interval};
-use super::figures::{Figure, Figures};
 use super::matching::Target;
+use super::metrics::{RangingMetric, RangingMetrics};
 use super::slices::{Group, Part, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
 
 /// Ranging figures of two detectors side by side.
 ///
-/// Errors are compared on the objects that **both** found, shares on all objects: otherwise the detector that finds more hard objects
-/// would look worse. Frames are drawn together for both, so what makes a frame hard for both cancels.
+/// Errors are compared on the objects that **both** found, shares on all objects: otherwise the detector that finds
+/// more hard objects would look worse. Frames are drawn together for both, so what makes a frame hard for both
+/// cancels.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RangingComparison {
+    /// Whether both say the same: of every object, and from
+    /// [`Evaluation::compared_with`](crate::Evaluation::compared_with) of everything that any figure is made of.
+    pub identical: bool,
     /// One row for every class with objects, group, and range of distances.
     pub rows: Vec<ComparisonRow>,
 }
@@ -32,11 +36,12 @@ pub struct ComparisonRow {
     pub objects: usize,
     /// Objects that both found.
     pub found_by_both: usize,
-    /// The figures.
-    pub figures: Figures<Option<Difference>>,
+    /// The metrics.
+    #[serde(rename = "figures")]
+    pub metrics: RangingMetrics<Option<Difference>>,
 }
 
-/// One figure of two detectors.
+/// One metric of two detectors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
     /// Of the results.
@@ -71,7 +76,7 @@ impl RangingComparison {
             let pairs: Vec<_> = ours.iter().zip(theirs).filter(|(target, _)| target.class == class).collect();
             (!pairs.is_empty()).then(|| rows_of_class(class, &pairs, frames, bootstrap))
         });
-        Some(Self { rows: rows.flatten().collect() })
+        Some(Self { identical: ours == theirs, rows: rows.flatten().collect() })
     }
 }
 
@@ -100,7 +105,9 @@ fn rows_of_class(
         distance,
         objects: objects[i].objects as usize,
         found_by_both: common[i].objects as usize,
-        figures: Figures::from_fn(|f| Difference::new(values[i].get(f), intervals[i * Figure::COUNT + f as usize])),
+        metrics: RangingMetrics::from_fn(|f| {
+            Difference::new(values[i].get(f), intervals[i * RangingMetric::COUNT + f as usize])
+        }),
     });
     rows.collect()
 }
@@ -115,15 +122,15 @@ impl Paired {
     }
 
     /// Both detectors' figures of each slice, NaN where there is none.
-    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<Figures<[f64; 2]>> {
+    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<RangingMetrics<[f64; 2]>> {
         let figures = |tallies: &[Tallies; 2]| {
-            tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::figures).collect::<Vec<_>>())
+            tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::metrics).collect::<Vec<_>>())
         };
         let (all, common) = (figures(&self.all), figures(&self.common));
         let row = |i: usize| {
-            Figures::from_fn(|figure| {
-                let source = if figure == Figure::Share { &all } else { &common };
-                source.each_ref().map(|rows| rows[i].get(figure).unwrap_or(f64::NAN))
+            RangingMetrics::from_fn(|metric| {
+                let source = if metric == RangingMetric::Share { &all } else { &common };
+                source.each_ref().map(|rows| rows[i].get(metric).unwrap_or(f64::NAN))
             })
         };
         (0..slices.len()).map(row).collect()

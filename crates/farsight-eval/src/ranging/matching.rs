@@ -3,11 +3,8 @@
 use farsight_core::overlap::iou_2d;
 use farsight_core::{Detection, Label};
 
-use super::RangingOptions;
-use crate::{Claim, Difficulty, EvaluatedClass, Frame};
-
-/// A detection finds an object when their 2D boxes overlap by at least this much, unless the options say otherwise.
-pub const MATCH_IOU: f64 = 0.5;
+use super::options::RangingOptions;
+use crate::{Difficulty, EvaluatedClass, Frame, Prediction};
 
 /// A labelled object of an evaluated class, and how it was ranged if it was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,47 +29,48 @@ pub struct Target {
     pub found: Option<Measurement>,
 }
 
-/// The distance that a detection claims.
+/// The distance that a detection predicts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
     /// Position of the detection in its frame.
-    pub claim: u32,
+    pub prediction: u32,
     /// Score of the detection.
     pub score: f64,
-    /// Claimed z, metres.
+    /// Predicted z, metres.
     pub depth_m: f64,
-    /// Claimed distance over the ground, metres.
+    /// Predicted distance over the ground, metres.
     pub ground_m: f64,
     /// Standard deviation that the detection gives its distance, metres.
     pub sigma_m: Option<f64>,
 }
 
-/// A detection that is none of anything: it took no object of its class, and is neither on a labelled object of another class nor in a `DontCare` region
-/// (overlap, or covered share, of at least the options' `min_iou`), nor lower than KITTI's Moderate objects. A second detection of one object is one.
+/// A detection that is none of anything: it took no object of its class, and is neither on a labelled object of
+/// another class nor in a `DontCare` region (overlap, or covered share, of at least the options' `min_iou`), nor lower
+/// than KITTI's Moderate objects. A second detection of one object is one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FalseAlarm {
-    /// What it claims to be.
+    /// What class it is.
     pub class: EvaluatedClass,
     /// Its score.
     pub score: f64,
     /// Position of the detection in its frame.
-    pub claim: u32,
+    pub prediction: u32,
 }
 
 /// The evaluated objects of `frame`, in the order of its labels, with what was found of them.
 ///
 /// Detections whose score, location or 2D box is not a finite number take no part.
 pub fn targets(frame: &Frame, index: u32, options: &RangingOptions) -> Vec<Target> {
-    matched(frame, index, options).0
+    match_frame(frame, index, options).0
 }
 
 /// As [`targets`], and what was found that is not there.
-pub fn matched(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<Target>, Vec<FalseAlarm>) {
+pub fn match_frame(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<Target>, Vec<FalseAlarm>) {
     let mut false_alarms = Vec::new();
     let mut targets: Vec<_> =
         frame.labels.iter().zip(0..).map(|(label, position)| target(label, [index, position])).collect();
-    for (claim, position) in claims_by_score(&frame.claims, options) {
-        let detection = &claim.detection;
+    for (prediction, position) in predictions_by_score(&frame.predictions, options) {
+        let detection = &prediction.detection;
         let Some(class) = EvaluatedClass::of(&detection.class) else { continue };
         let free = frame.labels.iter().zip(&mut targets).filter_map(|(label, target)| {
             let target = target.as_mut().filter(|t| t.class == class && t.found.is_none())?;
@@ -84,7 +82,7 @@ pub fn matched(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<Targ
         match best {
             Some((_, target)) => target.found = Some(measurement(detection, position)),
             None if is_excused(detection, class, frame, options) => {}
-            None => false_alarms.push(FalseAlarm { class, score: detection.score, claim: position }),
+            None => false_alarms.push(FalseAlarm { class, score: detection.score, prediction: position }),
         }
     }
     (targets.into_iter().flatten().collect(), false_alarms)
@@ -97,15 +95,16 @@ fn is_excused(detection: &Detection, class: EvaluatedClass, frame: &Frame, optio
         || frame.labels.iter().any(|label| is_other(label) && label.overlap_2d(&detection.box2d) >= options.min_iou)
 }
 
-/// Claims that take part, highest score first, in file order where scores are equal.
-fn claims_by_score<'a>(claims: &'a [Claim], options: &RangingOptions) -> Vec<(&'a Claim, u32)> {
-    let takes_part = |claim: &Claim| {
-        let Detection { score, box2d, box3d, .. } = &claim.detection;
+/// Predictions that take part, highest score first, in file order where scores are equal.
+fn predictions_by_score<'a>(predictions: &'a [Prediction], options: &RangingOptions) -> Vec<(&'a Prediction, u32)> {
+    let takes_part = |prediction: &Prediction| {
+        let Detection { score, box2d, box3d, .. } = &prediction.detection;
         let [x, _, z] = box3d.location;
         let numbers = [*score, x, z, box2d.x1, box2d.y1, box2d.x2, box2d.y2];
         numbers.iter().all(|v| v.is_finite()) && options.min_score.is_none_or(|min| *score >= min)
     };
-    let mut taking_part: Vec<_> = claims.iter().zip(0..).filter(|(claim, _)| takes_part(claim)).collect();
+    let mut taking_part: Vec<_> =
+        predictions.iter().zip(0..).filter(|(prediction, _)| takes_part(prediction)).collect();
     // Stable, so equals stay in file order.
     taking_part.sort_by(|(a, _), (b, _)| b.detection.score.total_cmp(&a.detection.score));
     taking_part
@@ -129,9 +128,9 @@ fn target(label: &Label, [frame, position]: [u32; 2]) -> Option<Target> {
     })
 }
 
-fn measurement(detection: &Detection, claim: u32) -> Measurement {
+fn measurement(detection: &Detection, prediction: u32) -> Measurement {
     Measurement {
-        claim,
+        prediction,
         score: detection.score,
         depth_m: detection.box3d.depth_m(),
         ground_m: detection.box3d.ground_distance_m(),

@@ -1,8 +1,9 @@
 //! Errors of distance, by a protocol that is fixed so that figures can be audited (spec msfe-dgh.md, section 4).
 //!
-//! Per frame and class, detections take turns by score, highest first; each takes the free ground truth of its class with the largest 2D
-//! overlap, if that is at least [`MATCH_IOU`]. Errors are detection minus truth, of z and of the distance over the ground. Beside every
-//! error stands the share of objects that were found: a detector that keeps silent about hard objects has small errors and a small share.
+//! Per frame and class, detections take turns by score, highest first; each takes the free ground truth of its class
+//! with the largest 2D overlap, if that is at least [`MATCH_IOU`]. Errors are detection minus truth, of z and of the
+//! distance over the ground. Beside every error stands the share of objects that were found: a detector that keeps
+//! silent about hard objects has small errors and a small share.
 //!
 //! ```
 //! use farsight_eval::{Frame, ranging::{RangingReport, RangingOptions, targets}};
@@ -15,37 +16,21 @@
 mod bootstrap;
 mod calibration;
 mod compare;
-mod figures;
 mod matching;
+mod metrics;
 mod operating;
+mod options;
 mod report;
 mod slices;
 mod tally;
 
 pub use bootstrap::{Bootstrap, Interval};
-pub use calibration::{Calibration, CoverageRow};
+pub use calibration::{Calibration, CoveragePoint, CoverageRow};
 pub use compare::{ComparisonRow, Difference, RangingComparison};
-pub use figures::{Figure, Figures};
-pub use matching::{FalseAlarm, MATCH_IOU, Measurement, Target, matched, targets};
+pub use matching::{FalseAlarm, Measurement, Target, match_frame, targets};
+pub use metrics::{RangingMetric, RangingMetrics};
 pub use operating::{OperatingPoint, OperatingPoints};
-pub use report::{ClassRanging, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
+pub use options::{MATCH_IOU, RangingOptions};
+pub use report::{ClassRanging, FIXED_RECALL, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
 pub(crate) use slices::bin_middle_m;
 pub use slices::{DISTANCE_BINS, Group, Part, Slice};
-
-/// What can be chosen about the ranging protocol.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RangingOptions {
-    /// Detections with a lower score take no part; `None` takes all.
-    pub min_score: Option<f64>,
-    /// Smallest 2D overlap (`IoU`) at which a detection finds an object; [`MATCH_IOU`] in the protocol.
-    pub min_iou: f64,
-    /// How intervals are found; `None` leaves them out.
-    pub bootstrap: Option<Bootstrap>,
-}
-
-impl Default for RangingOptions {
-    /// All detections, 1,000 resamples.
-    fn default() -> Self {
-        Self { min_score: None, min_iou: MATCH_IOU, bootstrap: Some(Bootstrap::default()) }
-    }
-}

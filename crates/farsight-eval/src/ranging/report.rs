@@ -1,19 +1,19 @@
-//! The ranging report: every figure of every slice, with intervals.
+//! The ranging report: every metric of every slice, with intervals.
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
-use super::RangingOptions;
 use super::bootstrap::{Bootstrap, Interval};
 use super::calibration::Calibration;
-use super::figures::{Figure, Figures};
 use super::matching::Target;
+use super::metrics::{RangingMetric, RangingMetrics};
+use super::options::RangingOptions;
 use super::slices::{Group, Part, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
 
 /// The share of objects at which detectors are compared on equal terms.
-const FIXED_RECALL: f64 = 0.7;
+pub const FIXED_RECALL: f64 = 0.7;
 
 /// Ranging errors of a set of frames, by class; in JSON a map from class to groups.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +40,8 @@ pub struct GroupRanging {
     /// Over all of them.
     #[serde(flatten)]
     pub whole: SliceErrors,
-    /// With as many detections, best scores first, as it takes to find 70% of the objects; `None` when fewer are found at all.
+    /// With as many detections, best scores first, as it takes to find 70% of the objects; `None` when fewer are found
+    /// at all.
     #[serde(rename = "recall_0.7")]
     pub fixed_recall: Option<FixedRecall>,
     /// By true z.
@@ -72,10 +73,10 @@ pub struct SliceErrors {
     pub found: usize,
     /// The figures; `None` without anything to take the mean of.
     #[serde(flatten)]
-    pub figures: Figures<Option<f64>>,
+    pub metrics: RangingMetrics<Option<f64>>,
     /// 95% intervals, when they were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub intervals: Option<Figures<Option<Interval>>>,
+    pub intervals: Option<RangingMetrics<Option<Interval>>>,
 }
 
 /// Rows with names; in JSON a map in this order.
@@ -178,8 +179,10 @@ fn errors_of_slices<'a>(
     let errors = totals.iter().enumerate().map(|(row, tally)| SliceErrors {
         objects: tally.objects as usize,
         found: tally.found as usize,
-        figures: tally.figures(),
-        intervals: intervals.as_ref().map(|all| Figures::from_fn(|f| all[row * Figure::COUNT + f as usize])),
+        metrics: tally.metrics(),
+        intervals: intervals
+            .as_ref()
+            .map(|all| RangingMetrics::from_fn(|f| all[row * RangingMetric::COUNT + f as usize])),
     });
     errors.collect()
 }
@@ -188,5 +191,5 @@ fn errors_of_slices<'a>(
 fn values(tallies: &[Tally]) -> impl Iterator<Item = f64> {
     tallies
         .iter()
-        .flat_map(|tally| tally.figures().iter().map(|(_, value)| value.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .flat_map(|tally| tally.metrics().iter().map(|(_, value)| value.unwrap_or(f64::NAN)).collect::<Vec<_>>())
 }

@@ -1,9 +1,9 @@
-//! Sums over objects from which every figure follows; sums of frames add up, which is what the bootstrap needs.
+//! Sums over objects from which every metric follows; sums of frames add up, which is what the bootstrap needs.
 
 use std::collections::BTreeMap;
 
-use super::figures::{DELTA_FACTORS, Figure, Figures};
 use super::matching::Target;
+use super::metrics::{DELTA_FACTORS, RangingMetric, RangingMetrics};
 use super::slices::{Cell, Slice};
 
 /// Relative errors are taken against at least this distance, metres: an object at the camera itself has none.
@@ -49,25 +49,25 @@ impl Tally {
     }
 
     /// The figures; `None` where there is nothing to take a mean of.
-    pub(super) fn figures(&self) -> Figures<Option<f64>> {
+    pub(super) fn metrics(&self) -> RangingMetrics<Option<f64>> {
         let [depth, ground] = [&self.depth, &self.ground].map(|sums| sums.means(self.found));
-        Figures::from_fn(|figure| {
-            let value = match figure {
-                Figure::Share => self.found / self.objects,
-                Figure::MaeZ => depth.absolute,
-                Figure::RmseZ => depth.squared.sqrt(),
-                Figure::BiasZ => depth.signed,
-                Figure::AbsRelZ => depth.relative,
-                Figure::Delta105Z => depth.within[0],
-                Figure::Delta110Z => depth.within[1],
-                Figure::Delta125Z => depth.within[2],
-                Figure::MaeGround => ground.absolute,
-                Figure::RmseGround => ground.squared.sqrt(),
-                Figure::BiasGround => ground.signed,
-                Figure::AbsRelGround => ground.relative,
-                Figure::Delta105Ground => ground.within[0],
-                Figure::Delta110Ground => ground.within[1],
-                Figure::Delta125Ground => ground.within[2],
+        RangingMetrics::from_fn(|metric| {
+            let value = match metric {
+                RangingMetric::Share => self.found / self.objects,
+                RangingMetric::MaeZ => depth.absolute,
+                RangingMetric::RmseZ => depth.squared.sqrt(),
+                RangingMetric::BiasZ => depth.signed,
+                RangingMetric::AbsRelZ => depth.relative,
+                RangingMetric::Delta105Z => depth.within[0],
+                RangingMetric::Delta110Z => depth.within[1],
+                RangingMetric::Delta125Z => depth.within[2],
+                RangingMetric::MaeGround => ground.absolute,
+                RangingMetric::RmseGround => ground.squared.sqrt(),
+                RangingMetric::BiasGround => ground.signed,
+                RangingMetric::AbsRelGround => ground.relative,
+                RangingMetric::Delta105Ground => ground.within[0],
+                RangingMetric::Delta110Ground => ground.within[1],
+                RangingMetric::Delta125Ground => ground.within[2],
             };
             // 0 / 0: no objects, or none found.
             (!value.is_nan()).then_some(value)
@@ -75,7 +75,8 @@ impl Tally {
     }
 }
 
-/// The tallies of a set of objects, kept by frame and cell so that frames can be drawn at random and slices taken afterwards.
+/// The tallies of a set of objects, kept by frame and cell so that frames can be drawn at random and slices taken
+/// afterwards.
 pub(super) struct Tallies {
     /// Position of the frame, position of the cell, and what is there.
     entries: Vec<(usize, usize, Tally)>,
@@ -120,9 +121,9 @@ impl Tallies {
 }
 
 impl ErrorSums {
-    fn of(claimed_m: f64, true_m: f64) -> Self {
-        let error = claimed_m - true_m;
-        let ratio = (claimed_m / true_m).max(true_m / claimed_m);
+    fn of(predicted_m: f64, true_m: f64) -> Self {
+        let error = predicted_m - true_m;
+        let ratio = (predicted_m / true_m).max(true_m / predicted_m);
         // A distance of the wrong sign is right within no factor.
         let is_right = |factor: f64| f64::from(u8::from(ratio > 0.0 && ratio < factor));
         Self {

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use farsight_data::kitti::{RowKind, rows_as_devkit};
-use farsight_eval::{Claim, Frame};
+use farsight_eval::{Frame, Prediction};
 
-/// The folder that `variable` names, or `default` beside the project; prints why the test is skipped when it is not there.
+/// The folder that `variable` names, or `default` beside the project; prints why the test is skipped when it is not
+/// there.
 pub fn folder(variable: &str, default: &str) -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(default);
     let folder = std::env::var_os(variable).map_or(beside, PathBuf::from);
@@ -28,7 +29,7 @@ pub fn frame(labels: &Path, results: &Path, id: &str) -> Frame {
     Frame {
         id: id.to_owned(),
         labels: rows(labels, RowKind::Label).into_iter().map(|row| row.row.label).collect(),
-        claims: rows(results, RowKind::Result).into_iter().map(Claim::from).collect(),
+        predictions: rows(results, RowKind::Result).into_iter().map(Prediction::from).collect(),
     }
 }
 

@@ -1,5 +1,5 @@
-//! What must hold for any bytes in a file: nothing panics, and the readers agree. The fuzz targets and the replay of their saved inputs
-//! share these.
+//! What must hold for any bytes in a file: nothing panics, and the readers agree. The fuzz targets and the replay of
+//! their saved inputs share these.
 #![allow(dead_code, unreachable_pub)] // Each user takes a part.
 #![allow(clippy::expect_used)] // A broken law is a finding.
 
@@ -8,9 +8,9 @@ use std::path::Path;
 use farsight_data::kitti::rows::{rows_from_text, rows_from_text_lenient};
 use farsight_data::kitti::{Calibration, DevkitRow, RowKind, rows_as_devkit};
 use farsight_eval::ap::{Metric, OverlapSet};
-use farsight_eval::explain::{View, explain};
+use farsight_eval::explain::{ExplainOptions, explain};
 use farsight_eval::ranging::{Bootstrap, RangingOptions};
-use farsight_eval::{Claim, Evaluation, Frame};
+use farsight_eval::{Evaluation, Frame, Prediction};
 
 const LABELS: &str = "\
 Car 0.00 0 1.55 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 1.62
@@ -60,11 +60,11 @@ fn readers_agree(text: &str, kind: RowKind) -> Vec<DevkitRow> {
     devkit.rows
 }
 
-fn evaluate(labels: Vec<DevkitRow>, claims: Vec<DevkitRow>) {
+fn evaluate(labels: Vec<DevkitRow>, predictions: Vec<DevkitRow>) {
     let frame = Frame {
         id: String::new(),
         labels: labels.into_iter().map(|read| read.row.label).collect(),
-        claims: claims.into_iter().map(Claim::from).collect(),
+        predictions: predictions.into_iter().map(Prediction::from).collect(),
     };
     let bootstrap = Some(Bootstrap { resamples: 2, seed: 0 });
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap, ..RangingOptions::default() });
@@ -72,7 +72,7 @@ fn evaluate(labels: Vec<DevkitRow>, claims: Vec<DevkitRow>) {
     let report = evaluation.report();
     drop(farsight_eval::text::lines(&report));
     for metric in Metric::ALL {
-        let told = explain(&frame, &View { metric, overlaps: OverlapSet::Strict, min_score: None });
-        assert_eq!((told.objects.len(), told.claims.len()), (frame.labels.len(), frame.claims.len()));
+        let told = explain(&frame, &ExplainOptions { metric, overlaps: OverlapSet::Strict, min_score: None });
+        assert_eq!((told.objects.len(), told.predictions.len()), (frame.labels.len(), frame.predictions.len()));
     }
 }

@@ -72,10 +72,10 @@ impl Builder {
         self.push(Op::Conv { weight, bias: None, window, groups: 1 }, &[x], channels)
     }
 
-    /// A depthwise 3x3 convolution without bias.
-    pub fn depthwise_conv(&mut self, x: NodeId, name: &str) -> NodeId {
+    /// A depthwise 3x3 convolution without bias, whose output has the input's size divided by `stride`.
+    pub fn depthwise_conv(&mut self, x: NodeId, name: &str, stride: usize) -> NodeId {
         let channels = self.channels(x);
-        let window = Window::same(3, 1);
+        let window = Window::same(3, stride);
         let weight =
             self.parameter(format!("{name}.weight"), &[channels, 1, 3, 3], Init::Normal((2.0 / 9.0_f32).sqrt()));
         self.push(Op::Conv { weight, bias: None, window, groups: channels }, &[x], channels)

@@ -156,7 +156,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::Dimensions;
+    use farsight_core::Dimensions;
 
     const IMAGE: [usize; 2] = [1242, 375];
     const SIDE: usize = 72;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::plate_reader::geometry::EXPECTED_WIDTH;
 use crate::refiner::geometry::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT};
 use crate::plate_reader::PlateConfig;
+use farsight_data::annotations::Plates;
 use serde::Serialize;
 use tch::{Kind, Tensor};
 
@@ -31,7 +32,7 @@ pub fn train(
 ) -> Result<PathBuf, TrainError> {
     let run = &job.run;
     let (session, source) = Session::open(job)?;
-    if !source.knows_plates() {
+    if !source.has::<Plates>() {
         return Err(TrainError::NoPlates);
     }
     let sampler =

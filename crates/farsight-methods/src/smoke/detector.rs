@@ -2,113 +2,81 @@
 
 use farsight_core::detection::{DecodeOptions, View};
 use farsight_core::{Camera, ClassReference, Detection};
-use farsight_onnx::INPUT;
+use farsight_graph::model::NetworkConfig;
 use farsight_runtime::timing::timed;
-use farsight_runtime::{EngineError, Runner, StageTimes, Tensor, TensorView};
+use farsight_runtime::{EngineError, Runner, StageTimes, Tensor};
 use image::RgbImage;
 
-use super::codec::CHANNELS;
+use super::codec::{CHANNELS, STRIDE};
 use super::decode::{HeadMaps, detections, detections_at_peaks};
-use super::network::LOGITS;
-use super::{DetectorSpec, SparseHead};
+use super::network::{LOGITS, REGRESSION};
+use super::{Codec, SmokeConfig, SparseHead};
+use crate::batch::{InputBatch, output};
 use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::input_spec::InputSpec;
 
 /// A SMOKE model ready to look at images.
 pub struct SmokeDetector {
     runner: Box<dyn Runner>,
-    spec: DetectorSpec,
+    input: InputSpec,
+    codec: Codec,
     /// What the runner's network leaves to be done at the peaks.
     head: Option<SparseHead>,
-    /// The network's inputs, kept from batch to batch.
-    inputs: Vec<Vec<f32>>,
+    /// The output that has the regression, or the features that the head reads.
+    regression: String,
+    batch: InputBatch,
 }
 
 impl SmokeDetector {
-    /// The model of `spec`, which `runner` runs. A network that ends before its regression head has it in `head`.
-    pub fn new(runner: Box<dyn Runner>, spec: DetectorSpec, head: Option<SparseHead>) -> Self {
-        Self { runner, spec, head, inputs: Vec::new() }
+    /// The model of `config`, which `runner` runs. A network that ends before its regression head has it in `head`.
+    pub fn new(runner: Box<dyn Runner>, config: &SmokeConfig, head: Option<SparseHead>) -> Self {
+        Self::with_input(runner, config.input_spec(), config.codec(), head)
     }
 
-    /// What it knows of the model.
-    pub fn spec(&self) -> &DetectorSpec {
-        &self.spec
+    /// As [`SmokeDetector::new`], for inputs of another size than the config's.
+    pub fn with_input(runner: Box<dyn Runner>, input: InputSpec, codec: Codec, head: Option<SparseHead>) -> Self {
+        let other = runner.outputs().iter().find(|output| output.name != LOGITS);
+        let regression = other.map_or_else(|| REGRESSION.to_owned(), |output| output.name.clone());
+        Self { runner, input, codec, head, regression, batch: InputBatch::default() }
     }
 
-    /// The outputs of the network for the inputs of several images, which are kept.
-    fn outputs(&mut self, [width, height]: [usize; 2]) -> Result<Vec<Tensor>, EngineError> {
-        let joined;
-        let values = match &self.inputs[..] {
-            [one] => one,
-            several => {
-                joined = several.concat();
-                &joined
-            }
-        };
-        let shape = [self.inputs.len(), 3, height, width];
-        self.runner.run(&[(INPUT, TensorView { shape: &shape, values })])
+    /// How images become inputs.
+    pub fn input(&self) -> &InputSpec {
+        &self.input
     }
 
-    /// Width and height of the input that all images need; none without images.
-    fn common_input_size(&self, images: &[(&RgbImage, &Camera)]) -> Result<Option<[usize; 2]>, DetectError> {
-        let mut common: Option<[usize; 2]> = None;
-        for (index, (image, camera)) in images.iter().enumerate() {
-            let (width, height) = image.dimensions();
-            if width == 0 || height == 0 {
-                return Err(DetectError::Empty { width, height });
-            }
-            let found = self.spec.input_for([width as usize, height as usize], camera).size;
-            let expected = *common.get_or_insert(found);
-            if found != expected {
-                return Err(DetectError::InputSize { index, found, expected });
-            }
-        }
-        Ok(common)
-    }
-
-    /// Fills the inputs; returns how each of them sees the world.
-    fn warped(&mut self, images: &[(&RgbImage, &Camera)]) -> Vec<View> {
-        self.inputs.resize_with(images.len(), Vec::new);
-        let one = |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| {
-            self.spec.input_into(input, image, camera).1
-        };
-        images.iter().zip(&mut self.inputs).map(one).collect()
+    /// What its answers mean.
+    pub fn codec(&self) -> &Codec {
+        &self.codec
     }
 
     fn decoded(&self, maps: &HeadMaps, view: &View, options: &DecodeOptions) -> Vec<Detection> {
-        let codec = &self.spec.codec;
+        let codec = &self.codec;
         let Some(head) = &self.head else { return detections(codec, maps, view, options) };
         let regression = |cell| head.regression(&maps.regression, maps.map_size, cell);
         detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
     }
 
-    /// The maps of each image. The decoder relies on their number and sizes, and an engine runs files that others made.
-    fn maps(&self, outputs: Vec<Tensor>, images: usize, input_size: [usize; 2]) -> Result<Vec<HeadMaps>, DetectError> {
-        let [width, height] = DetectorSpec::map_size(input_size);
-        let channels = [self.spec.codec.classes.len(), self.head.as_ref().map_or(CHANNELS, SparseHead::channels)];
-        let (mut logits, mut regression) = (None, None);
-        for (info, tensor) in self.runner.outputs().iter().zip(outputs) {
-            let (map, channels, place) = if info.name == LOGITS {
-                ("heatmap", channels[0], &mut logits)
-            } else {
-                ("regression map", channels[1], &mut regression)
-            };
-            let expected = [images, channels, height, width];
-            if tensor.shape != expected || tensor.values.len() != expected.iter().product::<usize>() {
-                let engine = self.runner.engine().to_owned();
-                return Err(DetectError::Maps { engine, map, found: tensor.shape, expected });
-            }
-            *place = Some(tensor);
-        }
-        match (logits, regression) {
-            (Some(logits), Some(regression)) => Ok(HeadMaps::of_batch(logits, regression)),
-            _ => Err(EngineError::new(self.runner.engine(), "it did not give the two outputs of the network").into()),
-        }
+    /// The maps of each image. The decoder relies on their number and sizes.
+    fn maps(
+        &self,
+        mut outputs: Vec<Tensor>,
+        images: usize,
+        input_size: [usize; 2],
+    ) -> Result<Vec<HeadMaps>, DetectError> {
+        let [width, height] = input_size.map(|side| side / STRIDE);
+        let channels = self.head.as_ref().map_or(CHANNELS, SparseHead::channels);
+        let expected = [images, self.codec.classes.len(), height, width];
+        let logits = output(&*self.runner, &mut outputs, LOGITS, expected)?;
+        let expected = [images, channels, height, width];
+        let regression = output(&*self.runner, &mut outputs, &self.regression, expected)?;
+        Ok(HeadMaps::of_batch(logits, regression))
     }
 }
 
 impl Detector for SmokeDetector {
     fn method(&self) -> &'static str {
-        "smoke"
+        SmokeConfig::METHOD
     }
 
     fn engine(&self) -> &str {
@@ -116,19 +84,19 @@ impl Detector for SmokeDetector {
     }
 
     fn classes(&self) -> &[ClassReference] {
-        &self.spec.codec.classes
+        &self.codec.classes
     }
 
     fn has_error_bars(&self) -> bool {
-        self.spec.codec.depth.error.is_some()
+        self.codec.depth.error.is_some()
     }
 
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
-        self.spec.input_for(image_size, camera).size
+        self.input.input_for(image_size, camera).size
     }
 
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
-        self.spec.unfamiliar(image_size, camera)
+        self.input.unfamiliar(image_size, camera)
     }
 
     /// 2D boxes are projected by the whole camera even for models that see it without its fourth column, so that they lie where the image shows the object;
@@ -138,9 +106,9 @@ impl Detector for SmokeDetector {
         images: &[(&RgbImage, &Camera)],
         options: &DecodeOptions,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let Some(size) = self.common_input_size(images)? else { return Ok((Vec::new(), StageTimes::default())) };
-        let (views, warp) = timed(|| self.warped(images));
-        let (outputs, network) = timed(|| self.outputs(size));
+        let (filled, warp) = timed(|| self.batch.fill(images, &self.input));
+        let Some((size, views)) = filled? else { return Ok((Vec::new(), StageTimes::default())) };
+        let (outputs, network) = timed(|| self.batch.run(&mut *self.runner, size));
         let maps = self.maps(outputs?, images.len(), size)?;
         let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view, options)).collect();
         let (answers, decode) = timed(decoded);
@@ -148,6 +116,7 @@ impl Detector for SmokeDetector {
     }
 
     fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
-        Ok(Box::new(Self::new(self.runner.share()?, self.spec.clone(), self.head.clone())))
+        let (runner, codec) = (self.runner.share()?, self.codec.clone());
+        Ok(Box::new(Self::with_input(runner, self.input.clone(), codec, self.head.clone())))
     }
 }

@@ -12,7 +12,6 @@ pub mod import;
 pub mod network;
 pub mod sensitivity;
 pub mod sparse_head;
-pub mod spec;
 pub mod targets;
 #[cfg(feature = "train")]
 pub mod train;
@@ -26,7 +25,6 @@ pub use detector::SmokeDetector;
 pub use facts::{DetectorFile, ReadError};
 pub use network::{FEATURES, LOGITS, REGRESSION, SURFACE};
 pub use sparse_head::SparseHead;
-pub use spec::DetectorSpec;
 
 /// A SMOKE network with its weights.
 pub type SmokeModel = Model<SmokeConfig>;

@@ -4,9 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use farsight_core::Codec;
-use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::ItemError;
-use farsight_data::{Batch, Position};
+use farsight_data::{Batch, DatasetError, Position};
 use farsight_graph::layers::{network, with_surface_head};
 use farsight_graph::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
 use farsight_graph::model::{Model, ModelError};
@@ -170,7 +169,7 @@ impl<'a> Detector<'a> {
 
     fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {
         let run = self.run;
-        let mut weights = self.learner.network.weights();
+        let mut weights = self.learner.weights();
         let facts = serde_json::json!({
             "steps": progress.steps,
             "epochs": run.train.epochs,

@@ -1,17 +1,15 @@
 //! Import of checkpoints that PyTorch itself wrote (`scripts/make_checkpoint_fixtures.py`).
 
-#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use farsight_core::input::{ChannelOrder, Sampling};
-use farsight_import::{
-    CheckpointProblem, ImagenetNorms, ImportOptions, Imported, Layout, canonical_names, import, is_dead, read_pth,
-    tensors_from_pth,
-};
-use farsight_methods::smoke::config::{SmokeConfig, Quirks};
 use farsight_graph::weights::{WeightTensor, Weights};
+use farsight_import::{CheckpointProblem, read_pth, tensors_from_pth};
+use farsight_methods::smoke::import::{
+    ImagenetNorms, ImportOptions, Imported, Layout, canonical_names, import, is_dead,
+};
+use farsight_methods::smoke::{Quirks, SmokeConfig};
 use proptest::prelude::*;
 
 /// Parameters of the 16-channel network, as the script prints them.

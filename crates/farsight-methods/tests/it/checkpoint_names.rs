@@ -1,10 +1,8 @@
 //! The naming rules against the table of the specification, which was read off the real modules.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic and print")]
-
 use std::path::{Path, PathBuf};
 
-use farsight_import::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
+use farsight_methods::smoke::import::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 
 /// One row of `statedict_map.csv`.
 struct Row {

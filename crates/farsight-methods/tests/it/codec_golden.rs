@@ -2,10 +2,12 @@
 
 use std::f64::consts::PI;
 
-use farsight_methods::smoke::codec::{DepthReference, Encoded, Regression};
-use farsight_methods::smoke::targets::feature_camera;
-use farsight_core::{Affine2, Box2d, Box3d, Camera, ClassReference, Codec, Dimensions, wrapped_angle};
+use farsight_core::DepthReference;
+use farsight_core::{Affine2, Box2d, Box3d, Camera, ClassReference, Dimensions, wrapped_angle};
 use farsight_data::Transform;
+use farsight_methods::smoke::Codec;
+use farsight_methods::smoke::codec::{Encoded, Regression};
+use farsight_methods::smoke::targets::feature_camera;
 
 use crate::material::Golden;
 

@@ -1,12 +1,13 @@
 //! A detector whose engine answers with a known scene must find that scene.
-#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
-use farsight_methods::smoke::codec::{CHANNELS, STRIDE};
 use farsight_core::detection::DecodeOptions;
+use farsight_core::{Box3d, Camera, Detection, Dimensions, ObjectClass};
+use farsight_methods::smoke::codec::{CHANNELS, STRIDE};
 use farsight_methods::smoke::targets::feature_camera;
-use farsight_core::{Box3d, Camera, Dimensions, HeadMaps, ObjectClass};
-use farsight_infer::{DetectError, Detector, DetectorSpec, Engine, EngineError};
-use farsight_methods::smoke::config::SmokeConfig;
+use farsight_methods::smoke::{LOGITS, REGRESSION, SmokeConfig, SmokeDetector};
+use farsight_methods::{DetectError, Detector};
+use farsight_onnx::TensorInfo;
+use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
 use image::RgbImage;
 
 /// Head maps are single precision: a part in ten million of a depth of 60 m, magnified by the exponentials.
@@ -18,34 +19,58 @@ const SCORE: f64 = 0.8;
 struct Painter {
     object: Box3d,
     class: usize,
-    spec: DetectorSpec,
+    config: SmokeConfig,
     image_size: [usize; 2],
     camera: Camera,
+    outputs: Vec<TensorInfo>,
 }
 
-impl Engine for Painter {
-    fn name(&self) -> &'static str {
+/// Outputs of a SMOKE network.
+fn outputs() -> Vec<TensorInfo> {
+    [LOGITS, REGRESSION].map(|name| TensorInfo { name: name.to_owned(), channels: None }).into()
+}
+
+impl Runner for Painter {
+    fn engine(&self) -> &'static str {
         "painter"
     }
 
-    fn batch_head_maps(&mut self, input: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
-        let rules = self.spec.input_for(self.image_size, &self.camera);
+    fn inputs(&self) -> &[TensorInfo] {
+        &[]
+    }
+
+    fn outputs(&self) -> &[TensorInfo] {
+        &self.outputs
+    }
+
+    fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
+        let [(_, TensorView { shape: &[1, 3, input_height, input_width], values })] = *inputs else {
+            panic!("one image")
+        };
+        let input_size = [input_width, input_height];
+        let rules = self.config.input_spec().input_for(self.image_size, &self.camera);
         assert_eq!(input_size, rules.size);
-        assert_eq!(input.len(), 3 * input_size[0] * input_size[1]);
-        let model_camera = self.spec.quirks.camera(&self.camera);
+        assert_eq!(values.len(), 3 * input_size[0] * input_size[1]);
+        let model_camera = self.config.quirks.camera(&self.camera);
         let camera = feature_camera(&model_camera.transformed(&rules.whole_image(self.image_size)));
-        let map_size @ [width, height] = input_size.map(|side| side / STRIDE);
+        let [width, height] = input_size.map(|side| side / STRIDE);
         let area = width * height;
 
-        let encoded = self.spec.codec.encode(&self.object, self.class, &camera).unwrap();
+        let classes = self.config.classes.len();
+        let encoded = self.config.codec().encode(&self.object, self.class, &camera).unwrap();
         let at = encoded.cell[1] * width + encoded.cell[0];
-        let mut logits = vec![-9.0; self.spec.codec.classes.len() * area];
+        let mut logits = vec![-9.0; classes * area];
         logits[self.class * area + at] = (SCORE / (1.0 - SCORE)).ln() as f32;
         let mut regression = vec![0.0; CHANNELS * area];
         for (channel, value) in raw(&encoded.regression).into_iter().enumerate() {
             regression[channel * area + at] = value as f32;
         }
-        Ok(vec![HeadMaps { logits, regression, map_size }])
+        let tensor = |channels, values| Tensor { shape: vec![1, channels, height, width], values };
+        Ok(vec![tensor(classes, logits), tensor(CHANNELS, regression)])
+    }
+
+    fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
+        Err(EngineError::new("painter", "there is one"))
     }
 }
 
@@ -55,10 +80,6 @@ fn raw(regression: &farsight_methods::smoke::codec::Regression<f64>) -> [f64; CH
     let [dx, dy] = regression.offset;
     let [s, c] = regression.direction;
     [regression.depth, dx, dy, l, h, w, s, c]
-}
-
-fn spec(config: &SmokeConfig) -> DetectorSpec {
-    DetectorSpec::new(config, DecodeOptions::default())
 }
 
 fn car(location: [f64; 3], yaw: f64) -> Box3d {
@@ -88,10 +109,10 @@ fn a_known_box_comes_back() {
         ("full HD, at the lower border", SmokeConfig::default(), hd, [1920, 1080], car([0.5, 3.6, 6.0], 0.3)),
     ];
     for (name, config, camera, image_size, object) in table {
-        let spec = spec(&config);
-        let engine = Painter { object, class: 0, spec: spec.clone(), image_size, camera };
+        let engine = Painter { object, class: 0, config: config.clone(), image_size, camera, outputs: outputs() };
         let image = RgbImage::new(image_size[0] as u32, image_size[1] as u32);
-        let found = Detector::new(Box::new(engine), spec).detect(&image, &camera).unwrap();
+        let found =
+            detect(&mut SmokeDetector::new(Box::new(engine), &config, None), &[(&image, &camera)]).unwrap().remove(0);
         assert_eq!(found.len(), 1, "{name}");
         let detection = &found[0];
         assert_eq!(detection.class, ObjectClass::Car);
@@ -106,39 +127,58 @@ fn a_known_box_comes_back() {
     }
 }
 
-/// Answers with maps of the wrong size.
-struct Wrong;
+fn detect(detector: &mut SmokeDetector, images: &[(&RgbImage, &Camera)]) -> Result<Vec<Vec<Detection>>, DetectError> {
+    detector.detect_batch(images, &DecodeOptions::default()).map(|(found, _)| found)
+}
 
-impl Engine for Wrong {
-    fn name(&self) -> &'static str {
+/// Answers with a regression map of the wrong size.
+struct Wrong(Vec<TensorInfo>);
+
+impl Runner for Wrong {
+    fn engine(&self) -> &'static str {
         "wrong"
     }
 
-    fn batch_head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
-        let map_size = input_size.map(|side| side / STRIDE);
-        let logits = vec![0.0; 3 * map_size[0] * map_size[1]];
-        Ok(vec![HeadMaps { logits, regression: vec![0.0; 7], map_size }])
+    fn inputs(&self) -> &[TensorInfo] {
+        &[]
     }
+
+    fn outputs(&self) -> &[TensorInfo] {
+        &self.0
+    }
+
+    fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
+        let shape = inputs[0].1.shape;
+        let logits = vec![shape[0], 3, shape[2] / STRIDE, shape[3] / STRIDE];
+        let values = vec![0.0; logits.iter().product()];
+        Ok(vec![Tensor { shape: logits, values }, Tensor { shape: vec![1, 7, 1, 1], values: vec![0.0; 7] }])
+    }
+
+    fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
+        Ok(Box::new(Self(self.0.clone())))
+    }
+}
+
+fn wrong() -> SmokeDetector {
+    SmokeDetector::new(Box::new(Wrong(outputs())), &SmokeConfig::default(), None)
 }
 
 #[test]
 fn maps_that_do_not_fit_are_an_error() {
-    let mut detector = Detector::new(Box::new(Wrong), spec(&SmokeConfig::default()));
-    let error = detector.detect(&RgbImage::new(1242, 375), &kitti()).unwrap_err();
-    let expected = "the engine wrong gave 7 values of the regression map; expected 245760 for 320 x 96 cells";
+    let error = detect(&mut wrong(), &[(&RgbImage::new(1242, 375), &kitti())]).unwrap_err();
+    let expected = "the engine wrong gave \"reg_raw\" of the shape [1, 7, 1, 1]; expected [1, 8, 96, 320]";
     assert_eq!(error.to_string(), expected);
-    let error = detector.detect(&RgbImage::new(0, 375), &kitti()).unwrap_err();
+    let error = detect(&mut wrong(), &[(&RgbImage::new(0, 375), &kitti())]).unwrap_err();
     assert!(matches!(error, DetectError::Empty { width: 0, height: 375 }));
 }
 
 #[test]
 fn images_of_a_batch_need_inputs_of_one_size() {
-    let mut detector = Detector::new(Box::new(Wrong), spec(&SmokeConfig::default()));
     let (wide, high) = (RgbImage::new(1242, 375), RgbImage::new(640, 480));
-    let error = detector.detect_batch_timed(&[(&wide, &kitti()), (&high, &kitti())]).unwrap_err();
+    let error = detect(&mut wrong(), &[(&wide, &kitti()), (&high, &kitti())]).unwrap_err();
     let expected = "image 1 of the batch needs an input of [1280, 960] pixels; the first one needs [1280, 384]";
     assert_eq!(error.to_string(), expected);
-    assert!(detector.detect_batch_timed(&[]).unwrap().0.is_empty());
-    let error = detector.detect_batch_timed(&[(&wide, &kitti()), (&wide, &kitti())]).unwrap_err();
-    assert!(matches!(error, DetectError::Maps { found: 7, .. }), "{error}");
+    assert!(detect(&mut wrong(), &[]).unwrap().is_empty());
+    let error = detect(&mut wrong(), &[(&wide, &kitti()), (&wide, &kitti())]).unwrap_err();
+    assert!(matches!(error, DetectError::Maps { .. }), "{error}");
 }

@@ -1,8 +1,9 @@
 //! The geometry of the core crate over every camera and label of KITTI.
 
-use farsight_methods::smoke::codec::DepthReference;
+use farsight_core::DepthReference;
+use farsight_core::{Affine2, Camera, ClassReference, Label, ObjectClass, wrapped_angle};
+use farsight_methods::smoke::Codec;
 use farsight_methods::smoke::targets::feature_camera;
-use farsight_core::{Affine2, Camera, ClassReference, Codec, Label, ObjectClass, wrapped_angle};
 
 use crate::material::{IMAGE_SIZE, all_views};
 

@@ -1,18 +1,20 @@
 //! Heat maps, corner loss and decoding against an independent implementation, computed in f64 (goldens `heatmaps`, `disentangled`,
 //! `topk_decode`). The files are found through `FARSIGHT_GOLDEN` (default `../shared/golden` beside the workspace).
 // Clippy's exceptions for tests reach functions marked `#[test]`, not the helpers beside them.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::path::Path;
 
+use farsight_core::DepthReference;
 use farsight_core::box3d::NEAR_PLANE_M;
-use farsight_methods::smoke::codec::{DepthReference, Regression};
-use farsight_methods::smoke::corner_loss::corner_loss;
-use farsight_core::detection::{Detection, View, detection};
+use farsight_core::detection::{Detection, View};
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::peaks::peaks;
+use farsight_core::{Affine2, Box3d, Camera, ClassReference, Dimensions, wrapped_angle};
+use farsight_methods::smoke::Codec;
+use farsight_methods::smoke::codec::Regression;
+use farsight_methods::smoke::corner_loss::corner_loss;
+use farsight_methods::smoke::decode::detection;
 use farsight_methods::smoke::targets::ObjectTarget;
-use farsight_core::{Affine2, Box3d, Camera, ClassReference, Codec, Dimensions, wrapped_angle};
 use safetensors::SafeTensors;
 
 const MAP: [usize; 2] = [320, 96];

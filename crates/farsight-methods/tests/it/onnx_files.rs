@@ -1,23 +1,22 @@
 //! Files that are read: good ones, and those of strangers.
-#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
-
-mod laws;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_graph::layers::network;
-use farsight_methods::smoke::config::{SmokeConfig, NormKind};
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::Model;
-use farsight_onnx::{Facts, OnnxModel, PeaksOnly, Target, key};
+use farsight_graph::layers::NormKind;
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::{DetectorFile, REGRESSION};
+use farsight_onnx::{LocalHeadFile, OnnxModel, Target, key};
 
 fn corpus() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/model")
 }
 
-fn read(name: &str) -> Result<OnnxModel, String> {
-    OnnxModel::from_bytes(fs::read(corpus().join(name)).unwrap(), Path::new("m.onnx"))
+fn read(name: &str) -> Result<DetectorFile, String> {
+    DetectorFile::from_bytes(fs::read(corpus().join(name)).unwrap(), Path::new("m.onnx"))
         .map_err(|error| error.to_string())
 }
 
@@ -28,7 +27,7 @@ fn saved_inputs() {
     for entry in [corpus(), artifacts].iter().filter_map(|folder| fs::read_dir(folder).ok()).flatten() {
         let path = entry.unwrap().path();
         eprintln!("{}", path.display());
-        laws::model(&fs::read(&path).unwrap());
+        crate::laws::model(&fs::read(&path).unwrap());
         replayed += 1;
     }
     assert!(replayed > 10);
@@ -39,7 +38,7 @@ fn a_file_cut_anywhere_is_an_error() {
     let bytes = fs::read(corpus().join("whole")).unwrap();
     assert!(OnnxModel::from_bytes(bytes.clone(), Path::new("m.onnx")).is_ok());
     for length in 0..bytes.len() {
-        laws::model(&bytes[..length]);
+        crate::laws::model(&bytes[..length]);
         assert!(OnnxModel::from_bytes(bytes[..length].to_vec(), Path::new("m.onnx")).is_err(), "{length} bytes");
     }
 }
@@ -70,14 +69,18 @@ fn files_of_strangers() {
     }
 }
 
+fn names(file: &LocalHeadFile) -> Vec<&str> {
+    file.model.outputs().iter().map(|output| output.name.as_str()).collect()
+}
+
 #[test]
 fn heads_of_strangers() {
-    let cut = |name: &str| PeaksOnly::new(&read(name).unwrap(), Path::new("m.onnx"));
+    let cut = |name: &str| LocalHeadFile::new(&read(name).unwrap().onnx, REGRESSION, Path::new("m.onnx"));
     let whole = cut("whole").unwrap().unwrap();
-    assert_eq!(whole.model.outputs(), ["cls_logits", "neck"]);
+    assert_eq!(names(&whole), ["cls_logits", "neck"]);
     assert_eq!((&whole.hidden.weight.shape[..], whole.hidden.bias.values.len()), (&[3, 4, 3, 3][..], 3));
     let quantized = cut("quantized").unwrap().unwrap();
-    assert_eq!(quantized.model.outputs(), ["cls_logits", "neck/rounded"]);
+    assert_eq!(names(&quantized), ["cls_logits", "neck/rounded"]);
     assert_eq!(quantized.hidden, whole.hidden, "the head itself stays in float");
     let table = [
         ("quantized_head", "constant \"stem.weight\" holds no floats"),
@@ -95,13 +98,14 @@ fn heads_of_strangers() {
 #[test]
 fn facts_of_a_model_travel_with_it() {
     let config = SmokeConfig { input: [96, 64], width: 0.25, norm: NormKind::Batch, ..SmokeConfig::default() };
-    let mut weights = initial_weights(&network(&config), 1);
+    let mut weights = initial_weights(&config.graph(), 1);
     weights.metadata.insert(key::TRAINING.to_owned(), "{\"steps\":7}".to_owned());
     weights.metadata.insert("other".to_owned(), "stays behind".to_owned());
-    let model = Model::new(config.clone(), weights).unwrap();
-    let file = OnnxModel::from_model(&model, Target::Portable, Path::new("in memory")).unwrap();
-    assert_eq!(*file.config(), config);
-    let expected = Facts::new(&model, Target::Portable);
+    let model = SmokeModel::new(config.clone(), weights).unwrap();
+    let file = DetectorFile::from_model(&model, Target::Portable, Path::new("in memory")).unwrap();
+    assert_eq!(file.config, config);
+    let file = file.onnx;
+    let expected = DetectorFile::facts(&model, Target::Portable);
     for (key, value) in expected.entries() {
         assert_eq!(file.facts().get(&key), Some(value.as_str()), "{key}");
     }
@@ -115,6 +119,6 @@ fn facts_of_a_model_travel_with_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.safetensors");
     model.write(&path).unwrap();
-    let read = OnnxModel::read_any(&path, Target::Portable).unwrap();
-    assert_eq!(read.bytes(), file.bytes(), "the same model gives the same file");
+    let read = DetectorFile::read(&path, Target::Portable).unwrap();
+    assert_eq!(read.onnx.bytes(), file.bytes(), "the same model gives the same file");
 }

@@ -1,18 +1,20 @@
 //! Structured pruning: what is left is a network of the same kind.
 
-#![allow(missing_docs, clippy::unwrap_used)]
-
-use farsight_graph::layers::{NeckKind, NormKind};
-use farsight_methods::smoke::config::{SmokeConfig, Msfe, Stem};
-use farsight_graph::graph::{LOGITS, REGRESSION};
+use farsight_graph::graph::Role;
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::Model;
+use farsight_graph::layers::{Msfe, Stem};
+use farsight_graph::layers::{NeckKind, NormKind};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::prune::{PruneError, prune};
-use farsight_net::{build::network, graph::Role};
+use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::{LOGITS, REGRESSION};
 
-fn model(config: SmokeConfig) -> Model {
-    let weights = initial_weights(&network(&config), 7);
-    Model::new(config, weights).unwrap()
+use farsight_methods::smoke::network::Backbone;
+
+fn model(config: SmokeConfig) -> SmokeModel {
+    let weights = initial_weights(&config.graph(), 7);
+    SmokeModel::new(config, weights).unwrap()
 }
 
 fn configs() -> Vec<(String, SmokeConfig)> {
@@ -25,6 +27,9 @@ fn configs() -> Vec<(String, SmokeConfig)> {
             configs.push((format!("{msfe:?} {norm:?} {neck:?}"), config));
         }
     }
+    let (backbone, norm) = (Backbone::MobilenetV2, NormKind::Batch);
+    let mobile = SmokeConfig { backbone, norm, msfe: Msfe::A, neck: NeckKind::Plain, ..SmokeConfig::default() };
+    configs.push(("mobile".to_owned(), mobile));
     configs
 }
 
@@ -34,10 +39,10 @@ fn every_kind_of_network_stays_a_network() {
         let whole = model(config.clone());
         let pruned = prune(&whole, 0.5).unwrap();
         for output in [LOGITS, REGRESSION] {
-            let channels = |model: &Model| model.graph.nodes[model.graph.tap(output).unwrap()].channels;
+            let channels = |model: &SmokeModel| model.graph.nodes[model.graph.tap(output).unwrap()].channels;
             assert_eq!(channels(&pruned), channels(&whole), "{name}: {output}");
         }
-        let size = |model: &Model| {
+        let size = |model: &SmokeModel| {
             let used = model.graph.parameters.iter().filter(|p| p.role != Role::Unused);
             used.map(farsight_graph::graph::Parameter::len).sum::<usize>() as f64
         };
@@ -68,7 +73,7 @@ fn a_pruned_model_comes_back_from_its_file() {
     let (_, config) = configs().remove(2);
     let pruned = prune(&model(config), 0.5).unwrap();
     pruned.write(&path).unwrap();
-    let read = Model::read(&path).unwrap();
+    let read = SmokeModel::read(&path).unwrap();
     assert!(read.is_narrowed());
     assert_eq!(read.graph, pruned.graph);
     assert_eq!(read.weights.tensors, pruned.weights.tensors);
@@ -81,7 +86,7 @@ fn tensors_that_do_not_fit_each_other_are_named() {
     let mut weights = pruned.weights;
     let name = "heads.predictor.class_head.0.weight";
     weights.tensors.get_mut(name).unwrap().shape[1] += 1;
-    let error = Model::narrowed(config, weights).unwrap_err().to_string();
+    let error = SmokeModel::narrowed(config, weights).unwrap_err().to_string();
     assert!(error.contains(name), "{error}");
 }
 

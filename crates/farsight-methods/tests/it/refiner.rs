@@ -1,15 +1,16 @@
 //! The shipped refiner on a shipped scene.
-#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
-#![cfg(feature = "rten")]
 
 use std::path::{Path, PathBuf};
 
-use farsight_methods::refiner::geometry::Refinement;
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
 use farsight_data::kitti::Calibration;
 use farsight_data::read_image;
-use farsight_infer::{Refiner, Sides};
 use farsight_methods::refiner::RefinerModel;
+use farsight_methods::refiner::geometry::Refinement;
+use farsight_methods::refiner::{Refiner, Sides};
+use farsight_methods::roi::{RoiRunner, runner::onnx};
+use farsight_onnx::Target;
+use farsight_runtime::RtenRunner;
 use image::RgbImage;
 
 fn file(name: &str) -> PathBuf {
@@ -23,7 +24,8 @@ fn scene() -> (RgbImage, Camera) {
 
 fn refiner() -> Refiner {
     let model = RefinerModel::read(&file("models/farsight-refiner.safetensors")).unwrap();
-    Refiner::new(&model, Some(1)).unwrap()
+    let file = onnx(&model, Target::Portable, Path::new("refiner")).unwrap();
+    Refiner::new(RoiRunner::new(Box::new(RtenRunner::new(file, Some(1)).unwrap())), model.config)
 }
 
 /// Three cars of the scene, and about how far away they are, metres.

@@ -4,15 +4,17 @@
 
 use std::path::Path;
 
-use farsight_onnx::{OnnxModel, PeaksOnly};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::Weights;
+use farsight_methods::smoke::{DetectorFile, REGRESSION};
+use farsight_onnx::LocalHeadFile;
 
 /// Any bytes as a model file, of either kind.
 pub fn model(bytes: &[u8]) {
     let path = Path::new("fuzz");
-    if let Ok(model) = OnnxModel::from_bytes(bytes.to_vec(), path) {
-        assert!(model.config().validate().is_ok());
-        if let Ok(Some(cut)) = PeaksOnly::new(&model, path) {
+    if let Ok(model) = DetectorFile::from_bytes(bytes.to_vec(), path) {
+        assert!(model.config.problem().is_none());
+        if let Ok(Some(cut)) = LocalHeadFile::new(&model.onnx, REGRESSION, path) {
             let [hidden, channels] = [cut.hidden.weight.shape[0], cut.hidden.weight.shape[1]];
             assert_eq!(cut.hidden.bias.values.len(), hidden);
             assert_eq!(cut.output.weight.values.len(), 8 * hidden);

@@ -28,7 +28,7 @@ pub(crate) struct Look {
     pub(crate) color: Vec3s,
     /// Light it gives off.
     pub(crate) emission: Vec3s,
-    /// Factor on the material's gloss and mirror: of a wall with windows only the panes shine.
+    /// Factor on the material's specular and reflectivity: of a wall with windows only the panes shine.
     pub(crate) shine: Lanes,
 }
 
@@ -36,14 +36,14 @@ pub(crate) struct Look {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Holes {
     /// Larger ones, torn by noise.
-    Torn(Torn),
+    Noise(NoiseMask),
     /// Everywhere the same: this share of each pixel is none.
-    Sheer(f32),
+    Transparent(f32),
 }
 
 /// Holes where noise is high.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Torn {
+pub(crate) struct NoiseMask {
     noise: Noise,
     /// Share of the surface that is none.
     solid: f32,
@@ -61,23 +61,23 @@ impl Holes {
         let (scale, solid, seed) = match *pattern {
             Pattern::Leaves { scale, density, seed, .. } => (scale, density, seed),
             Pattern::Worn { scale, wear, seed } => (scale, 1.0 - wear, seed),
-            Pattern::Sheer { share } => return Some(Self::Sheer(share)),
+            Pattern::Transparent { share } => return Some(Self::Transparent(share)),
             _ => return None,
         };
         let noise = Noise { scale, octaves: 2, seed };
-        (solid < 1.0).then(|| Self::Torn(Torn { noise, solid, level: Noise::quantile(solid) }))
+        (solid < 1.0).then(|| Self::Noise(NoiseMask { noise, solid, level: Noise::quantile(solid) }))
     }
 
     /// Share of the sun that the surface stops. Glass counts as solid: behind it is a cabin in the shade.
     pub(crate) fn shade(&self) -> f32 {
         match self {
-            Self::Torn(torn) => torn.solid,
-            Self::Sheer(_) => 1.0,
+            Self::Noise(mask) => mask.solid,
+            Self::Transparent(_) => 1.0,
         }
     }
 }
 
-impl Torn {
+impl NoiseMask {
     /// Share of the places that is no hole, 0 to 1, where each covers `footprint` of the pattern.
     #[inline]
     pub(crate) fn cover(&self, uv: [Lanes; 2], footprint: Lanes) -> Lanes {
@@ -98,7 +98,7 @@ impl Torn {
 pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) -> Look {
     let base = material.color;
     let color = match material.pattern {
-        Pattern::Plain | Pattern::Sheer { .. } | Pattern::Worn { .. } => all3(base),
+        Pattern::Plain | Pattern::Transparent { .. } | Pattern::Worn { .. } => all3(base),
         Pattern::Noise { other, scale, amount, seed } => {
             let noise = Noise { scale, octaves: 4, seed };
             let share = spread(noise.at(uv, widest(footprint)), NOISE_CONTRAST);
@@ -116,7 +116,7 @@ pub(crate) fn look(material: &Material, uv: [Lanes; 2], footprint: Footprint) ->
         Pattern::Bricks { other, size, joint, variation, seed } => {
             let bricks = Cells::new(size, seed, uv, footprint).in_running_bond();
             let [across, up] = bricks.covered([joint / size[0], joint / size[1]], 0.0);
-            let color = mix(bricks.varied(base, variation), all3(other), across + up - across * up);
+            let color = mix(bricks.interpolated(base, variation), all3(other), across + up - across * up);
             grained(color, material, uv, footprint, seed)
         }
         Pattern::Windows { other, pitch, fill, lit, seed } => {
@@ -133,7 +133,7 @@ fn spread(noise: Lanes, contrast: f32) -> Lanes {
 
 /// `color`, lighter and darker from grain to grain; paint and metal have none.
 fn grained(color: Vec3s, material: &Material, uv: [Lanes; 2], footprint: Footprint, seed: u32) -> Vec3s {
-    if material.gloss > 0.0 || material.mirror > 0.0 {
+    if material.specular > 0.0 || material.reflectivity > 0.0 {
         return color;
     }
     scale(color, all(1.0) + all(GRAIN_CONTRAST) * grain(uv, footprint, seed))
@@ -145,7 +145,7 @@ fn windows(material: &Material, glass: Color, fill: [f32; 2], lit: f32, cells: &
     let is_lit = choose(cells.units(1).simd_lt(all(lit)), Lanes::ONE, Lanes::ZERO);
     let glow = all(lit) + (is_lit - all(lit)) * cells.shown();
     Look {
-        color: mix(all3(material.color), cells.varied(glass, 0.7), panes),
+        color: mix(all3(material.color), cells.interpolated(glass, 0.7), panes),
         emission: add_scaled(all3(material.emission), all3(LIT_WINDOW), glow * panes),
         shine: panes,
     }
@@ -185,11 +185,12 @@ impl Cells {
     }
 
     /// `color` with the cells' own brightness.
-    fn varied(&self, color: Color, variation: f32) -> Vec3s {
+    fn interpolated(&self, color: Color, variation: f32) -> Vec3s {
         scale(all3(color), exp2((self.units(0) - all(0.5)) * all(2.0 * variation) * self.shown()))
     }
 
-    /// Share of the pixel, across and up, that lies within `shares` of the cells, around `middle` of each (0 is its border).
+    /// Share of the pixel, across and up, that lies within `shares` of the cells, around `middle` of each (0 is its
+    /// border).
     fn covered(&self, shares: [f32; 2], middle: f32) -> [Lanes; 2] {
         let axis = |i: usize| pulse(self.at[i] + all(0.5 * shares[i] - middle), shares[i], self.footprint[i]);
         [axis(0), axis(1)]
@@ -230,7 +231,7 @@ mod tests {
     #[test]
     fn holes_take_their_share_near_and_far() {
         let leaves = Pattern::Leaves { other: [0.0; 3], scale: 0.5, density: 0.6, seed: 3 };
-        let Some(Holes::Torn(holes)) = Holes::of(&leaves) else { panic!("leaves have holes") };
+        let Some(Holes::Noise(holes)) = Holes::of(&leaves) else { panic!("leaves have holes") };
         for footprint in [0.01, 0.3, 0.7, 4.0] {
             let places = (0..10_000).map(|i| [all((i % 100) as f32 * 0.23), all((i / 100) as f32 * 0.23)]);
             let mean = places.map(|uv| holes.cover(uv, all(footprint)).to_array()[0]).sum::<f32>() / 10_000.0;
@@ -241,7 +242,8 @@ mod tests {
     #[test]
     fn windows_shine_and_walls_do_not() {
         let pattern = Pattern::Windows { other: [0.0; 3], pitch: [2.0, 3.0], fill: [0.5, 0.5], lit: 1.0, seed: 1 };
-        let wall = Material { color: [0.5; 3], pattern, gloss: 0.0, shininess: 1.0, mirror: 0.1, emission: [0.0; 3] };
+        let wall =
+            Material { color: [0.5; 3], pattern, specular: 0.0, shininess: 1.0, reflectivity: 0.1, emission: [0.0; 3] };
         let near = [all(0.01); 2];
         let pane = look(&wall, [all(1.0), all(1.5)], near);
         let border = look(&wall, [all(0.1), all(1.5)], near);

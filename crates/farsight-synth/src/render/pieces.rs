@@ -2,7 +2,7 @@
 
 use super::lanes::{Lanes, Vec3s};
 use super::shade::Fragments;
-use super::surface::Varied;
+use super::surface::Interpolated;
 use crate::scene::Color;
 use crate::vector::add_scaled;
 
@@ -13,7 +13,7 @@ pub(crate) const END: u32 = u32::MAX;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Piece {
     /// Where and how it lies.
-    pub(crate) varied: Varied,
+    pub(crate) interpolated: Interpolated,
     /// Column of the pixel.
     pub(crate) column: u32,
     /// Share of the pixel that it fills.
@@ -100,9 +100,9 @@ impl Pieces {
         let [a, b, c, d] = pieces;
         let transposed =
             |of: fn(&Piece) -> [f32; 4]| Lanes::transpose([of(a).into(), of(b).into(), of(c).into(), of(d).into()]);
-        let [x, y, z, u] = transposed(|piece| piece.varied.place);
-        let [nx, ny, nz, v] = transposed(|piece| piece.varied.facing);
-        let [u_across, u_down, v_across, v_down] = transposed(|piece| piece.varied.slopes);
+        let [x, y, z, u] = transposed(|piece| piece.interpolated.place);
+        let [nx, ny, nz, v] = transposed(|piece| piece.interpolated.facing);
+        let [u_across, u_down, v_across, v_down] = transposed(|piece| piece.interpolated.slopes);
         let fragments = Fragments {
             position: [x, y, z],
             normal: [nx, ny, nz],

@@ -1,18 +1,20 @@
 //! From what the samples see to what the pixels show.
 //!
-//! Row by row, four at a time: neighbouring pixels that show one triangle and nothing else are shaded together. Of the other pixels each distinct
-//! triangle gives a piece of surface; the row's pieces are sorted by material before they are shaded.
+//! Row by row, four at a time: neighbouring pixels that show one triangle and nothing else are shaded together. Of the
+//! other pixels each distinct triangle gives a piece of surface; the row's pieces are sorted by material before they
+//! are shaded.
 
-use super::Rendered;
 use super::lamps::Lamps;
 use super::lanes::{self, Lanes, all};
 use super::pieces::{END, Piece, Pieces};
+use super::rendered::Rendered;
+use super::samples::{OFFSETS, SAMPLES};
 use super::shade::{self, Light};
 use super::shadow::Shadows;
 use super::sky;
-use super::surface::{Varied, Varying, vertices};
+use super::surface::{Interpolated, Varying, vertices};
 use super::view::View;
-use super::visibility::{NOTHING, OFFSETS, SAMPLES, Visibility};
+use super::visibility::{NOTHING, Visibility};
 use crate::scene::{Color, InstanceId, Scene, Triangle};
 use crate::vector::{dot, float};
 
@@ -85,7 +87,8 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Shades what takes no sorting, collects the other pieces of a row, and adds depth and instance of its pixels to `rendered`.
+    /// Shades what takes no sorting, collects the other pieces of a row, and adds depth and instance of its pixels to
+    /// `rendered`.
     fn collect(&mut self, row: usize, colors: &mut [Color], rendered: &mut Rendered) {
         let width = self.scene.image_size[0];
         let mut column = 0;
@@ -198,14 +201,14 @@ impl<'a> Resolver<'a> {
         let column = column as u32;
         if number == NOTHING {
             let [x, y, z] = self.view.direction(u, v);
-            let varied = Varied { place: [x, y, z, 0.0], facing: [0.0; 4], slopes: [0.0; 4] };
-            self.pieces.push(self.scene.materials.len(), Piece { varied, column, share, next: END });
+            let interpolated = Interpolated { place: [x, y, z, 0.0], facing: [0.0; 4], slopes: [0.0; 4] };
+            self.pieces.push(self.scene.materials.len(), Piece { interpolated, column, share, next: END });
             return Shown { depth_m: f32::INFINITY, instance: 0 };
         }
         let face = self.face(number);
-        let (varied, material, instance) = (face.varying.at(u, v), face.material, face.instance);
-        self.pieces.push(material, Piece { varied, column, share, next: END });
-        Shown { depth_m: varied.place[2], instance }
+        let (interpolated, material, instance) = (face.varying.at(u, v), face.material, face.instance);
+        self.pieces.push(material, Piece { interpolated, column, share, next: END });
+        Shown { depth_m: interpolated.place[2], instance }
     }
 
     #[inline]

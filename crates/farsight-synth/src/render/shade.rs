@@ -33,7 +33,7 @@ pub(crate) struct Fragments {
 /// What lights the pixels of a row.
 #[derive(Clone, Copy)]
 pub(crate) struct Light<'a> {
-    /// The sun, the sky and the air.
+    /// The sun, the sky and the atmosphere.
     pub(crate) scene: &'a Scene,
     /// What hides sun and sky.
     pub(crate) shadows: &'a Shadows,
@@ -52,7 +52,7 @@ struct Surface {
     normal: Vec3s,
     /// Unit direction from the eye.
     ray: Vec3s,
-    gloss: Lanes,
+    specular: Lanes,
     shininess: f32,
 }
 
@@ -64,7 +64,7 @@ struct Lit {
     highlight: Vec3s,
 }
 
-/// Colours that the eye sees of fragments of one material, through the air.
+/// Colours that the eye sees of fragments of one material, through the atmosphere.
 pub(crate) fn color(light: &Light, material: &Material, fragments: &Fragments) -> Vec3s {
     let scene = light.scene;
     let ray = sub(fragments.position, all3(light.eye));
@@ -75,21 +75,21 @@ pub(crate) fn color(light: &Light, material: &Material, fragments: &Fragments) -
     let normal = scale(normal, choose(away.simd_gt(Lanes::ZERO), all(-1.0), all(1.0)));
 
     let look = pattern::look(material, fragments.uv, fragments.footprint);
-    let wet = scene.air.wetness > 0.0;
+    let wet = scene.atmosphere.wetness > 0.0;
     let water = if wet { water(scene, fragments.position, normal) } else { Lanes::ZERO };
-    let gloss = (all(material.gloss) * look.shine).fast_max(all(0.5) * water);
+    let specular = (all(material.specular) * look.shine).fast_max(all(0.5) * water);
     let shininess = if wet { material.shininess.max(40.0) } else { material.shininess };
-    let surface = Surface { position: fragments.position, normal, ray, gloss, shininess };
+    let surface = Surface { position: fragments.position, normal, ray, specular, shininess };
 
     let skylight = light.shadows.skylight(surface.position, normal);
     let lit = lit(light, &surface, skylight, fragments.columns);
     let mut seen = multiply(scale(look.color, all(1.0) - all(0.45) * water), lit.scattered);
     seen = add(seen, lit.highlight);
-    if material.mirror > 0.0 || wet {
+    if material.reflectivity > 0.0 || wet {
         seen = mirroring(scene, material, &surface, &look, water, skylight, seen);
     }
-    let left = exp(distance_m * all(-scene.air.fog_density));
-    mix(all3(scene.air.fog_color), add(seen, look.emission), left)
+    let left = exp(distance_m * all(-scene.atmosphere.fog_density));
+    mix(all3(scene.atmosphere.fog_color), add(seen, look.emission), left)
 }
 
 /// How wet the places are, 0 to 1: flat surfaces, with puddles and drier patches.
@@ -99,7 +99,7 @@ fn water(scene: &Scene, position: Vec3s, normal: Vec3s) -> Lanes {
         return level;
     }
     let patches = Noise { scale: 3.0, octaves: 3, seed: 0x7a7e_0001 }.at([position[0], position[2]], Lanes::ZERO);
-    level * clamp(all(scene.air.wetness) * (all(1.0) + all(1.4) * patches), 0.0, 1.0)
+    level * clamp(all(scene.atmosphere.wetness) * (all(1.0) + all(1.4) * patches), 0.0, 1.0)
 }
 
 /// `seen` with the mirror image over it: paint, glass, water.
@@ -112,13 +112,13 @@ fn mirroring(
     skylight: Lanes,
     seen: Vec3s,
 ) -> Vec3s {
-    let clear = if material.mirror > 0.0 { look.shine } else { Lanes::ZERO };
+    let clear = if material.reflectivity > 0.0 { look.shine } else { Lanes::ZERO };
     let clear = clear.fast_max(all(0.85) * water);
     if clear.simd_gt(Lanes::ZERO).to_bitmask() == 0 {
         return seen;
     }
     let facing = -dot(surface.ray, surface.normal);
-    let straight = (all(material.mirror) * look.shine).fast_max(all(0.02) * water);
+    let straight = (all(material.reflectivity) * look.shine).fast_max(all(0.02) * water);
     // Schlick's approximation: everything mirrors at a grazing angle.
     let rest = all(1.0) - clamp(facing, 0.0, 1.0);
     let square = rest * rest;
@@ -166,9 +166,9 @@ impl Lit {
     fn take(&mut self, surface: &Surface, towards: Vec3s, arriving: Vec3s) {
         let facing = dot(surface.normal, towards).fast_max(Lanes::ZERO);
         self.scattered = add_scaled(self.scattered, arriving, facing);
-        if surface.gloss.simd_gt(Lanes::ZERO).to_bitmask() != 0 {
+        if surface.specular.simd_gt(Lanes::ZERO).to_bitmask() != 0 {
             let half = normalized(sub(towards, surface.ray));
-            let highlight = surface.gloss * pow(dot(half, surface.normal), all(surface.shininess));
+            let highlight = surface.specular * pow(dot(half, surface.normal), all(surface.shininess));
             let shown = facing.simd_gt(Lanes::ZERO) & highlight;
             self.highlight = add_scaled(self.highlight, arriving, shown);
         }

@@ -8,7 +8,8 @@ use crate::vector;
 /// How far one looks through the fog straight up, metres.
 const FOG_THICKNESS_M: f32 = 60.0;
 
-/// How far away the houses and trees are that surfaces mirror, metres. The nearer they are, the more their image changes from one end of a car to the other.
+/// How far away the houses and trees are that surfaces mirror, metres. The nearer they are, the more their image
+/// changes from one end of a car to the other.
 const SURROUNDINGS_M: f32 = 6.0;
 
 /// Colour of the sky in unit directions `d`, clouds and sun included; below the horizon it is that of the horizon.
@@ -17,8 +18,8 @@ pub(crate) fn color(scene: &Scene, d: Vec3s) -> Vec3s {
     let facing = dot(d, all3(scene.sun.direction)).fast_max(Lanes::ZERO);
     let clear = add(gradient(scene, up), scale(all3(scene.sun.color), glow(scene, facing)));
     let cover = clouds(scene, d, up);
-    let fog = exp(all(-scene.air.fog_density * FOG_THICKNESS_M) / (up + all(0.03)));
-    mix(all3(scene.air.fog_color), mix(clear, cloud(scene, facing), cover), fog)
+    let fog = exp(all(-scene.atmosphere.fog_density * FOG_THICKNESS_M) / (up + all(0.03)));
+    mix(all3(scene.atmosphere.fog_color), mix(clear, cloud(scene, facing), cover), fog)
 }
 
 /// What a smooth surface at `position` mirrors in unit directions `d`: the sky, houses and trees, the ground.

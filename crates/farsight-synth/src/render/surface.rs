@@ -4,9 +4,10 @@ use wide::f32x4;
 
 use super::lanes::{Lanes, all};
 use super::pattern::Holes;
+use super::projected::Projected;
+use super::samples::OFFSETS;
 use super::shade::Fragments;
 use super::view::inverted;
-use super::visibility::{OFFSETS, Projected};
 use crate::scene::{Object, Triangle, Vertex};
 use crate::vector::float;
 
@@ -27,7 +28,7 @@ pub(crate) struct Varying {
 
 /// What varies, at one pixel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Varied {
+pub(crate) struct Interpolated {
     /// Position and u.
     pub(crate) place: [f32; 4],
     /// Normal (of any length) and v.
@@ -55,7 +56,7 @@ impl Varying {
     }
 
     #[inline]
-    pub(crate) fn at(&self, u: f32, v: f32) -> Varied {
+    pub(crate) fn at(&self, u: f32, v: f32) -> Interpolated {
         let (u, v) = (f64::from(u), f64::from(v));
         let linear = |row: &[f64; 3]| row[0] * u + row[1] * v + row[2];
         let (a, b, c) = (linear(&self.rows[0]), linear(&self.rows[1]), linear(&self.rows[2]));
@@ -65,7 +66,7 @@ impl Varying {
         let (place, facing) = (mean(&self.places), mean(&self.facings));
         let uv = f32x4::from([place[3], place[3], facing[3], facing[3]]);
         let slopes = (self.slopes[0] - uv * self.slopes[1]) * all(w as f32);
-        Varied { place, facing, slopes: slopes.to_array() }
+        Interpolated { place, facing, slopes: slopes.to_array() }
     }
 
     /// The same at four neighbouring pixels of a row, from `first` on.
@@ -118,9 +119,9 @@ impl Cutout {
 
     /// The samples of a pixel that are no hole, as a mask.
     pub(crate) fn kept(&self, x: usize, y: usize) -> Lanes {
-        let torn = match &self.holes {
-            Holes::Sheer(share) => return all(*share).simd_gt(Lanes::from(SHEER_ORDER)),
-            Holes::Torn(torn) => torn,
+        let mask = match &self.holes {
+            Holes::Transparent(share) => return all(*share).simd_gt(Lanes::from(TRANSPARENCY_ORDER)),
+            Holes::Noise(mask) => mask,
         };
         let at = self.varying.at(float(x), float(y));
         let [u_across, u_down, v_across, v_down] = at.slopes;
@@ -128,14 +129,16 @@ impl Cutout {
         let u = all(at.place[3]) + all(u_across) * dx + all(u_down) * dy;
         let v = all(at.facing[3]) + all(v_across) * dx + all(v_down) * dy;
         let extent = (u_across.abs() + u_down.abs()).max(v_across.abs() + v_down.abs());
-        // A sample stands for a quarter of the pixel. Which sample asks for how much differs from pixel to pixel, so that no grain shows.
-        let share = torn.cover([u, v], all(0.5 * extent));
+        // A sample stands for a quarter of the pixel. Which sample asks for how much differs from pixel to pixel, so
+        // that no grain shows.
+        let share = mask.cover([u, v], all(0.5 * extent));
         share.simd_gt(thresholds((x + 3 * y) & 3))
     }
 }
 
-/// How sheer a surface must be for each sample to show it: the same in all pixels, or edges behind it would be combed, and opposite samples first.
-const SHEER_ORDER: [f32; 4] = [0.125, 0.625, 0.875, 0.375];
+/// How transparent a surface must be for each sample to show it: the same in all pixels, or edges behind it would be
+/// combed, and opposite samples first.
+const TRANSPARENCY_ORDER: [f32; 4] = [0.125, 0.625, 0.875, 0.375];
 
 /// How much of a sample must be solid for it to count, in four orders.
 #[inline]

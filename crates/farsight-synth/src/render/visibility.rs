@@ -3,26 +3,19 @@
 use wide::{bytemuck::cast, f32x4, u32x4};
 
 use super::pattern::Holes;
-use super::raster::{Corner, Grid, Target, fill};
+use super::projected::{draw, project};
+use super::raster::{Grid, Target};
+use super::samples::{OFFSETS, SAMPLES};
 use super::surface::Cutout;
-use super::view::{NEAR_M, View};
-use crate::scene::{InstanceId, Object, Scene, Triangle};
-
-/// Samples a pixel.
-pub(crate) const SAMPLES: usize = 4;
-
-/// Where they lie, relative to the pixel's centre: a rotated grid, which smooths nearly level and nearly upright edges best.
-pub(crate) const OFFSETS: [[f32; 2]; SAMPLES] = [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
-
-/// How much nearer each layer of paint counts than the surface below: bridges 3 mm of height seen from 1.5 m above.
-const NEARER_PER_LAYER: f32 = 0.002;
+use super::view::View;
+use crate::scene::{InstanceId, Object, Scene};
 
 /// The number of "nothing there".
 pub(crate) const NOTHING: u32 = 0;
 
 /// A triangle that was drawn.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Drawn {
+pub(crate) struct DrawnTriangle {
     /// Index of its object.
     pub(crate) object: u32,
     /// Index in the object's mesh.
@@ -43,7 +36,7 @@ pub(crate) struct Visibility {
     width: usize,
     pixels: Vec<Samples>,
     tiles: Tiles,
-    drawn: Vec<Drawn>,
+    drawn: Vec<DrawnTriangle>,
 }
 
 impl Visibility {
@@ -75,7 +68,7 @@ impl Visibility {
                         continue;
                     }
                     let cutout = holes.map(|holes| Cutout::new(holes, object, triangle, &corners));
-                    seen.drawn.push(Drawn { object: number as u32, triangle: index as u32 });
+                    seen.drawn.push(DrawnTriangle { object: number as u32, triangle: index as u32 });
                     let number = seen.drawn.len() as u32;
                     let mut layer = Layer { width, pixels: &mut seen.pixels, tiles: &seen.tiles, number, cutout };
                     draw(&grid, triangle, &corners, &mut layer);
@@ -107,7 +100,7 @@ impl Visibility {
 
     /// The triangle with this number, which is not [`NOTHING`].
     #[inline]
-    pub(crate) fn drawn(&self, number: u32) -> Drawn {
+    pub(crate) fn drawn(&self, number: u32) -> DrawnTriangle {
         self.drawn[number as usize - 1]
     }
 }
@@ -122,79 +115,6 @@ fn nearest_first(scene: &Scene) -> Vec<usize> {
 
 fn has_holes(holes: &[Option<Holes>], object: &Object) -> bool {
     object.mesh.triangles.iter().any(|triangle| holes[usize::from(triangle.material)].is_some())
-}
-
-/// A corner of a mesh as the camera sees it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Projected {
-    /// Homogeneous pixel.
-    pub(crate) homogeneous: [f64; 3],
-    /// Pixel and nearness, if the corner lies beyond the near plane.
-    place: Option<Corner>,
-}
-
-impl Projected {
-    #[inline]
-    fn new(homogeneous: [f64; 3]) -> Self {
-        Self { homogeneous, place: (homogeneous[2] >= NEAR_M).then(|| divided(homogeneous)) }
-    }
-}
-
-#[inline]
-fn divided([u, v, w]: [f64; 3]) -> Corner {
-    let nearness = 1.0 / w;
-    [u * nearness, v * nearness, nearness]
-}
-
-/// All the object's corners as the camera sees them.
-fn project(view: &View, object: &Object, corners: &mut Vec<Projected>) {
-    corners.clear();
-    corners.extend(object.mesh.vertices.iter().map(|vertex| Projected::new(view.homogeneous(vertex.position))));
-}
-
-/// Gives `target` what the camera sees of a triangle, were it alone.
-#[inline]
-fn draw(grid: &Grid, triangle: &Triangle, corners: &[Projected], target: &mut impl Target) {
-    let nearer = 1.0 + NEARER_PER_LAYER * f32::from(triangle.layer);
-    let [a, b, c] = triangle.vertices;
-    let [a, b, c] = [&corners[a as usize], &corners[b as usize], &corners[c as usize]];
-    match (a.place, b.place, c.place) {
-        (Some(a), Some(b), Some(c)) => fill(grid, &[a, b, c], nearer, target),
-        (None, None, None) => {}
-        _ => {
-            let (kept, count) = clipped([a.homogeneous, b.homogeneous, c.homogeneous]);
-            for i in 2..count {
-                fill(grid, &[divided(kept[0]), divided(kept[i - 1]), divided(kept[i])], nearer, target);
-            }
-        }
-    }
-}
-
-/// The part of a triangle beyond the near plane: up to four corners, and how many.
-fn clipped(corners: [[f64; 3]; 3]) -> ([[f64; 3]; 4], usize) {
-    let mut kept = [[0.0; 3]; 4];
-    let mut count = 0;
-    let mut keep = |corner| {
-        kept[count] = corner;
-        count += 1;
-    };
-    for i in 0..3 {
-        let (here, next) = (corners[i], corners[(i + 1) % 3]);
-        let (inside, next_inside) = (here[2] >= NEAR_M, next[2] >= NEAR_M);
-        if inside {
-            keep(here);
-        }
-        if inside != next_inside {
-            // Always from the inner end, so that neighbours cut their common edge at the same point.
-            keep(if inside { crossing(here, next) } else { crossing(next, here) });
-        }
-    }
-    (kept, count)
-}
-
-fn crossing(inner: [f64; 3], outer: [f64; 3]) -> [f64; 3] {
-    let t = (inner[2] - NEAR_M) / (inner[2] - outer[2]);
-    [inner[0] + (outer[0] - inner[0]) * t, inner[1] + (outer[1] - inner[1]) * t, NEAR_M]
 }
 
 /// One triangle on its way into the image.
@@ -274,7 +194,7 @@ impl Tiles {
 }
 
 /// How many samples of the image each instance would fill if nothing hid it.
-pub(crate) fn alone(scene: &Scene, view: &View) -> Vec<u32> {
+pub(crate) fn amodal(scene: &Scene, view: &View) -> Vec<u32> {
     let instances = scene.objects.iter().map(|o| o.instance).max().unwrap_or(0);
     let grid = Grid::new(scene.image_size, OFFSETS);
     let [width, height] = scene.image_size;

@@ -3,7 +3,7 @@
 
 use farsight_core::Camera;
 use farsight_synth::scene::{
-    Air, Color, InstanceId, Material, MaterialId, Mesh, Object, Pattern, Scene, Sky, Sun, Triangle, Vec3, Vertex,
+    Atmosphere, Color, InstanceId, Material, MaterialId, Mesh, Object, Pattern, Scene, Sky, Sun, Triangle, Vec3, Vertex,
 };
 
 /// Height of the camera above the ground, metres.
@@ -11,7 +11,7 @@ pub const CAMERA_HEIGHT_M: f32 = 1.65;
 
 /// A surface of one colour.
 pub fn plain(color: Color) -> Material {
-    Material { color, pattern: Pattern::Plain, gloss: 0.0, shininess: 20.0, mirror: 0.0, emission: [0.0; 3] }
+    Material { color, pattern: Pattern::Plain, specular: 0.0, shininess: 20.0, reflectivity: 0.0, emission: [0.0; 3] }
 }
 
 /// A flat quadrilateral, corners in order around it; uv in metres along its first and last side.
@@ -87,7 +87,7 @@ pub fn empty(camera: Camera, image_size: [usize; 2]) -> Scene {
             skyline: 0.13,
             seed: 5,
         },
-        air: Air { fog_color: [0.6, 0.66, 0.75], fog_density: 0.002, wetness: 0.0, rain: 0.0 },
+        atmosphere: Atmosphere { fog_color: [0.6, 0.66, 0.75], fog_density: 0.002, wetness: 0.0, rain: 0.0 },
     }
 }
 
@@ -112,7 +112,8 @@ pub fn ground(far: f32, step: f32, material: MaterialId) -> Mesh {
     mesh
 }
 
-/// A street with all patterns: asphalt, markings, houses, trees, a pane of glass, and three blocks for vehicles (instances 1 to 3).
+/// A street with all patterns: asphalt, markings, houses, trees, a pane of glass, and three blocks for vehicles
+/// (instances 1 to 3).
 pub fn street() -> Scene {
     let mut scene = empty(camera(), [1242, 375]);
     let noise = |color, other, scale| Material {
@@ -142,20 +143,25 @@ pub fn street() -> Scene {
                 lit: 0.1,
                 seed: 4,
             },
-            mirror: 0.1,
+            reflectivity: 0.1,
             ..plain([0.6, 0.55, 0.45])
         },
         Material {
             pattern: Pattern::Leaves { other: [0.12, 0.2, 0.03], scale: 0.35, density: 0.65, seed: 5 },
             ..plain([0.03, 0.08, 0.015])
         },
-        Material { gloss: 0.6, shininess: 60.0, mirror: 0.06, ..plain([0.5, 0.02, 0.02]) },
-        Material { gloss: 0.6, shininess: 60.0, mirror: 0.06, ..plain([0.6, 0.62, 0.65]) },
+        Material { specular: 0.6, shininess: 60.0, reflectivity: 0.06, ..plain([0.5, 0.02, 0.02]) },
+        Material { specular: 0.6, shininess: 60.0, reflectivity: 0.06, ..plain([0.6, 0.62, 0.65]) },
         Material {
             pattern: Pattern::Stripes { other: [0.7, 0.1, 0.1], period: 0.5, share: 0.5 },
             ..plain([0.8, 0.8, 0.8])
         },
-        Material { pattern: Pattern::Sheer { share: 0.5 }, gloss: 0.9, mirror: 0.2, ..plain([0.02, 0.03, 0.03]) },
+        Material {
+            pattern: Pattern::Transparent { share: 0.5 },
+            specular: 0.9,
+            reflectivity: 0.2,
+            ..plain([0.02, 0.03, 0.03])
+        },
     ];
     scene.objects.push(flat(ground(120.0, 2.0, 2)));
     scene.objects.push(flat(quad([[-5.0, y, -1.0], [5.0, y, -1.0], [5.0, y, 120.0], [-5.0, y, 120.0]], 0, 1)));

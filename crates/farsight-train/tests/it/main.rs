@@ -10,6 +10,7 @@ mod golden_layers;
 mod golden_network;
 mod golden_support;
 mod imported_checkpoints;
+mod parts;
 mod plate;
 mod pruning;
 mod refiner;

@@ -16,7 +16,8 @@ mod train;
 
 use anyhow::Result;
 use clap::Subcommand;
-use farsight_methods::smoke::config::{LARGEST_SIDE, SIZE_STEP};
+use farsight_methods::input_spec::SIZE_STEP;
+use farsight_methods::smoke::config::LARGEST_SIDE;
 
 use crate::printer::Printer;
 

@@ -7,10 +7,11 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use farsight_data::Frame;
+use farsight_data::annotations::FILE_FORMATS;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
-use farsight_data::{Frame, write_plates};
 use farsight_files::{write_atomically, write_quickly};
-use farsight_synth::{SceneStream, WorldConfig, twin};
+use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
@@ -36,8 +37,8 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
     jpeg: Option<u8>,
     /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]
-    #[arg(long, value_name = "FILE", conflicts_with = "layout")]
-    world: Option<PathBuf>,
+    #[arg(long, alias = "world", value_name = "FILE", conflicts_with = "layout")]
+    scene_config: Option<PathBuf>,
     /// Render the objects of these label files at their own positions instead of random traffic
     #[arg(long, value_name = "LABEL_DIR", requires = "calib_dir")]
     layout: Option<PathBuf>,
@@ -93,9 +94,9 @@ enum Source {
 impl Source {
     fn new(args: &SynthArgs) -> Result<Self> {
         let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
-            let world = args.world.as_deref().map_or_else(|| Ok(WorldConfig::default()), read_world)?;
+            let config = args.scene_config.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
             let frames = args.frames.unwrap_or(DEFAULT_FRAMES);
-            return Ok(Self::Stream { stream: SceneStream { world, seed: args.seed }, frames });
+            return Ok(Self::Stream { stream: SceneStream { config, seed: args.seed }, frames });
         };
         let mut ids = args.split.as_deref().map_or_else(|| label_ids(labels), |split| Ok(read_split(split)?))?;
         ensure!(!ids.is_empty(), "{}: no label files; expected files such as 000000.txt", labels.display());
@@ -119,7 +120,7 @@ impl Source {
                 let camera = Calibration::read(&calibrations.join(&file))?.camera();
                 let labels = read_labels(&labels.join(&file))?;
                 // By name, so that a frame's world does not depend on which others are rendered.
-                Ok(Frame { id: id.to_owned(), ..twin(&labels, &camera, image_size(&camera), seed, id) })
+                Ok(Frame { id: id.to_owned(), ..frame_from_labels(&labels, &camera, image_size(&camera), seed, id) })
             }
         }
     }
@@ -134,12 +135,12 @@ fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
     bail!("{}: no such file; {} missing in all", first.display(), counted(count, "file"))
 }
 
-fn read_world(path: &Path) -> Result<WorldConfig> {
+fn read_config(path: &Path) -> Result<SceneConfig> {
     let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let world: WorldConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
-    match world.problem() {
+    let config: SceneConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
+    match config.problem() {
         Some(problem) => bail!("{}: {problem}", path.display()),
-        None => Ok(world),
+        None => Ok(config),
     }
 }
 
@@ -157,9 +158,13 @@ fn label_ids(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// The folders of a data set; the last one stays empty until all frames are written.
-const FOLDERS: [&str; 5] = ["training/image_2", "training/label_2", "training/calib", "training/plates", "ImageSets"];
+fn folders() -> impl Iterator<Item = String> {
+    let annotations = FILE_FORMATS.iter().map(|format| format.name);
+    let of_frames = ["image_2", "label_2", "calib"].into_iter().chain(annotations);
+    of_frames.map(|name| format!("training/{name}")).chain(["ImageSets".to_owned()])
+}
 
-/// What to say of a folder that has some of [`FOLDERS`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
+/// What to say of a folder that has some of the [`folders`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
 fn there_already(root: &Path) -> &'static str {
     let is_interrupted = fs::read_dir(root.join("ImageSets")).is_ok_and(|mut splits| splits.next().is_none());
     if is_interrupted {
@@ -177,7 +182,7 @@ struct Folder {
 
 impl Folder {
     fn new(root: &Path, jpeg: Option<u8>) -> Result<Self> {
-        let folders = FOLDERS.map(|name| root.join(name));
+        let folders: Vec<PathBuf> = folders().map(|name| root.join(name)).collect();
         if folders.iter().any(|folder| folder.exists()) {
             bail!("{}: {}", root.display(), there_already(root));
         }
@@ -193,7 +198,9 @@ impl Folder {
         let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
         write_quickly(&path("image_2", extension), |file| self.encode(&frame.image, file).map_err(io::Error::other))?;
         write_labels(&path("label_2", "txt"), &frame.labels)?;
-        write_plates(&path("plates", "txt"), &frame.plates)?;
+        for format in FILE_FORMATS {
+            format.write(&self.root.join("training"), &frame.id, &frame.annotations)?;
+        }
         Ok(Calibration::from_camera(&frame.camera).write(&path("calib", "txt"))?)
     }
 

@@ -1,16 +1,16 @@
 //! From labelled frames to cut-outs and what the refiner should answer.
 
+use std::sync::Arc;
+
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
 use farsight_core::{Box3d, Label};
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 
 use super::false_alarms::false_alarms;
 use crate::crops::config::CropTrainConfig;
 use crate::crops::{LookErrors, drawn, is_seen, misjudged};
-use crate::sources::FrameSource;
 
 /// The detector's own errors are of this size.
 const FIRST_LOOK: LookErrors = LookErrors { depth: 0.06, size: 0.06, center: 0.04, heading_rad: 0.15 };
@@ -46,7 +46,7 @@ pub(crate) struct FrameCrops {
 /// Makes the samples of a frame. Shared by the loader's threads.
 #[derive(Debug)]
 pub(super) struct CropSampler {
-    pub(super) source: Box<dyn FrameSource>,
+    pub(super) source: Arc<dyn Dataset>,
     pub(super) augmentation: AugmentationConfig,
     pub(super) train: CropTrainConfig,
     pub(super) side: usize,
@@ -55,7 +55,7 @@ pub(super) struct CropSampler {
 impl CropSampler {
     /// The samples of the frame that `key` stands for; the same whenever and wherever they are asked for.
     pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let mut rng = key.rng();
         let labels = frame.labels.iter().filter(|label| is_seen(label, self.train.least_height_px));
         let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));

@@ -12,6 +12,7 @@ use crate::adam::AdamSettings;
 use crate::config::{DataConfig, RunConfigError, problem_of_decay, read_checked};
 use crate::executor::Precision;
 use crate::learner::LearnerSettings;
+use crate::parts::Parts;
 use crate::schedule::Schedule;
 use crate::trainer::{Pace, Run};
 
@@ -128,6 +129,7 @@ impl CropTrainConfig {
             precision: Precision::F32,
             seed: self.seed,
             start_from: self.start_from.clone(),
+            parts: Parts::default(),
         }
     }
 

@@ -40,7 +40,7 @@ impl<'a, C: NetworkConfig> PartLearner<'a, C> {
     /// What it has become after `progress` on so many frames.
     pub(crate) fn model(&self, progress: Progress, frames: usize) -> Model<C> {
         let train = &self.run.train;
-        let mut weights = self.learner.network.weights();
+        let mut weights = self.learner.weights();
         let facts = serde_json::json!({ "steps": progress.steps, "epochs": train.epochs, "seed": train.seed, "frames": frames });
         weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
         Model { config: self.config.clone(), weights }

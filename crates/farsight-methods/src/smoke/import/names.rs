@@ -3,6 +3,8 @@
 //! Farsight's canonical names are those of official SMOKE. The rules here are those of spec section 13; nothing is looked up in a table of
 //! whole names, so that narrower and wider networks of the same build map too.
 
+mod mobilenet_v2;
+
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
@@ -15,6 +17,10 @@ pub enum Layout {
     Mmdet3d,
     /// DLA-34 trained on ImageNet, as the authors of DLA published it: the backbone alone.
     ImagenetDla34,
+    /// `MobileNetV2` as torchvision names it.
+    MobilenetV2,
+    /// `MobileNetV2` as torchvision and the repositories before it named it first: the layers of a block in one row, activations counted.
+    MobilenetV2InRows,
 }
 
 /// How ImageNet's batch norms start the norms of our backbone.
@@ -54,6 +60,8 @@ impl Layout {
             ("backbone.body.base.", Self::OfficialSmoke),
             ("backbone.base_layer.", Self::Mmdet3d),
             ("base_layer.", Self::ImagenetDla34),
+            ("features.1.conv.0.0.", Self::MobilenetV2),
+            ("features.1.conv.0.", Self::MobilenetV2InRows),
         ];
         names.find_map(|name| signs.iter().find(|(sign, _)| name.starts_with(sign))).map(|(_, layout)| *layout)
     }
@@ -64,13 +72,15 @@ impl Layout {
             Self::OfficialSmoke => "official-smoke",
             Self::Mmdet3d => "mmdet3d",
             Self::ImagenetDla34 => "imagenet-dla34",
+            Self::MobilenetV2 => "mobilenet-v2",
+            Self::MobilenetV2InRows => "mobilenet-v2-in-rows",
         }
     }
 
     /// Farsight's name of a tensor; none for tensors that Farsight has no place for, ImageNet's classifier for instance.
     ///
     /// ```
-    /// use farsight_import::{ImagenetNorms, Layout};
+    /// use farsight_methods::smoke::import::{ImagenetNorms, Layout};
     /// let ours = Layout::Mmdet3d.canonical_name("neck.ida_up.projs.0.gn.bias", ImagenetNorms::default());
     /// assert_eq!(ours.as_deref(), Some("backbone.body.ida_up.proj_1.norm.bias"));
     /// ```
@@ -79,6 +89,8 @@ impl Layout {
             Self::OfficialSmoke => Some(name.to_owned()),
             Self::Mmdet3d => canonical_from_mmdet3d(name),
             Self::ImagenetDla34 => canonical_from_imagenet(name, norms),
+            Self::MobilenetV2 => return mobilenet_v2::canonical_name(name),
+            Self::MobilenetV2InRows => return mobilenet_v2::canonical_name(&mobilenet_v2::modern_name(name)?),
         }
         .filter(|name| is_canonical(name))
     }
@@ -145,6 +157,11 @@ pub fn canonical_names() -> Vec<String> {
     names.extend(biases.map(|module| format!("{module}.bias")));
     names.sort();
     names
+}
+
+/// The tensors of `MobileNetV2` by their canonical names, statistics among them, sorted.
+pub fn mobilenet_v2_names() -> Vec<String> {
+    mobilenet_v2::names().iter().cloned().collect()
 }
 
 /// The running statistics that a batch-norm build has beside [`canonical_names`], sorted.

@@ -1,14 +1,14 @@
 //! From labelled frames to the tensors of a batch.
 
+use std::sync::Arc;
+
 use farsight_core::input::InputRules;
 use crate::smoke::targets::{TargetRules, Targets};
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, ItemKey};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
 use crate::smoke::config::{SmokeConfig, Quirks};
 use tch::{Device, Tensor};
 
 use crate::loss::BatchTargets;
-use crate::sources::FrameSource;
 
 /// One image as the network sees it, and what it should answer.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ pub struct TrainSample {
 /// Makes samples: frame, transform, targets. Shared by the loader's threads.
 #[derive(Debug)]
 pub struct Sampler {
-    source: Box<dyn FrameSource>,
+    source: Arc<dyn Dataset>,
     quirks: Quirks,
     input_rules: InputRules,
     target_rules: TargetRules,
@@ -37,7 +37,7 @@ pub struct Sampler {
 
 impl Sampler {
     /// Samples of `source` for `model`.
-    pub fn new(source: Box<dyn FrameSource>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
+    pub fn new(source: Arc<dyn Dataset>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
         let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
         Self { source, quirks: model.quirks, input_rules, target_rules, augmentation }
     }
@@ -57,7 +57,7 @@ impl Sampler {
     /// # Errors
     /// When the frame cannot be read.
     pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let (width, height) = frame.image.dimensions();
         let image_size = [width as usize, height as usize];
         let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);

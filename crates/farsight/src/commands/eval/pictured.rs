@@ -45,26 +45,26 @@ fn drawn(images: &Path, frame: &Frame, worst: &WorstFrame) -> Result<RgbImage> {
     let calibration = images.parent().unwrap_or(images).join("calib").join(format!("{id}.txt"));
     let camera = Calibration::read(&calibration)?.camera();
 
-    let shown = drawn_claims(frame, worst);
-    let detections: Vec<_> = shown.iter().map(|&claim| frame.claims[claim].detection.clone()).collect();
-    let claim_names: Vec<_> = shown.iter().map(|claim| format!("d{claim}")).collect();
+    let shown = drawn_predictions(frame, worst);
+    let detections: Vec<_> = shown.iter().map(|&prediction| frame.predictions[prediction].detection.clone()).collect();
+    let prediction_names: Vec<_> = shown.iter().map(|prediction| format!("d{prediction}")).collect();
     let label_names: Vec<_> = (0..frame.labels.len()).map(|label| format!("g{label}")).collect();
     let scene = Scene { camera: &camera, detections: &detections, truth: &frame.labels };
-    let names = Names { detections: &claim_names, truth: &label_names };
+    let names = Names { detections: &prediction_names, truth: &label_names };
     Ok(annotate_named(&image, &scene, &DrawOptions::default(), &names))
 }
 
 /// Positions of the detections to draw: those that found an object, then the best scored others, at most [`DRAWN`].
-fn drawn_claims(frame: &Frame, worst: &WorstFrame) -> Vec<usize> {
-    let has_found = |claim: usize| {
-        worst.targets.iter().filter_map(|target| target.found).any(|found| found.claim as usize == claim)
+fn drawn_predictions(frame: &Frame, worst: &WorstFrame) -> Vec<usize> {
+    let has_found = |prediction: usize| {
+        worst.targets.iter().filter_map(|target| target.found).any(|found| found.prediction as usize == prediction)
     };
-    let score = |claim: usize| {
-        let Detection { score, .. } = frame.claims[claim].detection;
+    let score = |prediction: usize| {
+        let Detection { score, .. } = frame.predictions[prediction].detection;
         score
     };
-    let mut claims: Vec<_> = (0..frame.claims.len()).collect();
-    claims.sort_by(|&a, &b| has_found(b).cmp(&has_found(a)).then(score(b).total_cmp(&score(a))));
-    claims.truncate(DRAWN);
-    claims
+    let mut predictions: Vec<_> = (0..frame.predictions.len()).collect();
+    predictions.sort_by(|&a, &b| has_found(b).cmp(&has_found(a)).then(score(b).total_cmp(&score(a))));
+    predictions.truncate(DRAWN);
+    predictions
 }

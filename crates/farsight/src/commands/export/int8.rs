@@ -12,9 +12,10 @@ use farsight_data::read_image;
 use farsight_files::write_atomically;
 use farsight_graph::quantize::Observer;
 use farsight_graph::transform::Network;
+use farsight_methods::InputSpec;
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::sensitivity::{Answers, Reference, Sensitivity};
-use farsight_methods::smoke::{DetectorFile, DetectorSpec, LOGITS};
+use farsight_methods::smoke::{DetectorFile, LOGITS};
 use farsight_onnx::{Facts, Target, key};
 use farsight_runtime::{Calibration, TensorView};
 use indicatif::ProgressBar;
@@ -173,7 +174,7 @@ struct Images {
     folder: PathBuf,
     paths: Vec<PathBuf>,
     cameras: Option<CameraSource>,
-    spec: DetectorSpec,
+    spec: InputSpec,
 }
 
 impl Images {
@@ -185,7 +186,7 @@ impl Images {
         }
         let paths = found.images;
         let cameras = CameraSource::of_layout(&paths);
-        Ok(Self { folder, paths, cameras, spec: DetectorSpec::new(config) })
+        Ok(Self { folder, paths, cameras, spec: config.input_spec() })
     }
 
     /// Writes the network's input for an image to `input`; its size and its camera.

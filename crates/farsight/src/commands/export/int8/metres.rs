@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use farsight_core::detection::DecodeOptions;
-use farsight_data::KittiDataset;
+use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
-use farsight_eval::ranging::{Bootstrap, Difference, Figure, Group, RangingComparison, RangingOptions};
+use farsight_eval::ranging::{Bootstrap, Difference, Group, RangingComparison, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
 use farsight_methods::smoke::DetectorFile;
 use serde_json::{Map, Value, json};
@@ -49,15 +49,15 @@ impl Metres {
         args: &ExportArgs,
         printer: &mut Printer,
     ) -> Result<Self> {
-        let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
+        let dataset = open_labelled(data, args.int8.split.as_deref())?;
         let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
             let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
             let detector = detector_of(&args.int8.engine, file.clone(), &args.model)?;
             let mut pipeline = Pipeline::new(Box::new(detector), options);
-            let done = write_results_of(&mut pipeline, &dataset, folder.path(), printer)?;
+            let done = write_results_of(&mut pipeline, &*dataset, folder.path(), printer)?;
             ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
-            let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
+            let files = FrameFiles::open(&dataset, folder.path(), Some(dataset.ids()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
             Ok((files.evaluate(&options)?.0, pipeline.detector().engine().to_owned()))
         };
@@ -72,11 +72,12 @@ impl Metres {
                 && row.distance == "all"
         });
         let row = row.with_context(|| format!("{}: no car in the labels of these frames", data.display()))?;
-        let difference = |figure| row.figures.get(figure);
+        let difference = |figure| row.metrics.get(figure);
         let side = |evaluation: &Evaluation, of: fn(&Difference) -> f64| {
             let report = evaluation.report();
             let mut figures = vec![found(&report)];
-            figures.extend([Figure::MaeZ, Figure::RmseZ].map(|figure| difference(figure).as_ref().map(of)));
+            figures
+                .extend([RangingMetric::MaeZ, RangingMetric::RmseZ].map(|figure| difference(figure).as_ref().map(of)));
             figures.extend(average_precisions(&report));
             figures
         };
@@ -87,7 +88,7 @@ impl Metres {
             found_by_both: row.found_by_both,
             float: side(&float, |difference| difference.against),
             int8: side(&int8, |difference| difference.value),
-            interval: difference(Figure::MaeZ).and_then(|difference| difference.interval).map(Into::into),
+            interval: difference(RangingMetric::MaeZ).and_then(|difference| difference.interval).map(Into::into),
         })
     }
 
@@ -131,7 +132,7 @@ fn found(report: &Report) -> Option<f64> {
 /// AP of Moderate cars: 3D, BEV, 3D with the loose overlap.
 fn average_precisions(report: &Report) -> [Option<f64>; 3] {
     let sets =
-        [(OverlapSet::Strict, Metric::Space), (OverlapSet::Strict, Metric::Bev), (OverlapSet::Loose, Metric::Space)];
+        [(OverlapSet::Strict, Metric::Box3d), (OverlapSet::Strict, Metric::Bev), (OverlapSet::Loose, Metric::Box3d)];
     sets.map(|(set, metric)| {
         report.ap.ap(set, metric, EvaluatedClass::Car).map(|ap| ap.r40[Difficulty::Moderate as usize])
     })

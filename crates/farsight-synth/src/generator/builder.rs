@@ -1,0 +1,192 @@
+//! A scene in the making.
+
+use farsight_core::overlap::Block;
+use farsight_core::{Box3d, ObjectClass};
+
+use super::ground::Ground;
+use super::light::Light;
+use super::view::View;
+use crate::mesh_builder::MeshBuilder;
+use crate::objects::{self, BuildContext, Detail, ObjectState};
+use crate::palette::{Palette, grey};
+use crate::rng::SceneRng;
+use crate::scene::LabelledScene;
+use crate::scene::{LabelledObject, Lamp, MaterialId, Object, Scene, Vec3};
+
+/// Layers of paint on the ground, from below.
+pub(crate) mod layer {
+    pub(crate) const FIELD: u8 = 0;
+    pub(crate) const ROAD: u8 = 1;
+    pub(crate) const PATCH: u8 = 2;
+    pub(crate) const MARKING: u8 = 3;
+    pub(crate) const CONTACT_SHADOW: u8 = 4;
+}
+
+/// A view that must stay free: between two directions (x over z), up to a depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sightline {
+    pub(crate) tangents: [f64; 2],
+    pub(crate) depth_m: f64,
+}
+
+/// Collects what a scene consists of.
+pub(crate) struct SceneBuilder {
+    pub(crate) palette: Palette,
+    pub(crate) view: View,
+    pub(crate) ground: Ground,
+    pub(crate) light: Light,
+    pub(crate) unusual: bool,
+    /// The ground and what is painted on it: throws no shadow.
+    pub(crate) flat: MeshBuilder,
+    /// What stands on it.
+    pub(crate) solid: MeshBuilder,
+    pub(crate) lamps: Vec<Lamp>,
+    /// What props must not hide.
+    pub(crate) sightlines: Vec<Sightline>,
+    labelled: Vec<LabelledObject>,
+    objects: Vec<Object>,
+    taken: Vec<Block>,
+    contact_shadow: MaterialId,
+}
+
+impl SceneBuilder {
+    pub(crate) fn new(view: View, ground: Ground, light: Light, unusual: bool) -> Self {
+        let mut palette = Palette::default();
+        let contact_shadow = palette.matte(grey(0.01));
+        let mut builder = Self {
+            palette,
+            view,
+            ground,
+            light,
+            unusual,
+            flat: MeshBuilder::default(),
+            solid: MeshBuilder::default(),
+            lamps: Vec::new(),
+            sightlines: Vec::new(),
+            labelled: Vec::new(),
+            objects: Vec::new(),
+            taken: Vec::new(),
+            contact_shadow,
+        };
+        builder.take_room_for_camera();
+        builder
+    }
+
+    /// The car that carries the camera keeps others away.
+    fn take_room_for_camera(&mut self) {
+        let dimensions = farsight_core::Dimensions { height: 2.0, width: 2.3, length: 6.0 };
+        let yaw = -std::f64::consts::FRAC_PI_2;
+        let location = [0.0, self.ground.at_camera, -0.8];
+        self.taken.push(Block::new(&Box3d { dimensions, location, yaw }));
+    }
+
+    /// A point over the ground.
+    pub(crate) fn over(&self, point: [f64; 2], lift: f64) -> Vec3 {
+        [point[0], self.ground.y(point) - lift, point[1]].map(|v| v as f32)
+    }
+
+    /// Whether something of this radius would hide what must be seen.
+    pub(crate) fn hides(&self, [x, z]: [f64; 2], radius: f64) -> bool {
+        let near = (z - radius).max(0.3);
+        let (low, high) = ((x - radius) / near, (x + radius) / near);
+        let (low, high) =
+            (low.min((x - radius) / (z + radius).max(0.3)), high.max((x + radius) / (z + radius).max(0.3)));
+        let covers = |line: &Sightline| near < line.depth_m && low < line.tangents[1] && high > line.tangents[0];
+        z + radius > 0.0 && self.sightlines.iter().any(covers)
+    }
+
+    /// Whether a box with `room` around it touches nothing that has been placed.
+    pub(crate) fn is_free(&self, box3d: &Box3d, room: f64) -> bool {
+        let grown = Block::new(&grown(box3d, room));
+        self.taken.iter().all(|other| grown.intersection_area(other) == 0.0)
+    }
+
+    /// Keeps the room of a box free of others.
+    pub(crate) fn take(&mut self, box3d: &Box3d) {
+        self.taken.push(Block::new(box3d));
+    }
+
+    /// Adds a labelled object that stands in its box.
+    pub(crate) fn add_labelled(&mut self, class: ObjectClass, box3d: Box3d, state: ObjectState, rng: SceneRng) {
+        let instance = self.labelled.len() as u16 + 1;
+        let detail = self.detail(&box3d);
+        let unusual = self.unusual;
+        let mut context = BuildContext { palette: &mut self.palette, rng, detail, state, unusual, plate: None };
+        let mesh = objects::build(&class, box3d.dimensions, &mut context);
+        let plate = context.plate;
+        self.objects.push(objects::placed(&mesh, &box3d, instance));
+        if matches!(class, ObjectClass::Car | ObjectClass::Van | ObjectClass::Truck | ObjectClass::Tram) {
+            self.add_contact_shadow(&box3d);
+            if self.light.lamps_on && state.lights_on {
+                self.add_headlights(&box3d);
+            }
+        }
+        self.take(&box3d);
+        self.labelled.push(LabelledObject { class, box3d, instance, plate });
+    }
+
+    /// How finely a labelled object is built: by its distance, and more coarsely in a crowd.
+    fn detail(&self, box3d: &Box3d) -> Detail {
+        let wanted = Detail::at(box3d.center_distance_m(), self.view.focal_px());
+        match self.labelled_triangles() {
+            0..45_000 => wanted,
+            45_000..70_000 => wanted.min(Detail::Middle),
+            _ => Detail::Far,
+        }
+    }
+
+    /// Triangles of all labelled objects so far.
+    pub(crate) fn labelled_triangles(&self) -> usize {
+        self.objects.iter().map(|object| object.mesh.triangles.len()).sum()
+    }
+
+    /// The ground under a vehicle, where hardly any light comes.
+    fn add_contact_shadow(&mut self, box3d: &Box3d) {
+        let half = [box3d.dimensions.length * 0.47, box3d.dimensions.width * 0.45].map(|v| v as f32);
+        let corners =
+            [[-1.0, -0.8], [-0.9, -1.0], [0.9, -1.0], [1.0, -0.8], [1.0, 0.8], [0.9, 1.0], [-0.9, 1.0], [-1.0, 0.8]];
+        let points = corners.map(|[a, b]| objects::point_of(box3d, [a * half[0], -0.012, b * half[1]]));
+        for quad in [[0, 1, 2, 3], [0, 3, 4, 7], [7, 4, 5, 6]] {
+            self.flat.quad(quad.map(|i| points[i]), self.contact_shadow, layer::CONTACT_SHADOW);
+        }
+    }
+
+    fn add_headlights(&mut self, box3d: &Box3d) {
+        let farsight_core::Dimensions { height, width, length } = box3d.dimensions;
+        if box3d.center_distance_m() > 60.0 {
+            return;
+        }
+        for side in [-0.36, 0.36] {
+            let local = [length / 2.0 + 0.05, -0.42 * height.min(2.0), side * width].map(|v| v as f32);
+            let position = objects::point_of(box3d, local);
+            let ahead = objects::point_of(box3d, [local[0] + 10.0, -0.1, local[2]]);
+            let direction = crate::vector::unit(crate::vector::sub(ahead, position));
+            self.lamps.push(Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 });
+        }
+    }
+
+    pub(crate) fn finish(self) -> LabelledScene {
+        let ground = Object { mesh: self.flat.mesh, instance: 0, casts_shadow: false };
+        let solid = Object { mesh: self.solid.mesh, instance: 0, casts_shadow: true };
+        let mut objects = vec![ground, solid];
+        objects.extend(self.objects);
+        let scene = Scene {
+            camera: self.view.camera,
+            image_size: self.view.image_size,
+            objects,
+            materials: self.palette.materials,
+            sun: self.light.sun,
+            lamps: self.lamps,
+            sky: self.light.sky,
+            atmosphere: self.light.atmosphere,
+        };
+        LabelledScene { scene, objects: self.labelled }
+    }
+}
+
+pub(crate) fn grown(box3d: &Box3d, room: f64) -> Box3d {
+    let mut grown = *box3d;
+    grown.dimensions.length += 2.0 * room;
+    grown.dimensions.width += 2.0 * room;
+    grown
+}
