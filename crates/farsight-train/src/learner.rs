@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use farsight_graph::graph::Graph;
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::ATTRIBUTION_KEY;
 use farsight_graph::weights::Weights;
+use farsight_graph::model::ATTRIBUTION_KEY;
 use serde::Serialize;
 use tch::{Device, Tensor};
 
@@ -122,7 +122,12 @@ impl Learner {
     }
 
     /// Writes a checkpoint, whole or not at all.
-    pub fn write(&self, path: &Path, progress: Progress, identity: &impl Serialize) -> Result<(), CheckpointError> {
+    pub fn write(
+        &self,
+        path: &Path,
+        progress: Progress,
+        identity: &impl Serialize,
+    ) -> Result<(), CheckpointError> {
         let mut weights = self.weights();
         self.adam.store(&mut weights);
         if let Some(averages) = &self.averages {

@@ -1,10 +1,10 @@
 //! libtorch as an engine of `farsight-infer`.
 
 use farsight_core::HeadMaps;
-use farsight_graph::graph::{LOGITS, REGRESSION};
-use farsight_graph::model::{Model, ModelError};
 use farsight_infer::engine::{apart, batch_size};
 use farsight_infer::{Engine, EngineError};
+use farsight_graph::graph::{LOGITS, REGRESSION};
+use farsight_graph::model::{Model, ModelError};
 use tch::{Device, Tensor, no_grad};
 
 use crate::executor::{Mode, Network, Precision, values_from_tensor};
