@@ -6,6 +6,7 @@ use farsight_core::input::InputRules;
 use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
 
+use crate::annotations::DepthMap;
 use crate::{ColorJitter, Detail, Frame, Reflections, Shade, network_input};
 
 /// Input pixels per cell of the map of surface depths.
@@ -118,7 +119,9 @@ impl Transform {
             camera: self.camera(&frame.camera, width),
             labels: frame.labels.iter().map(|label| self.label(label, width, rules.size)).collect(),
             regress: self.regress,
-            surface_m: frame.depth_m.as_ref().map(|depth_m| self.surface(depth_m, frame.image.dimensions(), rules)),
+            surface_m: frame
+                .annotation::<DepthMap>()
+                .map(|DepthMap { depth_m }| self.surface(depth_m, frame.image.dimensions(), rules)),
         }
     }
 

@@ -63,6 +63,7 @@ pub mod explain;
 pub mod files;
 pub mod findings;
 pub mod frame;
+mod label_source;
 #[cfg(feature = "page")]
 pub mod page;
 pub mod ranging;
@@ -74,3 +75,4 @@ pub use evaluation::{Evaluation, Report};
 pub use files::{FilesError, FrameFiles, Scores};
 pub use findings::{Finding, Findings};
 pub use frame::{Frame, Prediction};
+pub use label_source::LabelSource;

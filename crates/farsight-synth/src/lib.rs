@@ -18,7 +18,9 @@
 //! | [`sensor`] | what a camera does to light: exposure, blur, noise, tone curve, JPEG |
 //! | [`labels`], `plates` | labels and number plates from what the image shows |
 //! | `stream` | finished frames, by number |
+//! | `dataset` | these frames as a data set |
 
+mod dataset;
 pub mod generator;
 pub mod labels;
 pub mod layout;
@@ -34,6 +36,7 @@ pub mod sizes;
 mod stream;
 pub(crate) mod vector;
 
+pub use dataset::SceneDataset;
 pub use generator::{CameraRanges, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
 pub use scene::LabelledScene;

@@ -2,6 +2,7 @@
 
 use farsight_core::{Camera, Label};
 use farsight_data::Frame;
+use farsight_data::annotations::DepthMap;
 
 use crate::generator::{SceneConfig, generate_scene};
 use crate::labels::LabelRules;
@@ -28,10 +29,15 @@ pub struct SceneStream {
 }
 
 impl SceneStream {
+    /// Name of the frame of scene number `index`.
+    pub fn id(index: u64) -> String {
+        format!("{index:06}")
+    }
+
     /// Scene number `index`, rendered and captured: the same bytes for any number of threads.
     pub fn frame(&self, index: u64) -> Frame {
         let labelled = generate_scene(&self.config, self.seed, index);
-        captured(&labelled, format!("{index:06}"), &mut SceneRng::new(self.seed, index, SENSOR_STREAM))
+        captured(&labelled, Self::id(index), &mut SceneRng::new(self.seed, index, SENSOR_STREAM))
     }
 }
 
@@ -52,5 +58,5 @@ fn captured(labelled: &LabelledScene, id: String, rng: &mut SceneRng) -> Frame {
     let image = SensorModel::sample(&scene.atmosphere, rng.inner()).capture(&rendered);
     let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, objects, &rendered);
     let plates = plates(scene, objects, &rendered, &labels);
-    Frame { id, image, camera: scene.camera, labels, depth_m: Some(rendered.depth_m), plates }
+    Frame::new(id, image, scene.camera, labels).with(plates).with(DepthMap { depth_m: rendered.depth_m })
 }

@@ -15,7 +15,6 @@ pub mod metrics;
 pub mod parts;
 pub mod runner;
 pub mod schedule;
-pub mod sources;
 pub mod task;
 pub mod training;
 

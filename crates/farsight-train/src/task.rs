@@ -1,7 +1,8 @@
 //! What a method says about its training.
 
-use farsight_data::ItemKey;
-use farsight_data::kitti::dataset::DatasetError;
+use std::sync::Arc;
+
+use farsight_data::{Dataset, DatasetError, ItemKey};
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::model::{Model, ModelError, NetworkConfig};
 use farsight_graph::weights::Weights;
@@ -9,7 +10,6 @@ use tch::{Device, Tensor};
 
 use crate::config::{RunConfig, TaskConfig};
 use crate::metrics::Metrics;
-use crate::sources::FrameSource;
 use crate::training::TrainError;
 
 /// Makes what a task learns from of the frame that a key stands for; shared by the loader's threads. The same key gives the same sample, always.
@@ -45,7 +45,7 @@ pub trait Task: Sized {
     ///
     /// # Errors
     /// When the frames lack what the task learns from.
-    fn sampler(run: &RunOf<Self>, source: Box<dyn FrameSource>) -> Result<Sampler<Self::Sample>, TrainError>;
+    fn sampler(run: &RunOf<Self>, source: Arc<dyn Dataset>) -> Result<Sampler<Self::Sample>, TrainError>;
 
     /// Name of a sample's frame.
     fn name(sample: &Self::Sample) -> &str;

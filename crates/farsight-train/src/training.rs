@@ -3,16 +3,18 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
-use farsight_data::{Batch, ItemKey, KittiDataset, Loader, LoaderConfig, Position};
+use farsight_data::{
+    Batch, CachedDataset, Dataset, DatasetError, ItemKey, Loader, LoaderConfig, Position, open_labelled,
+};
 use farsight_files::{DurableError, write_atomically};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::ModelError;
 use farsight_graph::weights::{Weights, WeightsError};
 use farsight_onnx::key;
-use farsight_synth::SceneStream;
+use farsight_synth::{SceneDataset, SceneStream};
 use tch::{Device, no_grad};
 use thiserror::Error;
 
@@ -21,7 +23,6 @@ use crate::config::{DataConfig, RunConfig, RunConfigError, ValidateConfig};
 use crate::executor::{ExecutorError, Mode};
 use crate::learner::Learner;
 use crate::metrics::{Metrics, MetricsWriter, Step, StepSummary, Window};
-use crate::sources::{FrameSource, KittiSource, RenderedSource};
 use crate::task::{RunOf, StepOutput, Task};
 
 pub use crate::learner::Loaded;
@@ -191,7 +192,7 @@ pub fn fit<T: Task>(job: &Job<RunOf<T>>, callback: &mut dyn Callback) -> Result<
     let Job { run, out, resume } = job;
     let train = &run.train;
     crate::set_threads((train.threads > 0).then_some(train.threads));
-    let source = source(&run.data, train.seed)?;
+    let source = dataset(&run.data, train.seed)?;
     let frames = if run.data.limit == 0 { source.len() } else { run.data.limit.min(source.len()) };
     let sampler = std::sync::Arc::new(T::sampler(run, source)?);
     prepare_folder(out, *resume)?;
@@ -401,16 +402,19 @@ impl<T: Task, F: Fn() -> std::sync::Arc<crate::task::Sampler<T::Sample>>> Traine
 }
 
 /// The frames that `data` names; rendered ones from this seed.
-fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
-    let source: Box<dyn FrameSource> = match (&data.rendered, &data.root) {
+fn dataset(data: &DataConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
+    let dataset: Arc<dyn Dataset> = match (&data.rendered, &data.root) {
         (Some(rendered), _) => {
             let stream = SceneStream { config: rendered.world.clone(), seed };
-            Box::new(RenderedSource::new(stream, rendered.frames_per_epoch))
+            Arc::new(SceneDataset::new(stream, rendered.frames_per_epoch))
         }
-        (None, Some(root)) => Box::new(KittiSource::new(KittiDataset::open(root, Some(&data.split))?, data.cache)),
+        (None, Some(root)) => open_labelled(root, Some(&data.split))?,
         (None, None) => return Err(TrainError::NoData),
     };
-    if source.is_empty() { Err(TrainError::NoFrames(data.split.clone())) } else { Ok(source) }
+    if dataset.is_empty() {
+        return Err(TrainError::NoFrames(data.split.clone()));
+    }
+    Ok(if data.cache { Arc::new(CachedDataset::new(dataset)) } else { dataset })
 }
 
 /// Makes the folder of a run, which must not hold another one.

@@ -12,7 +12,7 @@ pub mod sizes;
 pub mod split;
 
 pub use calibration::{Calibration, CalibrationError};
-pub use dataset::{DatasetError, KittiDataset};
+pub use dataset::{FORMAT, KittiDataset, KittiError};
 pub use devkit::{DevkitRow, Oddity, rows_as_devkit};
 pub use fields::{Row, RowKind, row_from_fields};
 pub use rows::{

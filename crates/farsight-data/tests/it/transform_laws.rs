@@ -5,6 +5,7 @@ use std::path::Path;
 
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::{Affine2, Box2d, Box3d, Camera, Label, ObjectClass, wrapped_angle};
+use farsight_data::annotations::DepthMap;
 use farsight_data::kitti::RowKind;
 use farsight_data::kitti::rows::rows_from_text;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
@@ -102,14 +103,7 @@ fn a_sample_is_the_frame_moved() {
     let camera = Camera::from_intrinsics(700.0, 700.0, 600.0, 180.0).unwrap();
     let image = RgbImage::from_pixel(1242, 375, image::Rgb([90, 100, 110]));
     let depth_m = (0..1242 * 375).map(|pixel| (pixel % 1242) as f32).collect();
-    let frame = Frame {
-        id: "000042".to_owned(),
-        image,
-        camera,
-        labels: vec![car(), dont_care()],
-        depth_m: Some(depth_m),
-        plates: vec![],
-    };
+    let frame = Frame::new("000042", image, camera, vec![car(), dont_care()]).with(DepthMap { depth_m });
     let transform = lively().draw(&mut ItemKey { epoch: 3, index: 4, seed: 5 }.rng(), IMAGE_SIZE, &RULES);
     let sample = transform.apply(&frame, &RULES);
     assert_eq!((sample.id.as_str(), sample.size, sample.input.len()), ("000042", RULES.size, 3 * 1280 * 384));
@@ -134,14 +128,7 @@ fn a_sample_is_the_frame_moved() {
 fn reflections_shade_and_detail_change_pixels_and_neither_camera_nor_labels() {
     let image =
         RgbImage::from_fn(1242, 375, |x, y| image::Rgb([(x % 256) as u8, (y % 256) as u8, ((x * y) % 256) as u8]));
-    let frame = Frame {
-        id: "0".to_owned(),
-        image,
-        camera: Camera::from_hfov(80.0, 1242, 375).unwrap(),
-        labels: vec![car(), dont_care()],
-        depth_m: None,
-        plates: vec![],
-    };
+    let frame = Frame::new("0", image, Camera::from_hfov(80.0, 1242, 375).unwrap(), vec![car(), dont_care()]);
     let always =
         AugmentationConfig { reflection_probability: 1.0, shade_probability: 1.0, detail_probability: 1.0, ..lively() };
     for index in 0..5 {

@@ -2,13 +2,16 @@
 
 mod samples;
 
+use std::sync::Arc;
+
+use farsight_data::annotations::Plates;
+use farsight_data::Dataset;
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::model::{ModelError, NetworkConfig};
 use farsight_graph::weights::Weights;
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
 use farsight_train::executor::ExecutorError;
 use farsight_train::metrics::Metrics;
-use farsight_train::sources::FrameSource;
 use farsight_train::task::{Sampler, StepOutput, Task};
 use farsight_train::training::TrainError;
 use serde::{Deserialize, Serialize};
@@ -100,8 +103,8 @@ impl Task for PlateReaderTask {
         Ok((Self { side: run.model.side, answer: [answer] }, graph))
     }
 
-    fn sampler(run: &PlateReaderRun, source: Box<dyn FrameSource>) -> Result<Sampler<FramePlates>, TrainError> {
-        if !source.knows_plates() {
+    fn sampler(run: &PlateReaderRun, source: Arc<dyn Dataset>) -> Result<Sampler<FramePlates>, TrainError> {
+        if !source.has::<Plates>() {
             return Err(TrainError::NoPlates);
         }
         let (augmentation, task) = (run.augmentation.clone(), run.task.clone());

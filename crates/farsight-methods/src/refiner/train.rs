@@ -3,15 +3,17 @@
 mod false_positives;
 mod samples;
 
+use std::sync::Arc;
+
 use std::path::PathBuf;
 
+use farsight_data::Dataset;
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::model::{ModelError, NetworkConfig};
 use farsight_graph::weights::Weights;
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
 use farsight_train::executor::ExecutorError;
 use farsight_train::metrics::Metrics;
-use farsight_train::sources::FrameSource;
 use farsight_train::task::{Sampler, StepOutput, Task};
 use farsight_train::training::TrainError;
 use serde::{Deserialize, Serialize};
@@ -111,7 +113,7 @@ impl Task for RefinerTask {
         Ok((Self { side: run.model.side, answer: [answer] }, graph))
     }
 
-    fn sampler(run: &RefinerRun, source: Box<dyn FrameSource>) -> Result<Sampler<FrameCrops>, TrainError> {
+    fn sampler(run: &RefinerRun, source: Arc<dyn Dataset>) -> Result<Sampler<FrameCrops>, TrainError> {
         let (augmentation, task) = (run.augmentation.clone(), run.task.clone());
         let maker = CropMaker { source, augmentation, task, side: run.model.side };
         Ok(Box::new(move |key| maker.samples(key)))

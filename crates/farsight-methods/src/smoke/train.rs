@@ -3,12 +3,14 @@
 pub mod loss;
 pub mod samples;
 
+use std::sync::Arc;
+
+use farsight_data::Dataset;
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::model::{Model, ModelError, NetworkConfig, is_narrowed};
 use farsight_graph::weights::Weights;
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
 use farsight_train::executor::ExecutorError;
-use farsight_train::sources::FrameSource;
 use farsight_train::task::{Sampler, StepOutput, Task};
 use farsight_train::training::TrainError;
 use serde::{Deserialize, Serialize};
@@ -126,7 +128,7 @@ impl Task for SmokeTask {
         Ok((Self { config, input: run.model.input, codec, outputs, is_narrowed }, graph))
     }
 
-    fn sampler(run: &SmokeRun, source: Box<dyn FrameSource>) -> Result<Sampler<TrainSample>, TrainError> {
+    fn sampler(run: &SmokeRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
         let maker = SampleMaker::new(source, &run.model, run.augmentation.clone());
         Ok(Box::new(move |key| maker.sample(key)))
     }

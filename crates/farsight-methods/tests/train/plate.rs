@@ -7,7 +7,8 @@ use farsight_methods::plate_reader::geometry::{ANSWER_CHANNELS, INPUT_CHANNELS, 
 use farsight_methods::refiner::geometry::input_rules;
 use farsight_core::{Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_data::kitti::write_labels;
-use farsight_data::{AugmentationConfig, Plate, network_input, read_image, write_plates};
+use farsight_data::annotations::{Annotations, FileFormat, Plate, Plates};
+use farsight_data::{AugmentationConfig, network_input, read_image};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::NetworkConfig;
@@ -119,8 +120,9 @@ fn plates_set(frames: usize) -> tempfile::TempDir {
             Label { class: ObjectClass::Car, truncation: 0.0, occlusion: 0, alpha: box3d.alpha(), box2d, box3d };
         write_labels(&training.join(format!("label_2/{frame:06}.txt")), &[label]).unwrap();
         let [left, right] = ends(frame);
-        write_plates(&training.join(format!("plates/{frame:06}.txt")), &[Plate { label: 0, ends: [right, left] }])
-            .unwrap();
+        let mut annotations = Annotations::default();
+        annotations.insert(Plates(vec![Plate { label: 0, ends: [right, left] }]));
+        FileFormat::of::<Plates>().write(&training, &format!("{frame:06}"), &annotations).unwrap();
     }
     folder
 }

@@ -1,9 +1,10 @@
 //! From labelled frames to crops of vehicles' ends and what the plate reader should answer.
 
+use std::sync::Arc;
+
 use farsight_core::Box3d;
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
-use farsight_train::sources::FrameSource;
+use farsight_data::annotations::Plates;
+use farsight_data::{Dataset, DatasetError, AugmentationConfig, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 
@@ -55,7 +56,7 @@ pub struct FramePlates {
 /// Makes the samples of a frame. Shared by the loader's threads.
 #[derive(Debug)]
 pub(super) struct PlateMaker {
-    pub(super) source: Box<dyn FrameSource>,
+    pub(super) source: Arc<dyn Dataset>,
     pub(super) augmentation: AugmentationConfig,
     pub(super) task: PlateReaderTaskConfig,
     pub(super) side: usize,
@@ -64,13 +65,14 @@ pub(super) struct PlateMaker {
 impl PlateMaker {
     /// The samples of the frame that `key` stands for; the same whenever and wherever they are asked for.
     pub(super) fn samples(&self, key: ItemKey) -> Result<FramePlates, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let mut rng = key.rng();
         let labels = frame.labels.iter().enumerate();
         let labels =
             labels.filter(|(_, label)| carries_plate(&label.class) && is_seen(label, self.task.least_height_px));
+        let plates = frame.annotation::<Plates>().map_or(&[][..], |Plates(plates)| plates);
         let vehicles = labels.map(|(place, label)| {
-            let plate = frame.plates.iter().find(|plate| plate.label == place).map(|plate| plate.ends);
+            let plate = plates.iter().find(|plate| plate.label == place).map(|plate| plate.ends);
             Vehicle { box3d: label.box3d, plate }
         });
         let (shown, hidden): (Vec<Vehicle>, Vec<Vehicle>) = vehicles.partition(|vehicle| vehicle.plate.is_some());

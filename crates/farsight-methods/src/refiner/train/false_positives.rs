@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use farsight_core::{Box3d, Detection, Label};
-use farsight_data::Frame;
-use farsight_data::kitti::{DatasetError, read_results};
+use farsight_data::kitti::read_results;
+use farsight_data::{DatasetError, Frame};
 
 /// A detection that overlaps anything labelled by more than this may be meant for it.
 const MOST_OVERLAP: f64 = 0.3;

@@ -1,9 +1,9 @@
 //! From labelled frames to crops and what the refiner should answer.
 
+use std::sync::Arc;
+
 use farsight_core::{Box3d, Label};
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
-use farsight_train::sources::FrameSource;
+use farsight_data::{Dataset, DatasetError, AugmentationConfig, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 
@@ -46,7 +46,7 @@ pub struct FrameCrops {
 /// Makes the samples of a frame. Shared by the loader's threads.
 #[derive(Debug)]
 pub(super) struct CropMaker {
-    pub(super) source: Box<dyn FrameSource>,
+    pub(super) source: Arc<dyn Dataset>,
     pub(super) augmentation: AugmentationConfig,
     pub(super) task: RefinerTaskConfig,
     pub(super) side: usize,
@@ -55,7 +55,7 @@ pub(super) struct CropMaker {
 impl CropMaker {
     /// The samples of the frame that `key` stands for; the same whenever and wherever they are asked for.
     pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let mut rng = key.rng();
         let labels = frame.labels.iter().filter(|label| is_seen(label, self.task.least_height_px));
         let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));

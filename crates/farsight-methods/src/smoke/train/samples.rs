@@ -1,9 +1,9 @@
 //! From labelled frames to the tensors of a batch.
 
+use std::sync::Arc;
+
 use farsight_core::input::InputRules;
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, ItemKey};
-use farsight_train::sources::FrameSource;
+use farsight_data::{Dataset, DatasetError, AugmentationConfig, ItemKey};
 use tch::{Device, Tensor};
 
 use super::loss::BatchTargets;
@@ -28,7 +28,7 @@ pub struct TrainSample {
 /// Makes samples: frame, transform, targets. Shared by the loader's threads.
 #[derive(Debug)]
 pub struct SampleMaker {
-    source: Box<dyn FrameSource>,
+    source: Arc<dyn Dataset>,
     quirks: Quirks,
     input_rules: InputRules,
     target_rules: TargetRules,
@@ -37,7 +37,7 @@ pub struct SampleMaker {
 
 impl SampleMaker {
     /// Samples of `source` for `model`.
-    pub fn new(source: Box<dyn FrameSource>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
+    pub fn new(source: Arc<dyn Dataset>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
         let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
         Self { source, quirks: model.quirks, input_rules, target_rules, augmentation }
     }
@@ -57,7 +57,7 @@ impl SampleMaker {
     /// # Errors
     /// When the frame cannot be read.
     pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let (width, height) = frame.image.dimensions();
         let image_size = [width as usize, height as usize];
         let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);

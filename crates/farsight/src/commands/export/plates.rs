@@ -7,7 +7,7 @@ use farsight_core::MeasuredDepth;
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::score::LEAST_PEAK;
-use farsight_data::{KittiDataset, read_image};
+use farsight_data::{Dataset, open_labelled};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
 use farsight_methods::plate_reader::PlateReader;
@@ -32,7 +32,7 @@ pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Resu
 
 /// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
 fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> {
-    let dataset = KittiDataset::open(data, None)?;
+    let dataset = open_labelled(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let engine = EngineArgs::default();
     let mut pipeline = Pipeline::new(Box::new(open_shipped()?), options).with_refiner(shipped_refiner(&engine)?);
@@ -40,7 +40,7 @@ fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> 
     let bar = ProgressBar::new(dataset.len() as u64);
     let mut pairs = Vec::new();
     for index in 0..dataset.len() {
-        pairs.extend(pairs_of_frame(&mut pipeline, &mut reader, &dataset, index)?);
+        pairs.extend(pairs_of_frame(&mut pipeline, &mut reader, &*dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -50,14 +50,13 @@ fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> 
 fn pairs_of_frame(
     pipeline: &mut Pipeline,
     reader: &mut PlateReader,
-    dataset: &KittiDataset,
+    dataset: &dyn Dataset,
     index: usize,
 ) -> Result<Vec<DepthPair>> {
-    let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
-    let image = read_image(&path)?;
-    let known = pipeline.detect(&image, &camera).with_context(|| path.display().to_string())?;
+    let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
+    let known = pipeline.detect(&image, &camera).with_context(|| dataset.origin(index))?;
     let readings = reader.readings(&image, &camera, &known)?;
-    let frame = Frame::new(String::new(), dataset.load_labels(index)?, known);
+    let frame = Frame::new(String::new(), dataset.labels(index)?, known);
     let pair = |(place, target): (usize, Option<Target>)| {
         let target = target.filter(is_plain)?;
         let first = MeasuredDepth::of(&frame.predictions[place].detection)?;

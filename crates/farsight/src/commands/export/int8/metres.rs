@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use farsight_core::detection::DecodeOptions;
-use farsight_data::KittiDataset;
+use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Bootstrap, Difference, Group, RangingComparison, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
@@ -49,15 +49,15 @@ impl Metres {
         args: &ExportArgs,
         printer: &mut Printer,
     ) -> Result<Self> {
-        let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
+        let dataset = open_labelled(data, args.int8.split.as_deref())?;
         let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
             let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
             let detector = detector_of(&args.int8.engine, file.clone(), &args.model)?;
             let mut pipeline = Pipeline::new(Box::new(detector), options);
-            let done = write_results_of(&mut pipeline, &dataset, folder.path(), printer)?;
+            let done = write_results_of(&mut pipeline, &*dataset, folder.path(), printer)?;
             ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
-            let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
+            let files = FrameFiles::open(&dataset, folder.path(), Some(dataset.ids()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
             Ok((files.evaluate(&options)?.0, pipeline.detector().engine().to_owned()))
         };
