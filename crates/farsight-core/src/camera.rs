@@ -41,6 +41,9 @@ pub enum CameraError {
     /// A field of view that a pinhole cannot have.
     #[error("horizontal field of view is {0} degrees; expected more than 0 and less than 180")]
     FieldOfView(f64),
+    /// An image with sides that no image has.
+    #[error("the image's width or height is no 32-bit number of pixels")]
+    Sides,
     /// A projection that sends no point anywhere.
     #[error("the projection is not a camera: {0}")]
     Degenerate(&'static str),
@@ -83,16 +86,19 @@ impl Camera {
         Ok(Self { projection: [[fx, 0.0, cx, 0.0], [0.0, fy, cy, 0.0], [0.0, 0.0, 1.0, 0.0]] })
     }
 
-    /// An ideal camera that sees `hfov_deg` degrees across an image of `width` x `height` pixels, principal point in the middle.
+    /// An ideal camera that sees `hfov_deg` degrees across an image of `width` x `height` pixels (any integers), principal
+    /// point in the middle.
     ///
     /// # Errors
-    /// When the angle is not between 0 and 180 degrees.
-    pub fn from_hfov(hfov_deg: f64, width: usize, height: usize) -> Result<Self, CameraError> {
+    /// When the angle is not between 0 and 180 degrees, or a side is no 32-bit number.
+    pub fn from_hfov(hfov_deg: f64, width: impl TryInto<u32>, height: impl TryInto<u32>) -> Result<Self, CameraError> {
         if !(hfov_deg > 0.0 && hfov_deg < 180.0) {
             return Err(CameraError::FieldOfView(hfov_deg));
         }
-        let focal = width as f64 / 2.0 / (hfov_deg.to_radians() / 2.0).tan();
-        Self::from_intrinsics(focal, focal, (width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0)
+        let (Ok(width), Ok(height)) = (width.try_into(), height.try_into()) else { return Err(CameraError::Sides) };
+        let (width, height) = (f64::from(width), f64::from(height));
+        let focal = width / 2.0 / (hfov_deg.to_radians() / 2.0).tan();
+        Self::from_intrinsics(focal, focal, (width - 1.0) / 2.0, (height - 1.0) / 2.0)
     }
 
     /// Horizontal focal length, pixels; of a turned camera too, whose projection is `K [R | t]`.

@@ -9,6 +9,7 @@ pub mod augment;
 pub mod class_map;
 pub mod dataset;
 pub mod detail;
+pub mod exif;
 pub mod frame;
 pub mod image_io;
 pub mod jitter;
@@ -24,8 +25,12 @@ pub use augment::AugmentationConfig;
 pub use class_map::{ClassMap, ClassMapError};
 pub use dataset::{CachedDataset, Dataset, DatasetError, ImageFolder, MemoryDataset, open_dataset, open_labelled};
 pub use detail::Detail;
+pub use exif::{Exif, FocalFromExif, FocalProblem, focal};
 pub use frame::Frame;
-pub use image_io::{ImageError, has_image_extension, image_named, read_image};
+pub use image_io::{
+    Foreign, IMAGE_FORMATS, ImageError, ImageHeader, ImageLimits, ImageWarning, LoadedImage, decode_image,
+    has_image_extension, image_named, load_image, read_header, read_image,
+};
 pub use jitter::ColorJitter;
 pub use kitti::KittiDataset;
 pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};

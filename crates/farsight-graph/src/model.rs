@@ -191,7 +191,11 @@ impl<C: NetworkConfig> Model<C> {
         Self::from_weights(Weights::from_safetensors(bytes, source)?, source)
     }
 
-    fn from_weights(weights: Weights, path: &Path) -> Result<Self, ModelError> {
+    /// The model whose weights, with method and config in their header, are in memory; `path` is only what errors call it.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn from_weights(weights: Weights, path: &Path) -> Result<Self, ModelError> {
         let Some(text) = weights.metadata.get(CONFIG_KEY) else {
             return Err(ModelError::NoConfig { path: path.into(), expected: C::NAME });
         };

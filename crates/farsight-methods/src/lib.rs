@@ -5,7 +5,9 @@
 //! stands in [`detector`].
 
 mod batch;
+pub mod centernet3d;
 pub mod detector;
+pub mod detectors;
 pub mod input_spec;
 pub mod plate_reader;
 pub mod refiner;

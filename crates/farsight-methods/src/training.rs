@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use farsight_train::config::{RunConfigError, method_of};
 use farsight_train::training::{Callback, FileOptions, TrainError, fit_file};
 
+use crate::centernet3d::train::CenterNet3dTask;
 use crate::plate_reader::train::PlateReaderTask;
 use crate::refiner::train::RefinerTask;
 use crate::smoke::train::SmokeTask;
@@ -14,8 +15,9 @@ use crate::smoke::train::SmokeTask;
 type TrainFile = fn(&Path, &FileOptions, &mut dyn Callback) -> Result<PathBuf, TrainError>;
 
 /// The methods, by their tags.
-pub const METHODS: [(&str, TrainFile); 3] = [
+pub const METHODS: [(&str, TrainFile); 4] = [
     ("smoke", fit_file::<SmokeTask>),
+    ("centernet3d", fit_file::<CenterNet3dTask>),
     ("refiner", fit_file::<RefinerTask>),
     ("plate_reader", fit_file::<PlateReaderTask>),
 ];

@@ -1,49 +1,61 @@
-//! ONNX Runtime, loaded at run time: the fastest engine on most CPUs.
+//! ONNX Runtime, loaded at run time: the fastest engine on most CPUs. Only this file knows whether it is compiled in.
+//!
+//! Its sessions cannot run for two threads at once, so each sharer has a session of its own, made when it first runs.
+//! Sessions share no weights: ONNX Runtime packs them for itself (its container for shared packed weights takes only
+//! initializers that are handed over one by one, beside the file).
 
-use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+#[cfg(not(feature = "onnxruntime"))]
+use absent as engine;
+#[cfg(feature = "onnxruntime")]
+use present as engine;
 
-use farsight_onnx::{OnnxModel, TensorInfo};
-use ort::environment::Environment;
-use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
-use ort::session::{Session, SessionInputValue};
-use ort::value::TensorRef;
-
-use crate::EngineError;
-use crate::library::{Failure, unpanicked};
-use crate::runner::{Runner, Tensor, TensorView, input};
+pub use engine::{open, version};
 
 /// Its name as users write it.
 const NAME: &str = "onnxruntime";
 
-/// The library and its environment, which a process has once: the first library that was loaded stays.
-static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
+#[cfg(feature = "onnxruntime")]
+mod present {
+    use std::path::{Path, PathBuf};
+    use std::sync::{Arc, OnceLock};
 
-/// Runs an ONNX model with ONNX Runtime.
-pub struct OrtRunner {
-    session: Session,
-    /// What another session is made from; ONNX Runtime runs a session from one thread at a time here.
-    library: PathBuf,
-    model: OnnxModel,
-    threads: Option<usize>,
-}
+    use farsight_onnx::{OnnxModel, TensorInfo};
+    use ort::environment::Environment;
+    use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
+    use ort::session::{Session, SessionInputValue};
+    use ort::value::TensorRef;
 
-impl OrtRunner {
-    /// Loads the shared `library` of ONNX Runtime 1.17 or later and `model`, to be run by so many threads; `None` takes one for each core.
+    use super::NAME;
+    use crate::EngineError;
+    use crate::library::{Failure, unpanicked};
+    use crate::runner::{Runner, Tensor, TensorView, input};
+
+    /// The library and its environment, which a process has once: the first library that was loaded stays.
+    static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
+
+    /// What sessions are made from.
+    struct Source {
+        library: PathBuf,
+        model: OnnxModel,
+        threads: Option<usize>,
+    }
+
+    /// Runs an ONNX model with ONNX Runtime.
+    struct OrtRunner {
+        source: Arc<Source>,
+        /// None until the first run of a sharer.
+        session: Option<Session>,
+    }
+
+    /// Loads the shared `library` of ONNX Runtime 1.17 or later and `model`, to be run by so many threads; `None` takes
+    /// one for each core.
     ///
     /// # Errors
     /// When the library cannot be loaded, is too old, or refuses the model.
-    pub fn new(library: &Path, model: &OnnxModel, threads: Option<usize>) -> Result<Self, EngineError> {
-        unpanicked(NAME, || {
-            let mut builder = Session::builder(environment(library)?)?
-                .with_optimization_level(GraphOptimizationLevel::All)
-                .map_err(plain)?;
-            if let Some(threads) = threads {
-                builder = builder.with_intra_threads(threads).map_err(plain)?;
-            }
-            let session = builder.commit_from_memory(model.bytes())?;
-            Ok(Self { session, library: library.to_owned(), model: model.clone(), threads })
-        })
+    pub fn open(library: &Path, model: OnnxModel, threads: Option<usize>) -> Result<Box<dyn Runner>, EngineError> {
+        let source = Source { library: library.to_owned(), model, threads };
+        let session = unpanicked(NAME, || source.session())?;
+        Ok(Box::new(OrtRunner { source: Arc::new(source), session: Some(session) }))
     }
 
     /// Loads the library at `path` and says which version it is.
@@ -58,51 +70,96 @@ impl OrtRunner {
         })
     }
 
-    fn values(&mut self, given: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, Failure> {
-        let name = &self.model.input().name;
-        let view = input(given, name)?;
-        let value = TensorRef::from_array_view((view.shape.to_vec(), view.values))?;
-        let answer = self.session.run(vec![(name.clone(), SessionInputValue::from(value))])?;
-        let tensor = |output: &TensorInfo| {
-            let value = answer.get(&output.name).ok_or_else(|| format!("no output \"{}\"", output.name))?;
-            let (shape, values) = value.try_extract_tensor::<f32>()?;
-            Ok(Tensor { shape: shape.iter().map(|&side| side as usize).collect(), values: values.to_vec() })
-        };
-        self.model.outputs().iter().map(tensor).collect()
+    impl Source {
+        fn session(&self) -> Result<Session, Failure> {
+            let mut builder = Session::builder(environment(&self.library)?)?
+                .with_optimization_level(GraphOptimizationLevel::All)
+                .map_err(plain)?;
+            if let Some(threads) = self.threads {
+                builder = builder.with_intra_threads(threads).map_err(plain)?;
+            }
+            Ok(builder.commit_from_memory(self.model.bytes())?)
+        }
+    }
+
+    impl OrtRunner {
+        fn values(&mut self, given: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, Failure> {
+            let model = &self.source.model;
+            let name = &model.input().name;
+            let view = input(given, name)?;
+            let value = TensorRef::from_array_view((view.shape.to_vec(), view.values))?;
+            let session = match &mut self.session {
+                Some(session) => session,
+                none => none.insert(self.source.session()?),
+            };
+            let answer = session.run(vec![(name.clone(), SessionInputValue::from(value))])?;
+            let tensor = |output: &TensorInfo| {
+                let value = answer.get(&output.name).ok_or_else(|| format!("no output \"{}\"", output.name))?;
+                let (shape, values) = value.try_extract_tensor::<f32>()?;
+                Ok(Tensor { shape: shape.iter().map(|&side| side as usize).collect(), values: values.to_vec() })
+            };
+            model.outputs().iter().map(tensor).collect()
+        }
+    }
+
+    impl Runner for OrtRunner {
+        fn engine(&self) -> &str {
+            NAME
+        }
+
+        fn inputs(&self) -> &[TensorInfo] {
+            std::slice::from_ref(self.source.model.input())
+        }
+
+        fn outputs(&self) -> &[TensorInfo] {
+            self.source.model.outputs()
+        }
+
+        fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
+            unpanicked(NAME, || self.values(inputs))
+        }
+
+        fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
+            Ok(Box::new(Self { source: self.source.clone(), session: None }))
+        }
+    }
+
+    /// The error without the builder that it gives back.
+    fn plain(error: ort::Error<SessionBuilder>) -> ort::Error {
+        error.into()
+    }
+
+    fn environment(library: &Path) -> Result<&'static Environment, Failure> {
+        if let Some(environment) = ENVIRONMENT.get() {
+            return Ok(environment);
+        }
+        let environment = ort::init_from(library)?.with_name("farsight").with_telemetry(false).build()?;
+        Ok(ENVIRONMENT.get_or_init(|| environment))
     }
 }
 
-impl Runner for OrtRunner {
-    fn engine(&self) -> &str {
-        NAME
+#[cfg(not(feature = "onnxruntime"))]
+mod absent {
+    use std::path::Path;
+
+    use farsight_onnx::OnnxModel;
+
+    use super::NAME;
+    use crate::{EngineError, Runner};
+
+    /// The engine is not compiled in.
+    ///
+    /// # Errors
+    /// Always.
+    pub fn open(_: &Path, _: OnnxModel, _: Option<usize>) -> Result<Box<dyn Runner>, EngineError> {
+        Err(EngineError::not_built(NAME))
     }
 
-    fn inputs(&self) -> &[TensorInfo] {
-        std::slice::from_ref(self.model.input())
+    /// The engine is not compiled in.
+    ///
+    /// # Errors
+    /// Always.
+    pub fn version(_: &Path) -> Result<String, EngineError> {
+        Err(EngineError::not_built(NAME))
     }
-
-    fn outputs(&self) -> &[TensorInfo] {
-        self.model.outputs()
-    }
-
-    fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
-        unpanicked(NAME, || self.values(inputs))
-    }
-
-    fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
-        Ok(Box::new(Self::new(&self.library, &self.model, self.threads)?))
-    }
-}
-
-/// The error without the builder that it gives back.
-fn plain(error: ort::Error<SessionBuilder>) -> ort::Error {
-    error.into()
-}
-
-fn environment(library: &Path) -> Result<&'static Environment, Failure> {
-    if let Some(environment) = ENVIRONMENT.get() {
-        return Ok(environment);
-    }
-    let environment = ort::init_from(library)?.with_name("farsight").with_telemetry(false).build()?;
-    Ok(ENVIRONMENT.get_or_init(|| environment))
 }

@@ -51,7 +51,8 @@ pub trait Runner: Send {
     /// When an input is missing or has another shape than the network can take, or the engine fails, for want of memory for instance.
     fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError>;
 
-    /// A runner of the same network for another thread; the weights are shared where the engine can.
+    /// A runner of the same network for another thread; the weights are shared where the engine can: rten, OpenVINO and
+    /// libtorch do, ONNX Runtime does not. What a sharer needs for itself is made when it first runs.
     ///
     /// # Errors
     /// When the engine fails.
@@ -89,5 +90,10 @@ impl EngineError {
     /// The failure of `engine` for this reason.
     pub fn new(engine: &str, reason: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self { engine: engine.to_owned(), source: reason.into() }
+    }
+
+    /// `engine` was left out when the program was built; its cargo feature has the engine's name.
+    pub fn not_built(engine: &str) -> Self {
+        Self::new(engine, format!("it is not built in (cargo feature \"{engine}\")"))
     }
 }

@@ -36,7 +36,9 @@ pub(crate) struct Canvas {
 impl Canvas {
     /// `None` when the image has no pixels, or more than can be drawn on.
     pub(crate) fn from_image(image: &RgbImage) -> Option<Self> {
-        let rgba = image.pixels().flat_map(|p| [p.0[0], p.0[1], p.0[2], 255]).collect();
+        // One piece of memory of the right size: a vector that grows takes twice as much.
+        let mut rgba = Vec::with_capacity(4 * image.pixels().len());
+        rgba.extend(image.pixels().flat_map(|p| [p.0[0], p.0[1], p.0[2], 255]));
         let pixmap = Pixmap::from_vec(rgba, IntSize::from_wh(image.width(), image.height())?)?;
         Some(Self { pixmap })
     }
@@ -99,14 +101,6 @@ impl Canvas {
     pub(crate) fn rounded_rect(&mut self, area: &Box2d, radius_px: f64, rgba: Rgba) {
         if let Some(path) = rounded(area, radius_px) {
             self.fill(&path, rgba);
-        }
-    }
-
-    /// Puts `image` with its upper left corner at `at`.
-    pub(crate) fn paste(&mut self, image: &RgbImage, at: [u32; 2]) {
-        for (x, y, pixel) in image.enumerate_pixels() {
-            let target = [i64::from(at[0]) + i64::from(x), i64::from(at[1]) + i64::from(y)];
-            self.blend(target, Rgba::new(pixel.0), 1.0);
         }
     }
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, Label, ObjectClass};
-use farsight_viz::{ColorBy, DrawOptions, Names, Scene, annotate, annotate_named, birds_eye, picture};
+use farsight_viz::{ColorBy, DrawOptions, Names, Scene, annotate, annotate_named, birds_eye, picture, picture_divisor};
 use image::{Rgb, RgbImage};
 
 const GREY: Rgb<u8> = Rgb([90, 90, 90]);
@@ -94,6 +94,37 @@ fn a_wide_image_has_the_panel_below_and_others_beside() {
     assert!(width == 1242 && height > 2 * 375);
     let (width, height) = composed(1920, 1080);
     assert!(width > 1920 && height == 1080);
+}
+
+#[test]
+fn pictures_are_as_large_as_their_images_and_not_as_their_longer_side_squared() {
+    // Ordinary sizes are drawn as they are.
+    for size in [[1242, 375], [1920, 1080], [3840, 2160], [3999, 2999], [2000, 5000], [100, 3000]] {
+        assert_eq!(picture_divisor(size), 1, "{size:?}");
+    }
+    assert_eq!([[4000, 3000], [4032, 3024], [12_000, 9000]].map(picture_divisor), [2, 2, 4]);
+    let scene = Scene { camera: &camera(), detections: &[], truth: &[] };
+    for size @ [width, height] in [[100, 20_000], [20_000, 100], [1, 60_000], [3000, 4500]] {
+        let image = RgbImage::from_pixel(width, height, GREY);
+        let drawn = picture(&image, &scene, &DrawOptions::default());
+        let pixels = u64::from(drawn.width()) * u64::from(drawn.height());
+        assert!(pixels <= 2 * u64::from(width * height) + 8_000_000, "{size:?}: {:?}", drawn.dimensions());
+    }
+}
+
+#[test]
+fn in_a_smaller_picture_boxes_are_where_they_are_in_the_image() {
+    let image = RgbImage::from_pixel(6000, 3000, GREY);
+    let camera = Camera::from_hfov(60.0, 6000, 3000).unwrap();
+    let detection = car([-4.0, 1.65, 15.0], 0.4);
+    let scene = Scene { camera: &camera, detections: std::slice::from_ref(&detection), truth: &[] };
+    let drawn = picture(&image, &scene, &DrawOptions::default());
+    assert_eq!(picture_divisor([6000, 3000]), 2);
+    for corner in detection.box3d.corners() {
+        let [u, v] = camera.pixel_from_point(corner).unwrap().map(|at| ((at + 0.5) / 2.0 - 0.5).round() as u32);
+        assert_ne!(*drawn.get_pixel(u, v), GREY, "corner at {u}, {v}");
+    }
+    assert_eq!(*drawn.get_pixel(2900, 1400), GREY);
 }
 
 #[test]

@@ -1,25 +1,22 @@
 //! The command line.
 //!
-//! Exit status: 0 done; 1 done, with something the caller asked to be told; 2 could not run.
+//! Exit status: 0 done; 1 done, but an input failed or something was told that the caller asked for; 2 could not run, or could not write an output.
 
-mod camera_source;
+mod camera_args;
 mod commands;
-mod engines;
 mod inputs;
-mod libraries;
-mod model_files;
 mod names;
+mod one_dash;
 mod outputs;
-mod pipeline;
+mod pipeline_args;
 mod printer;
-mod range_json;
 mod range_table;
-mod shipped;
 mod untrained;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
 
 use commands::{Command, Outcome};
 use printer::Printer;
@@ -33,6 +30,11 @@ struct Cli {
 }
 
 fn main() -> ExitCode {
+    if let Some((written, meant)) = one_dash::meant(&Cli::command(), std::env::args_os()) {
+        Cli::command()
+            .error(ErrorKind::UnknownArgument, format!("'{written}' has one dash; expected '{meant}'"))
+            .exit();
+    }
     let cli = Cli::parse();
     report_no_caught_panics();
     let mut printer = Printer::new();

@@ -1,19 +1,16 @@
 //! Names of output files.
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use farsight::camera_source::file_stem;
 
 /// A name for the outputs of each image: its own without the extension, and with a number where another image has that name.
 ///
 /// Names that differ only in case count as one, because some file systems take them for one.
 pub(crate) fn output_names(images: &[PathBuf]) -> Vec<String> {
     let mut taken = HashSet::new();
-    images.iter().map(|image| free_name(&stem(image), &mut taken)).collect()
-}
-
-/// The file's name without folder and extension.
-pub(crate) fn stem(path: &Path) -> String {
-    path.file_stem().map_or_else(|| "image".to_owned(), |stem| stem.to_string_lossy().into_owned())
+    images.iter().map(|image| free_name(&file_stem(image), &mut taken)).collect()
 }
 
 fn free_name(stem: &str, taken: &mut HashSet<String>) -> String {

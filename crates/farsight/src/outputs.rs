@@ -1,17 +1,14 @@
 //! Where results go, checked before the work that makes them: nothing that somebody still needs is replaced, and no work is lost for want of a folder.
 
-use std::fs::{self, File};
-use std::io::{self, Read};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use farsight::file_kind::start_of;
 use farsight_data::kitti::{RowKind, row_from_fields};
 use farsight_files::check_writable;
 
 use crate::inputs::identity;
-
-/// Bytes at the start of a file that are looked at to know what it holds.
-const PROBED_BYTES: u64 = 1 << 16;
 
 /// Whether a file can be written to `path`.
 pub(crate) fn check_file(path: &Path) -> Result<()> {
@@ -22,11 +19,11 @@ pub(crate) fn check_file(path: &Path) -> Result<()> {
 }
 
 /// As [`check_file`]; JSON replaces JSON, but nothing else and none of the `inputs`.
-pub(crate) fn check_json<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+pub(crate) fn check_json<P: AsRef<Path>>(path: &Path, inputs: impl IntoIterator<Item = P>) -> Result<()> {
     let shown = path.display();
     ensure!(path != Path::new("-"), "-: no name of a file; expected one, or /dev/stdout");
     let replaced = identity(path);
-    let is_input = path.exists() && inputs.into_iter().any(|input| identity(input) == replaced);
+    let is_input = path.exists() && inputs.into_iter().any(|input| identity(input.as_ref()) == replaced);
     ensure!(!is_input, "{shown}: an input; expected another file for the JSON");
     let start = start_of(path).with_context(|| format!("{shown}: cannot be read"))?;
     let first = start.iter().find(|byte| !byte.is_ascii_whitespace());
@@ -86,15 +83,6 @@ fn are_results(text: &str) -> bool {
     first.is_none_or(|row| {
         row.get(..RowKind::Result.columns()).is_some_and(|fields| row_from_fields(fields, RowKind::Result).is_ok())
     })
-}
-
-/// The first bytes of a file; none where there is no file, or a pipe, which must not be read to look at it.
-pub(crate) fn start_of(path: &Path) -> io::Result<Vec<u8>> {
-    let mut start = Vec::new();
-    if path.is_file() {
-        File::open(path)?.take(PROBED_BYTES).read_to_end(&mut start)?;
-    }
-    Ok(start)
 }
 
 #[cfg(test)]

@@ -1,129 +1,154 @@
-//! From an image and its camera to what is told: a detector, the second stages that look at what it found, and the road under all of it.
+//! From an image and its camera to what is told.
 
-use farsight_core::detection::{DecodeOptions, default_min_score};
-use farsight_core::road::{Road, SURE_SCORE, on_one_road};
-use farsight_core::{Camera, Detection};
-use farsight_methods::plate_reader::PlateReader;
-use farsight_methods::refiner::Refiner;
-use farsight_methods::{DetectError, Detector};
-use farsight_runtime::timing::timed;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use farsight_core::{Camera, Detection, ObjectClass};
+use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 
-/// A model ready to look at images, with all that follows its first look.
-pub(crate) struct Pipeline {
-    detector: Box<dyn Detector>,
-    options: DecodeOptions,
-    /// What looks again at what was found.
-    refiner: Option<Refiner>,
-    /// What measures vehicles by their number plates.
-    plate_reader: Option<PlateReader>,
-    /// What is known of the road under the camera.
-    road: Road,
+use crate::Error;
+use crate::builder::{ModelSource, PipelineBuilder};
+use crate::object::{DetectedObject, RangeKind};
+use crate::stages::{Settings, Stages};
+
+/// Which models a pipeline runs.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ModelInfo {
+    /// Name of the detector, or its file.
+    pub name: String,
+    /// SHA-256 of the detector's weights; none where its file does not tell.
+    pub weights_sha256: Option<String>,
+    /// SHA-256 of the refiner's weights; none without one.
+    pub refiner_sha256: Option<String>,
+    /// SHA-256 of the plate reader's weights; none without one.
+    pub plates_sha256: Option<String>,
 }
 
-/// What has a first score above this share of the least score that counts is refined: the refiner can raise it so far.
-const CANDIDATE_SHARE: f64 = 0.2;
+/// Models ready to look at images, with all that follows a first look.
+///
+/// A clone is the same pipeline. Several threads may use it at once: each gets networks of its own, which share their
+/// weights on every engine but ONNX Runtime.
+#[derive(Clone)]
+pub struct Pipeline {
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    settings: Settings,
+    info: ModelInfo,
+    engine: String,
+    has_error_bars: bool,
+    /// What never runs: the networks of further threads are shared from it, and it knows the detector.
+    template: Mutex<Stages>,
+    /// Networks that no thread uses now.
+    idle: Mutex<Vec<Stages>>,
+}
 
 impl Pipeline {
-    /// The detector alone.
-    pub(crate) fn new(detector: Box<dyn Detector>, options: DecodeOptions) -> Self {
-        Self { detector, options, refiner: None, plate_reader: None, road: Road::Ignored }
+    /// The models that come with the library, on the engine that is always there.
+    ///
+    /// # Errors
+    /// When the engine fails, for want of memory for instance.
+    pub fn shipped() -> Result<Self, Error> {
+        Self::builder().open()
     }
 
-    /// This pipeline with a second look at what its detector finds.
-    #[must_use]
-    pub(crate) fn with_refiner(self, refiner: Refiner) -> Self {
-        Self { refiner: Some(refiner), ..self }
+    /// The detector at `path`, a file that `farsight train`, `farsight import` or `farsight export` wrote. With the
+    /// shipped weights it gets all that [`Pipeline::shipped`] has.
+    ///
+    /// # Errors
+    /// When the file is no detector, or the engine fails.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::builder().model(ModelSource::from_word(path.as_ref())).open()
     }
 
-    /// This pipeline with a reading of the number plates of the vehicles that it finds.
-    #[must_use]
-    pub(crate) fn with_plate_reader(self, plate_reader: PlateReader) -> Self {
-        Self { plate_reader: Some(plate_reader), ..self }
+    /// Chooses model, engine and stages.
+    pub fn builder() -> PipelineBuilder {
+        PipelineBuilder::default()
     }
 
-    /// This pipeline for a camera above a `road`: what it finds is put on one plane ([`on_one_road`]).
-    #[must_use]
-    pub(crate) fn with_road(self, road: Road) -> Self {
-        Self { road, ..self }
-    }
-
-    /// What makes the first look.
-    pub(crate) fn detector(&self) -> &dyn Detector {
-        &*self.detector
-    }
-
-    /// Whether what it finds has error bars.
-    pub(crate) fn has_error_bars(&self) -> bool {
-        self.detector.has_error_bars() || self.refiner.is_some()
+    pub(crate) fn new(stages: Stages, settings: Settings, info: ModelInfo) -> Result<Self, EngineError> {
+        let (engine, has_error_bars) = (stages.detector.engine().to_owned(), stages.has_error_bars());
+        let template = Mutex::new(stages.share()?);
+        let idle = Mutex::new(vec![stages]);
+        Ok(Self { shared: Arc::new(Shared { settings, info, engine, has_error_bars, template, idle }) })
     }
 
     /// What is in `image`, taken by `camera`; highest score first.
     ///
     /// # Errors
-    /// As [`Detector::detect_batch`].
-    pub(crate) fn detect(&mut self, image: &RgbImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
-        let (mut answers, _) = self.detect_batch_timed(&[(image, camera)])?;
+    /// When the image has no pixels, the engine fails, or its answer does not fit the model.
+    pub fn detect(&self, image: &RgbImage, camera: &Camera) -> Result<Vec<DetectedObject>, DetectError> {
+        let (mut answers, _) = self.detect_batch(&[(image, camera)])?;
         Ok(answers.pop().unwrap_or_default())
     }
 
-    /// [`Pipeline::detect`] for several images that the detector's engine sees together, and the time of each stage for all of them.
+    /// [`Pipeline::detect`] for several images that the detector's engine sees together, and the time of each stage for
+    /// all of them. They must need inputs of one size ([`Pipeline::input_size`]).
     ///
     /// # Errors
-    /// As [`Detector::detect_batch`].
-    pub(crate) fn detect_batch_timed(
-        &mut self,
+    /// As [`Pipeline::detect`], and when the sizes differ.
+    pub fn detect_batch(
+        &self,
         images: &[(&RgbImage, &Camera)],
-    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let options = self.first_look_options();
-        let (answers, times) = self.detector.detect_batch(images, &options)?;
-        let (answers, refine) = timed(|| self.refined(images, answers));
-        let answers = answers?.into_iter().map(|found| self.told(found)).collect();
-        Ok((answers, StageTimes { refine, ..times }))
+    ) -> Result<(Vec<Vec<DetectedObject>>, StageTimes), DetectError> {
+        let mut stages = self.shared.stages()?;
+        // After an error the networks are as good as before: what they keep from run to run is only memory.
+        let answer = stages.detect_batch(images, &self.shared.settings);
+        locked(&self.shared.idle).push(stages);
+        let (answers, times) = answer?;
+        let range = self.shared.settings.range;
+        let objects = |found: Vec<Detection>| found.into_iter().map(|one| DetectedObject::new(one, range)).collect();
+        Ok((answers.into_iter().map(objects).collect(), times))
     }
 
-    /// The answers after the second stages, where there are such.
-    fn refined(
-        &mut self,
-        images: &[(&RgbImage, &Camera)],
-        answers: Vec<Vec<Detection>>,
-    ) -> Result<Vec<Vec<Detection>>, EngineError> {
-        let least_score = self.least_score();
-        let classes = self.detector.classes();
-        let each = images.iter().zip(answers);
-        each.map(|((image, camera), mut found)| {
-            if let Some(refiner) = &mut self.refiner {
-                found = refiner.refined(image, camera, found, classes, least_score)?;
-            }
-            match &mut self.plate_reader {
-                Some(reader) => reader.measured(image, camera, found),
-                None => Ok(found),
-            }
-        })
-        .collect()
+    /// Which models it runs.
+    pub fn info(&self) -> &ModelInfo {
+        &self.shared.info
     }
 
-    /// What the first look must find: all that is asked for, and where a refiner follows what that could raise to it.
-    fn first_look_options(&self) -> DecodeOptions {
-        let share = if self.refiner.is_some() { CANDIDATE_SHARE } else { 1.0 };
-        DecodeOptions { min_score: Some(share * self.least_score()), ..self.options }
+    /// Name of the engine that runs the detector.
+    pub fn engine(&self) -> &str {
+        &self.shared.engine
     }
 
-    /// What has a lower score plays no part. What stands on the road has, told or not.
-    fn least_score(&self) -> f64 {
-        let asked = self.min_score();
-        if self.road == Road::Ignored { asked } else { asked.min(SURE_SCORE) }
+    /// Which distance it tells.
+    pub fn range(&self) -> RangeKind {
+        self.shared.settings.range
     }
 
-    fn min_score(&self) -> f64 {
-        self.options.min_score.unwrap_or_else(|| default_min_score(self.detector.classes()))
+    /// Whether what it finds has error bars.
+    pub fn has_error_bars(&self) -> bool {
+        self.shared.has_error_bars
     }
 
-    /// `found` on its road, as far as it was asked for.
-    fn told(&self, found: Vec<Detection>) -> Vec<Detection> {
-        let mut told = on_one_road(found, self.road);
-        told.retain(|detection| detection.score > self.min_score());
-        told
+    /// The classes that it knows.
+    pub fn classes(&self) -> Vec<ObjectClass> {
+        locked(&self.shared.template).detector.classes().iter().map(|known| known.class.clone()).collect()
     }
+
+    /// Width and height, pixels, of the network's input for an image of `image_size` taken by `camera`.
+    pub fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
+        locked(&self.shared.template).detector.input_size(image_size, camera)
+    }
+
+    /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
+    pub fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
+        locked(&self.shared.template).detector.unfamiliar(image_size, camera)
+    }
+}
+
+impl Shared {
+    /// Networks for this thread: idle ones, or new sharers of the same weights.
+    fn stages(&self) -> Result<Stages, EngineError> {
+        let idle = locked(&self.idle).pop();
+        idle.map_or_else(|| locked(&self.template).share(), Ok)
+    }
+}
+
+/// What the lock guards; nothing that a panic could leave half done is done under it.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

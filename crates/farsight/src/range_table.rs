@@ -1,19 +1,18 @@
 //! The table that `range` prints: one row a vehicle.
 
-use farsight_core::{Box2d, Box3d, Detection};
+use farsight::{Box2d, DetectedObject, Detection};
 use farsight_viz::distance_text;
 
 /// Columns of the table; the first is as wide as the longest name.
 pub(crate) struct RangeTable {
     name_width: usize,
-    range_m: fn(&Box3d) -> f64,
 }
 
 impl RangeTable {
     /// A table for images with these names.
-    pub(crate) fn new(names: &[String], range_m: fn(&Box3d) -> f64) -> Self {
+    pub(crate) fn new(names: &[String]) -> Self {
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
-        Self { name_width: longest.max("image".len()), range_m }
+        Self { name_width: longest.max("image".len()) }
     }
 
     /// The names of the columns.
@@ -22,20 +21,20 @@ impl RangeTable {
     }
 
     /// The rows of one image; one that says so when it has no detection.
-    pub(crate) fn rows(&self, name: &str, detections: &[Detection]) -> Vec<String> {
-        if detections.is_empty() {
+    pub(crate) fn rows(&self, name: &str, objects: &[DetectedObject]) -> Vec<String> {
+        if objects.is_empty() {
             return vec![self.row(name, "-", "", "", "", "")];
         }
-        detections.iter().map(|detection| self.detection(name, detection)).collect()
+        objects.iter().map(|object| self.object(name, object)).collect()
     }
 
-    fn detection(&self, name: &str, detection: &Detection) -> String {
-        let distance = distance_text(detection, (self.range_m)(&detection.box3d));
-        let score = format!("{:.2}", detection.score);
-        let x = format!("{:.1} m", detection.box3d.location[0]);
-        let Box2d { x1, y1, x2, y2 } = detection.box2d;
+    fn object(&self, name: &str, object: &DetectedObject) -> String {
+        let distance = distance_text(&Detection::from(object.clone()), object.range_m);
+        let score = format!("{:.2}", object.score);
+        let x = format!("{:.1} m", object.box3d.location[0]);
+        let Box2d { x1, y1, x2, y2 } = object.box2d;
         let area = format!("{x1:.0} {y1:.0} {x2:.0} {y2:.0}");
-        self.row(name, detection.class.name(), &score, &distance, &x, &area)
+        self.row(name, object.class.name(), &score, &distance, &x, &area)
     }
 
     fn row(&self, name: &str, class: &str, score: &str, distance: &str, x: &str, area: &str) -> String {
@@ -47,7 +46,8 @@ impl RangeTable {
 
 #[cfg(test)]
 mod tests {
-    use farsight_core::{Box2d, Box3d, Detection, Dimensions, ObjectClass};
+    use farsight::{Box2d, Box3d, DetectedObject, Detection, ObjectClass, RangeKind};
+    use farsight_core::Dimensions;
 
     use super::RangeTable;
 
@@ -68,22 +68,21 @@ mod tests {
     #[test]
     fn an_error_bar_is_that_of_the_distance_that_is_given() {
         let aside = Detection { range_sigma_m: Some(1.0), ..car() };
-        let text = |range_m: fn(&Box3d) -> f64| {
-            RangeTable::new(&[], range_m).rows("aside", std::slice::from_ref(&aside)).concat()
-        };
-        assert!(text(Box3d::depth_m).contains("8.6 ±1.0 m"), "{}", text(Box3d::depth_m));
+        let text = |range| RangeTable::new(&[]).rows("aside", &[DetectedObject::new(aside.clone(), range)]).concat();
+        assert!(text(RangeKind::Depth).contains("8.6 ±1.0 m"), "{}", text(RangeKind::Depth));
         // As far off as the depth: sqrt(12.31² + 1.65² + 8.62²) / 8.62.
-        let euclidean = |object: &Box3d| object.location.iter().map(|v| v * v).sum::<f64>().sqrt();
-        assert!(text(euclidean).contains("15.1 ±1.8 m"), "{}", text(euclidean));
+        // The middle of the box is half its height farther up: sqrt(12.31² + 0.9² + 8.62²).
+        assert!(text(RangeKind::Euclidean).contains("15.1 ±1.7 m"), "{}", text(RangeKind::Euclidean));
     }
 
     #[test]
     fn columns_line_up() {
         let car = car();
         let far = Detection { range_sigma_m: Some(1.26), class: ObjectClass::Pedestrian, ..car.clone() };
-        let table = RangeTable::new(&["000032".to_owned()], Box3d::depth_m);
+        let table = RangeTable::new(&["000032".to_owned()]);
         let mut lines = vec![table.heading()];
-        lines.extend(table.rows("000032", &[car, far]));
+        let objects = [car, far].map(|detection| DetectedObject::new(detection, RangeKind::Depth));
+        lines.extend(table.rows("000032", &objects));
         lines.extend(table.rows("000033", &[]));
         let expected = "\
 image   class       score      distance         x  box (left top right bottom)

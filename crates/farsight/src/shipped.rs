@@ -3,24 +3,24 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-use farsight_files::write_quickly;
+use farsight_files::{DurableError, write_quickly};
+use farsight_graph::model::ModelError;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::smoke::SmokeModel;
 
 /// Name of the model; its card is `models/farsight-s.md`.
-pub(crate) const NAME: &str = "farsight-s";
+pub const NAME: &str = "farsight-s";
 
 const MODEL: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
 
 /// Name of the refiner; its page is `docs/refiner.md`.
-pub(crate) const REFINER_NAME: &str = "farsight-refiner";
+pub const REFINER_NAME: &str = "farsight-refiner";
 
 const REFINER: &[u8] = include_bytes!("../../../models/farsight-refiner.safetensors");
 
 /// Name of the plate reader; its page is `docs/plates.md`.
-pub(crate) const PLATES_NAME: &str = "farsight-plates";
+pub const PLATES_NAME: &str = "farsight-plates";
 
 const PLATES: &[u8] = include_bytes!("../../../models/farsight-plates.safetensors");
 
@@ -38,30 +38,45 @@ macro_rules! scene {
 const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), scene!("000002"), scene!("000003")];
 
 /// The model that comes with the program.
-pub(crate) fn model() -> Result<SmokeModel> {
-    Ok(SmokeModel::from_safetensors(MODEL, Path::new(NAME))?)
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn model() -> Result<SmokeModel, ModelError> {
+    SmokeModel::from_safetensors(MODEL, Path::new(NAME))
 }
 
 /// Whether `sha256`, of a model's weights, is that of the model that comes with the program.
-pub(crate) fn has_weights(sha256: &str) -> Result<bool> {
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn has_weights(sha256: &str) -> Result<bool, ModelError> {
     Ok(model()?.weights.sha256() == sha256)
 }
 
 /// The refiner that comes with the program.
-pub(crate) fn refiner() -> Result<RefinerModel> {
-    Ok(RefinerModel::from_safetensors(REFINER, Path::new(REFINER_NAME))?)
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn refiner() -> Result<RefinerModel, ModelError> {
+    RefinerModel::from_safetensors(REFINER, Path::new(REFINER_NAME))
 }
 
 /// The plate reader that comes with the program.
-pub(crate) fn plates() -> Result<PlateReaderModel> {
-    Ok(PlateReaderModel::from_safetensors(PLATES, Path::new(PLATES_NAME))?)
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn plates() -> Result<PlateReaderModel, ModelError> {
+    PlateReaderModel::from_safetensors(PLATES, Path::new(PLATES_NAME))
 }
 
 /// Writes the scenes to `folder` in KITTI's layout and returns the folder of the images.
-pub(crate) fn write_scenes(folder: &Path) -> Result<PathBuf> {
+///
+/// # Errors
+/// When a folder cannot be made or a file cannot be written.
+pub fn write_scenes(folder: &Path) -> Result<PathBuf, DurableError> {
     let [images, calibrations] = ["image_2", "calib"].map(|name| folder.join(name));
     for made in [&images, &calibrations] {
-        fs::create_dir_all(made).with_context(|| format!("{}: cannot be made", made.display()))?;
+        fs::create_dir_all(made).map_err(|source| DurableError { path: made.clone(), step: "make it", source })?;
     }
     for (id, image, calibration) in SCENES {
         write_quickly(&images.join(format!("{id}.jpg")), |file| file.write_all(image))?;

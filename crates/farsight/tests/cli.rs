@@ -4,6 +4,9 @@
 use std::path::Path;
 use std::process::Command;
 
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::smoke::SmokeModel;
+
 /// Exit status, standard output and standard error of `farsight` with these arguments, run in `folder`.
 fn farsight_in(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap();
@@ -71,9 +74,16 @@ For more information, try '--help'.
 #[test]
 fn images_that_are_not_there() {
     let table = [
+        (
+            "http://host/a.jpg",
+            "error: http://host/a.jpg: an address; expected a file: download it first (curl -O http://host/a.jpg)\n",
+        ),
         ("b.png", "error: b.png: no such file or folder; expected an image, a folder of images or a pattern\n"),
-        ("empty", "error: empty: no images in this folder; expected files ending in .png, .jpg or .jpeg\n"),
-        ("*.jpg", "error: *.jpg: matches no image; expected files ending in .png, .jpg or .jpeg\n"),
+        (
+            "empty",
+            "error: empty: no images in this folder; expected files of PNG, JPEG, WebP, BMP, TIFF, GIF, PPM or PGM\n",
+        ),
+        ("*.jpg", "error: *.jpg: matches no image; expected files of PNG, JPEG, WebP, BMP, TIFF, GIF, PPM or PGM\n"),
     ];
     for (input, problem) in table {
         let expected = format!("{problem}error: no image to look at\n");
@@ -84,7 +94,7 @@ fn images_that_are_not_there() {
 #[test]
 fn no_camera() {
     let expected = "\
-error: no camera: distances need its focal length; give one of --calib FILE, --fx PIXELS or --hfov DEGREES (images in KITTI's layout bring their own)
+error: no camera: distances need its focal length; give one of --calib FILE, --fx PIXELS or --hfov DEGREES (photos with EXIF data and images in KITTI's layout bring their own)
 ";
     assert_eq!(refusal(&["range", "a.png", "--model", "model"]), expected);
 }
@@ -112,6 +122,151 @@ fn numbers_that_no_camera_has() {
         let expected = format!("error: {problem}\n\nFor more information, try '--help'.\n");
         assert_eq!(refusal(&["range", "a.png", "--model", "model", option, value]), expected);
     }
+}
+
+#[test]
+fn one_dash_before_a_long_option() {
+    let expected = "error: '-hfov' has one dash; expected '--hfov'\n\nUsage: farsight <COMMAND>\n\nFor more information, try '--help'.\n";
+    assert_eq!(refusal(&["range", "a.png", "-hfov", "65"]), expected);
+}
+
+#[test]
+fn an_image_as_a_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(9, 9).save(folder.path().join("plain.png")).unwrap();
+    let (status, _, err) = farsight_in(folder.path(), &["range", "plain.png", "--calib", "plain.png"]);
+    let expected = "error: plain.png: a PNG image; expected a calibration in KITTI's format, text with a row P2\n";
+    assert_eq!((status, err.as_str()), (2, expected));
+}
+
+#[test]
+fn inputs_that_fail_or_are_left_out_show_in_the_exit_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    small_model(folder);
+    std::fs::create_dir(folder.join("frames")).unwrap();
+    image::RgbImage::new(96, 64).save(folder.join("frames/a.webp")).unwrap();
+    let range = |arguments: &[&str]| {
+        let common = ["range", "--hfov", "80", "--model", "m.safetensors"];
+        farsight_in(folder, &[&common[..], arguments].concat())
+    };
+    assert_eq!(range(&["frames"]).0, 0);
+    // An input that is not there, beside one that is.
+    let (status, out, err) = range(&["frames", "b.png"]);
+    assert_eq!((status, out.lines().count() > 1), (1, true), "{err}");
+    assert_eq!(range(&["frames", "b.png", "--strict"]).0, 1);
+    // What a folder has and is not read.
+    std::fs::write(folder.join("frames/b.heic"), "").unwrap();
+    let (status, _, err) = range(&["frames"]);
+    assert_eq!(status, 1);
+    assert!(err.starts_with("error: frames: 1 file left out, b.heic is a HEIC picture; convert it to JPEG: "), "{err}");
+    std::fs::remove_file(folder.join("frames/b.heic")).unwrap();
+    // Nothing that can be looked at: no table either.
+    std::fs::write(folder.join("video.mp4"), b"\0\0\0\x20ftypisom\0\0\x02\0isomiso2").unwrap();
+    for arguments in [
+        &["range", "video.mp4", "--model", "m.safetensors"][..],
+        &["range", "video.mp4", "--hfov", "80", "--model", "m.safetensors"],
+    ] {
+        let (status, out, err) = farsight_in(folder, arguments);
+        assert_eq!((status, out.as_str()), (2, ""), "{err}");
+        assert!(
+            err.starts_with("error: video.mp4: a video, which is not read here; take its frames out: ffmpeg "),
+            "{err}"
+        );
+    }
+    // An image that is larger than allowed.
+    let (status, _, err) = range(&["frames", "--max-pixels", "6143"]);
+    assert_eq!(status, 2);
+    assert!(err.contains("a.webp: 96 x 64 pixels; expected at most 6143 pixels (--max-pixels)\n"), "{err}");
+    assert_eq!(range(&["frames", "--max-pixels", "6144"]).0, 0);
+    assert_eq!(range(&["frames", "--max-pixels", "1M"]).0, 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_output_that_cannot_be_written_is_status_2_after_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    small_model(folder);
+    for name in ["a.png", "b.png"] {
+        image::RgbImage::new(96, 64).save(folder.join(name)).unwrap();
+    }
+    // A folder stands where the picture belongs.
+    std::fs::create_dir_all(folder.join("out/a.png/in-the-way")).unwrap();
+    let arguments =
+        ["range", "a.png", "b.png", "--hfov", "80", "--model", "m.safetensors", "--out", "out", "--json", "all.json"];
+    let (status, _, err) = farsight_in(folder, &arguments);
+    assert_eq!(status, 2, "{err}");
+    assert!(err.starts_with("error: out/a.png: "), "{err}");
+    assert!(err.ends_with("found in 2 images\nerror: 1 output could not be written\n"), "{err}");
+    assert!(folder.join("out/b.png").is_file());
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("all.json")).unwrap()).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), 2);
+}
+
+/// A photo with these EXIF entries (tag, value) of the type "short" in the camera's directory, and its orientation.
+fn photo(path: &Path, orientation: u16, entries: &[(u16, u16)]) {
+    image::RgbImage::new(96, 64).save(path).unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    let entry = |tag: u16, kind: u16, value: u32| {
+        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1_u32.to_le_bytes(), &value.to_le_bytes()].concat()
+    };
+    let first = [entry(0x0112, 3, u32::from(orientation)), entry(0x8769, 4, 38)].concat();
+    let camera: Vec<u8> = entries.iter().flat_map(|&(tag, value)| entry(tag, 3, u32::from(value))).collect();
+    let count = (entries.len() as u16).to_le_bytes();
+    let tiff = [&b"II\x2a\0\x08\0\0\0\x02\0"[..], &first, &[0; 4], &count, &camera, &[0; 4]].concat();
+    let length = (8 + tiff.len() as u16).to_be_bytes();
+    std::fs::write(path, [&bytes[..2], &[0xFF, 0xE1], &length, b"Exif\0\0", &tiff, &bytes[2..]].concat()).unwrap();
+}
+
+#[test]
+fn a_photo_brings_its_focal_length() {
+    const EQUIVALENT: u16 = 0xA405;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    small_model(folder);
+    photo(&folder.join("wide.jpg"), 1, &[(EQUIVALENT, 26)]);
+    photo(&folder.join("upright.jpg"), 6, &[(EQUIVALENT, 26)]);
+    let answer = |image: &str, camera: &[&str]| {
+        let range = ["range", image, "--model", "m.safetensors", "--min-score", "0.01", "--json", "all.json"];
+        let (status, _, err) = farsight_in(folder, &[&range[..], camera].concat());
+        assert_eq!(status, 0, "{err}");
+        (std::fs::read_to_string(folder.join("all.json")).unwrap(), err)
+    };
+    // 96x64 pixels are 3:2: the width is 36 mm, and 24 mm when the camera is held upright.
+    for (image, degrees, shown) in
+        [("wide.jpg", 2.0 * (18.0_f64 / 26.0).atan(), 69.4), ("upright.jpg", 2.0 * (12.0_f64 / 26.0).atan(), 49.6)]
+    {
+        let (json, err) = answer(image, &[]);
+        assert!(
+            err.starts_with(&format!(
+                "note: {image}: camera from EXIF data (35 mm equivalent of 26 mm): --hfov {shown}\n"
+            )),
+            "{err}"
+        );
+        let (told, err) = answer(image, &["--hfov", &degrees.to_degrees().to_string()]);
+        assert!(!err.contains("EXIF"), "{err}");
+        let depth = |json: &str| {
+            let json: serde_json::Value = serde_json::from_str(json).unwrap();
+            json[0]["detections"][0]["location"][2].as_f64().unwrap()
+        };
+        assert!((depth(&json) / depth(&told) - 1.0).abs() < 1e-6, "{json} {told}");
+    }
+    photo(&folder.join("zero.jpg"), 1, &[(EQUIVALENT, 0)]);
+    photo(&folder.join("absurd.jpg"), 1, &[(EQUIVALENT, 60_000)]);
+    let told = |image: &str| farsight_in(folder, &["range", image, "--model", "m.safetensors"]);
+    let (status, _, err) = told("zero.jpg");
+    assert_eq!(status, 2);
+    assert!(err.starts_with("error: no camera: distances need its focal length; give one of "), "{err}");
+    let expected = "error: absurd.jpg: no camera: its EXIF data are not to be believed: 35 mm equivalent of 60000 mm; give one of \
+                    --calib FILE, --fx PIXELS or --hfov DEGREES\n";
+    let (status, _, err) = told("absurd.jpg");
+    assert_eq!((status, err.as_str()), (2, expected));
+    // One photo without makes the others no worse.
+    let both = ["range", "zero.jpg", "wide.jpg", "--model", "m.safetensors"];
+    let (status, out, err) = farsight_in(folder, &both);
+    assert_eq!((status, out.contains("wide")), (1, true), "{err}");
+    assert!(err.contains("error: zero.jpg: no camera: no focal length in its EXIF data; give one of "), "{err}");
 }
 
 #[test]
@@ -167,13 +322,13 @@ fn small_model(folder: &Path) -> std::path::PathBuf {
     let config = farsight_methods::smoke::config::SmokeConfig {
         input: [96, 64],
         width: 0.25,
-        norm: farsight_methods::smoke::config::NormKind::Batch,
-        msfe: farsight_methods::smoke::config::Msfe::A,
+        norm: farsight_graph::layers::NormKind::Batch,
+        msfe: farsight_graph::layers::Msfe::A,
         ..farsight_methods::smoke::config::SmokeConfig::default()
     };
-    let weights = farsight_graph::init::initial_weights(&farsight_graph::layers::network(&config), 1);
+    let weights = farsight_graph::init::initial_weights(&config.graph(), 1);
     let path = folder.join("m.safetensors");
-    farsight_graph::model::Model::new(config, weights).unwrap().write(&path).unwrap();
+    SmokeModel::new(config, weights).unwrap().write(&path).unwrap();
     path
 }
 

@@ -10,17 +10,16 @@ mod program;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use farsight_core::HeadMaps;
+use farsight::{EngineKind, EngineOptions};
 use farsight_graph::init::initial_weights;
-use farsight_graph::layers::network;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
-use farsight_graph::model::Model;
 use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::{WeightTensor, Weights};
-use farsight_infer::{Engine, RtenEngine, probe};
+use farsight_methods::smoke::config::SmokeConfig;
 use farsight_methods::smoke::network::Backbone;
-use farsight_methods::smoke::{SmokeConfig, SmokeModel};
-use farsight_onnx::Target;
+use farsight_methods::smoke::{DetectorFile, SmokeModel};
+use farsight_onnx::{INPUT, Target};
+use farsight_runtime::{Tensor, TensorView, probe};
 use serde_json::Value;
 
 use program::{done, farsight, root};
@@ -55,7 +54,7 @@ fn models() -> [(&'static str, SmokeModel); 3] {
     let model = |backbone, norm, neck, msfe| {
         let config =
             SmokeConfig { input: [320, 96], width: 0.25, backbone, norm, neck, msfe, ..SmokeConfig::default() };
-        let mut weights = initial_weights(&network(&config), 9);
+        let mut weights = initial_weights(&config.graph(), 9);
         for (name, tensor) in &mut weights.tensors {
             // Offsets of a fraction of a cell; a fresh network has none.
             if name.ends_with("conv_offset_mask.weight") {
@@ -67,7 +66,7 @@ fn models() -> [(&'static str, SmokeModel); 3] {
                     .for_each(|(i, value)| *value = 0.005 * (i as f32 * 7919.0 / len).sin());
             }
         }
-        with_ordinary_answers(Model::new(config, weights).unwrap())
+        with_ordinary_answers(SmokeModel::new(config, weights).unwrap())
     };
     [
         ("plain", model(Backbone::Dla34, NormKind::Batch, NeckKind::Plain, Msfe::A)),
@@ -77,10 +76,10 @@ fn models() -> [(&'static str, SmokeModel); 3] {
 }
 
 /// The model with its last convolutions scaled so that it answers with numbers of the size that trained networks answer with.
-fn with_ordinary_answers(mut model: Model) -> Model {
-    let maps = answer(&model);
+fn with_ordinary_answers(mut model: SmokeModel) -> SmokeModel {
+    let [logits, regression] = answer(&model);
     let largest = |values: &[f32]| values.iter().fold(0.0_f32, |largest, value| value.abs().max(largest));
-    for (head, values, size) in [("class_head", &maps.logits, 2.0), ("regression_head", &maps.regression, 0.5)] {
+    for (head, values, size) in [("class_head", &logits.values, 2.0), ("regression_head", &regression.values, 0.5)] {
         for part in ["weight", "bias"] {
             let name = format!("heads.predictor.{head}.3.{part}");
             for value in &mut model.weights.tensors.get_mut(&name).unwrap().values {
@@ -92,9 +91,12 @@ fn with_ordinary_answers(mut model: Model) -> Model {
 }
 
 /// What rten answers to the fixed input.
-fn answer(model: &Model) -> HeadMaps {
-    let file = OnnxModel::from_model(model, Target::Portable, Path::new("in memory")).unwrap();
-    RtenEngine::new(file, None).unwrap().head_maps(&probe::input(probe::SIZE), probe::SIZE).unwrap()
+fn answer(model: &SmokeModel) -> [Tensor; 2] {
+    let (source, [width, height]) = (Path::new("in memory"), probe::SIZE);
+    let file = DetectorFile::from_model(model, Target::Portable, source).unwrap();
+    let mut runner = EngineOptions::from(EngineKind::Rten).start(file.onnx, source).unwrap();
+    let input = TensorView { shape: &[1, 3, height, width], values: &probe::input(probe::SIZE) };
+    runner.run(&[(INPUT, input)]).unwrap().try_into().unwrap()
 }
 
 /// Real frames where they are at hand, else noise; copied to `folder`.
@@ -172,15 +174,15 @@ fn every_engine_finds_the_same() {
 }
 
 /// Writes what rten answers to the fixed input, as reference tensors.
-fn write_reference(model: &Model, path: &Path) {
-    let (input, maps) = (probe::input(probe::SIZE), answer(model));
-    let tensor = |channels: usize, [width, height]: [usize; 2], values: Vec<f32>| {
-        WeightTensor::new(vec![1, channels, height, width], values).unwrap()
-    };
+fn write_reference(model: &SmokeModel, path: &Path) {
+    let [logits, regression] = answer(model);
+    let [width, height] = probe::SIZE;
+    let tensor = |Tensor { shape, values }| WeightTensor::new(shape, values).unwrap();
+    let input = Tensor { shape: vec![1, 3, height, width], values: probe::input(probe::SIZE) };
     let mut reference = Weights::default();
-    reference.tensors.insert("input".to_owned(), tensor(3, probe::SIZE, input));
-    reference.tensors.insert("cls_logits".to_owned(), tensor(3, maps.map_size, maps.logits));
-    reference.tensors.insert("reg_raw".to_owned(), tensor(8, maps.map_size, maps.regression));
+    reference.tensors.insert("input".to_owned(), tensor(input));
+    reference.tensors.insert("cls_logits".to_owned(), tensor(logits));
+    reference.tensors.insert("reg_raw".to_owned(), tensor(regression));
     reference.write(path).unwrap();
 }
 
@@ -193,7 +195,7 @@ fn the_checker_and_onnx_runtimes_python_agree() {
         write_reference(&model, &reference);
         for target in [Target::Portable, Target::OnnxRuntime] {
             let file = folder.join(format!("{name}-{}.onnx", target.name()));
-            std::fs::write(&file, OnnxModel::from_model(&model, target, &file).unwrap().bytes()).unwrap();
+            std::fs::write(&file, DetectorFile::from_model(&model, target, &file).unwrap().onnx.bytes()).unwrap();
             let python = std::env::var_os("FARSIGHT_PYTHON").unwrap_or_else(|| "python3".into());
             let output =
                 Command::new(python).arg(root().join("scripts/check_onnx.py")).args([&file, &reference]).output();

@@ -8,13 +8,13 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use farsight_core::ObjectClass;
+use farsight_core::{ClassReference, ObjectClass};
 use farsight_graph::init::initial_weights;
-use farsight_graph::layers::network;
-use farsight_graph::model::Model;
+use farsight_graph::layers::{NeckKind, NormKind};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::Weights;
-use farsight_methods::smoke::codec::ClassReference;
-use farsight_methods::smoke::config::{NeckKind, NormKind, SmokeConfig};
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::config::SmokeConfig;
 use program::{done, farsight, root};
 
 /// What the program says when it refuses to run.
@@ -33,8 +33,8 @@ fn write_small_model(folder: &Path) {
     }
     let (norm, neck) = (NormKind::Batch, NeckKind::Plain);
     let config = SmokeConfig { input: [96, 64], width: 0.25, norm, neck, classes, ..SmokeConfig::default() };
-    let weights = initial_weights(&network(&config), 1);
-    Model::new(config, weights).unwrap().write(&folder.join("m.safetensors")).unwrap();
+    let weights = initial_weights(&config.graph(), 1);
+    SmokeModel::new(config, weights).unwrap().write(&folder.join("m.safetensors")).unwrap();
 }
 
 fn text(folder: &Path, name: &str) -> String {

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 use farsight_graph::graph::Role;
-use farsight_graph::model::Model;
+use farsight_methods::smoke::SmokeModel;
 use program::{done, farsight, root};
 use serde_json::Value;
 
@@ -27,7 +27,7 @@ fn found(folder: &Path, more: &[&str]) -> Vec<[f64; 3]> {
 
 /// A copy of the model at `shipped` with other weights and the same answers: what no forward pass reads is changed.
 fn with_other_weights(shipped: &str, folder: &Path) -> String {
-    let mut model = Model::read(Path::new(shipped)).unwrap();
+    let mut model = SmokeModel::read(Path::new(shipped)).unwrap();
     let unused = model.graph.parameters.iter().find(|parameter| parameter.role == Role::Unused).unwrap();
     model.weights.tensors.get_mut(&unused.name).unwrap().values[0] += 1.0;
     model.write(&folder.join("other.safetensors")).unwrap();

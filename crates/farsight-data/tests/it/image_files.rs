@@ -6,6 +6,8 @@ use farsight_data::read_image;
 use image::{DynamicImage, GrayImage, ImageBuffer, ImageFormat, Luma, Rgb, RgbImage, Rgba};
 use tempfile::TempDir;
 
+use crate::image_bytes::crc32;
+
 fn saved(folder: &TempDir, name: &str, image: &DynamicImage, format: ImageFormat) -> PathBuf {
     let path = folder.path().join(name);
     image.save_with_format(&path, format).unwrap();
@@ -75,35 +77,78 @@ fn giant(folder: &TempDir, side: u32) -> PathBuf {
     written(folder, "giant.png", &bytes)
 }
 
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(u32::MAX, |sum, byte| {
-        (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ (0xEDB8_8320 & 0_u32.wrapping_sub(sum & 1)))
-    })
-}
-
 #[test]
 fn files_that_are_no_images_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let noise = RgbImage::from_fn(64, 64, |x, y| Rgb([(x * y) as u8, (x * 7) as u8, (y * 13) as u8]));
     let [png, jpeg] = [("a.png", ImageFormat::Png), ("a.jpg", ImageFormat::Jpeg)]
         .map(|(name, format)| std::fs::read(saved(&folder, name, &noise.clone().into(), format)).unwrap());
-    let unknown = ": no image that is known here; expected PNG or JPEG";
+    let unknown = ": no image that is known here; expected PNG, JPEG, WebP, BMP, TIFF, GIF, PPM or PGM";
     let cases = [
-        ("empty.png", &[][..], ": an empty file; expected a PNG or JPEG image"),
+        ("empty.png", &[][..], ": an empty file; expected an image (PNG, JPEG, WebP, BMP, TIFF, GIF, PPM or PGM)"),
         ("text.png", b"not an image", unknown),
-        ("gif.gif", b"GIF89a\x01\x00\x01\x00", unknown),
+        ("calibration.txt", b"P2: 721.5 0 609.6 44.9", unknown),
+        ("gif.gif", b"GIF89a\x01\x00\x01\x00", ": damaged image: "),
         ("cut.png", &png[..png.len() / 2], ": damaged image: "),
         ("head.png", &png[..20], ": damaged image: "),
-        ("head.jpg", &jpeg[..20], ": damaged image: "),
-        ("cut.jpg", &jpeg[..jpeg.len() / 2], ": cut off: no end-of-image marker"),
-        ("almost.jpg", &jpeg[..jpeg.len() - 2], ": cut off: no end-of-image marker"),
+        ("head.jpg", &jpeg[..20], ": truncated: its end is missing"),
+        ("cut.jpg", &jpeg[..jpeg.len() / 2], ": truncated: its end is missing"),
+        ("almost.jpg", &jpeg[..jpeg.len() - 2], ": truncated: its end is missing"),
     ];
     for (name, bytes, expected) in cases {
         let text = message(&written(&folder, name, bytes));
         assert!(text.starts_with(expected), "{name}: {text}");
     }
     assert!(message(&folder.path().join("missing.png")).starts_with(": cannot be read: "));
-    assert!(message(folder.path()).starts_with(": cannot be read: "));
+    assert_eq!(message(folder.path()), ": a folder; expected a file with an image");
     let text = message(&giant(&folder, 20_000));
-    assert_eq!(text, ": 20000 x 20000 pixels; expected at most 200000000 pixels");
+    assert_eq!(text, ": 20000 x 20000 pixels; expected at most 100000000 pixels (--max-pixels)");
+}
+
+#[test]
+fn pictures_and_films_of_other_kinds_are_named_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases: [(&[u8], &str); 7] = [
+        (
+            b"\0\0\0\x18ftypheic\0\0\0\0mif1heic",
+            ": a HEIC picture, which is not read here; convert it to JPEG: heif-convert ",
+        ),
+        (
+            b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic",
+            ": a HEIC picture, which is not read here; convert it to JPEG: heif-convert ",
+        ),
+        (
+            b"\0\0\0\x1cftypavif\0\0\0\0avifmif1",
+            ": an AVIF picture, which is not read here; convert it to PNG: avifdec ",
+        ),
+        (
+            b"\0\0\0\x1cftypmif1\0\0\0\0mif1avif",
+            ": an AVIF picture, which is not read here; convert it to PNG: avifdec ",
+        ),
+        (b"\0\0\0\x20ftypisom\0\0\x02\0isomiso2", ": a video, which is not read here; take its frames out: ffmpeg "),
+        (b"RIFF\0\0\0\0AVI LIST", ": a video, which is not read here; take its frames out: ffmpeg "),
+        (b"\x1a\x45\xdf\xa3", ": a video, which is not read here; take its frames out: ffmpeg "),
+    ];
+    for (bytes, expected) in cases {
+        let text = message(&written(&folder, "photo.jpg", bytes));
+        assert!(text.starts_with(expected), "{text}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_or_socket_is_refused_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let expected = ": a pipe, socket or device; expected a file with an image";
+    let socket = folder.path().join("socket.png");
+    let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+    assert_eq!(message(&socket), expected);
+    let pipe = folder.path().join("pipe.png");
+    if std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|status| status.success()) {
+        assert_eq!(message(&pipe), expected);
+        assert!(farsight_data::read_header(&pipe, farsight_data::ImageLimits::default()).is_err());
+    }
+    if Path::new("/dev/zero").exists() {
+        assert_eq!(message(Path::new("/dev/zero")), expected);
+    }
 }

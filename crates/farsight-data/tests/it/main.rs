@@ -3,11 +3,16 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
 mod dataset_laws;
+mod image_bytes;
 mod image_files;
+mod image_formats;
 mod kitti_errors;
 mod kitti_real;
+#[path = "../laws/mod.rs"]
+mod laws;
 mod loader_laws;
 mod material;
+mod saved_inputs;
 mod transform_laws;
 mod warp_golden;
 mod warp_laws;

@@ -6,23 +6,21 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use farsight_core::Camera;
+use farsight::camera_source::KITTI_HFOV_DEG;
+use farsight::{
+    Camera, EngineKind, ModelSource, Pipeline, PipelineBuilder, RangeKind, StageTimes, draw, read_image, shipped,
+};
 use farsight_core::statistics::{quantile, sorted};
-use farsight_data::read_image;
 use farsight_files::write_atomically;
-use farsight_runtime::StageTimes;
+use farsight_methods::smoke::DetectorFile;
 use farsight_runtime::timing::timed;
-use farsight_viz::{DrawOptions, Scene, picture};
 use image::RgbImage;
 use serde::Serialize;
 
 use super::Outcome;
-use crate::camera_source::KITTI_HFOV_DEG;
-use crate::engines::{EngineArgs, SecondLookArgs, Timing, open_to_time};
-use crate::outputs;
-use crate::pipeline::Pipeline;
+use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted};
-use crate::shipped;
+use crate::{outputs, untrained};
 
 /// Runs before the clock counts: engines plan and allocate in the first ones.
 const WARM_UP: usize = 3;
@@ -32,14 +30,10 @@ const LARGEST_BATCH: usize = 256;
 
 /// Arguments of `farsight bench`.
 #[derive(Debug, Args)]
+#[command(after_help = "--model may also be the config of a model (.toml): its network gets random weights")]
 pub(crate) struct BenchArgs {
-    /// Model, or the config of one (.toml): its network with random weights [default: the model that comes with the program]
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
     #[command(flatten)]
-    engine: EngineArgs,
-    #[command(flatten)]
-    second_look: SecondLookArgs,
+    pipeline: PipelineArgs,
     /// Image to look at [default: a scene that comes with the program, 1242x375 JPEG]
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
@@ -96,20 +90,18 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     ensure!(args.runs > 0, "--runs is 0; expected at least one");
     ensure!((1..=LARGEST_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {LARGEST_BATCH}", args.batch);
     if let Some(json) = &args.json {
-        let inputs = [args.model.as_deref(), args.image.as_deref()];
-        outputs::check_json(json, inputs.into_iter().flatten().chain(args.second_look.files()))?;
+        outputs::check_json(json, args.image.clone().into_iter().chain(args.pipeline.files()))?;
     }
     let folder = tempfile::tempdir().context("no folder for the scene")?;
     let image = match &args.image {
         Some(image) => image.clone(),
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
     };
-    let timing = Timing { input: args.input, dense_head: args.dense_head };
-    let mut pipeline = open_to_time(&args.engine, &args.second_look, args.model.as_deref(), timing)?;
+    let pipeline = open(args, printer)?;
     for _ in 0..WARM_UP {
-        pass(&image, args.batch, &mut pipeline)?;
+        pass(&image, args.batch, &pipeline)?;
     }
-    let passes = (0..args.runs).map(|_| pass(&image, args.batch, &mut pipeline)).collect::<Result<Vec<Pass>>>()?;
+    let passes = (0..args.runs).map(|_| pass(&image, args.batch, &pipeline)).collect::<Result<Vec<Pass>>>()?;
     let figures = figures(args, &image, &pipeline, &passes)?;
     print(&figures, printer);
     if let Some(path) = &args.json {
@@ -119,15 +111,31 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn pass(path: &Path, batch: usize, pipeline: &mut Pipeline) -> Result<Pass> {
+/// The pipeline to time: its model may be a config, whose network gets random weights.
+fn open(args: &BenchArgs, printer: &mut Printer) -> Result<Pipeline> {
+    let config = args.pipeline.model.as_deref().filter(|path| untrained::is_config(path));
+    let engine = args.pipeline.engine.engine.kind();
+    ensure!(
+        engine != EngineKind::Libtorch || (config.is_none() && args.input.is_none()),
+        "the engine libtorch is timed with a model and its own input only"
+    );
+    let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head);
+    if let Some(path) = config {
+        let file = Box::new(DetectorFile::from_model(&untrained::model(path)?, engine.target(), path)?);
+        builder = builder.model(ModelSource::Memory { file, name: path.to_owned() });
+    }
+    pipeline_args::open(&args.input.into_iter().fold(builder, PipelineBuilder::input_size))
+}
+
+fn pass(path: &Path, batch: usize, pipeline: &Pipeline) -> Result<Pass> {
     let (images, load) = timed(|| (0..batch).map(|_| read_image(path)).collect::<Result<Vec<_>, _>>());
     let images = images?;
     let camera = camera(images[0].width() as usize, images[0].height() as usize)?;
     let views: Vec<(&RgbImage, &Camera)> = images.iter().map(|image| (image, &camera)).collect();
-    let (answers, times) = pipeline.detect_batch_timed(&views)?;
+    let (answers, times) = pipeline.detect_batch(&views)?;
     let ((), draw) = timed(|| {
-        for (image, detections) in images.iter().zip(&answers) {
-            picture(image, &Scene { camera: &camera, detections, truth: &[] }, &DrawOptions::default());
+        for (image, objects) in images.iter().zip(&answers) {
+            draw(image, &camera, objects, RangeKind::Depth);
         }
     });
     Ok(Pass { times: StageTimes { load, ..times }, draw })
@@ -143,11 +151,11 @@ fn figures(args: &BenchArgs, path: &std::path::Path, pipeline: &Pipeline, passes
     let image = [width as usize, height as usize];
     let stage = |time: fn(&Pass) -> Duration| Spread::of(passes.iter().map(time));
     Ok(Figures {
-        engine: pipeline.detector().engine().to_owned(),
-        model: args.model.as_ref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string()),
+        engine: pipeline.engine().to_owned(),
+        model: pipeline.info().name.clone(),
         image,
-        input: pipeline.detector().input_size(image, &camera(image[0], image[1])?),
-        threads: args.engine.threads,
+        input: pipeline.input_size(image, &camera(image[0], image[1])?),
+        threads: args.pipeline.engine.options()?.usable_threads(),
         batch: args.batch,
         runs: passes.len(),
         total: stage(|pass| pass.times.total()),

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use farsight::shipped;
 
 use super::Outcome;
 use super::range::{self, RangeArgs};
 use crate::printer::Printer;
-use crate::shipped;
 
 /// Arguments of `farsight demo`.
 #[derive(Debug, Args)]

@@ -6,7 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use farsight::Library;
+use farsight::detector::has_libtorch;
+use farsight::libraries::data_folder;
 use farsight_graph::weights::Weights;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
@@ -15,7 +18,6 @@ use farsight_onnx::{OnnxModel, key};
 use serde::Serialize;
 
 use super::Outcome;
-use crate::libraries::{self, Library};
 use crate::printer::Printer;
 use machine::Machine;
 
@@ -119,8 +121,8 @@ fn engines() -> Vec<EngineState> {
     let built_in =
         |name, ready, note: &str| EngineState { name, ready, version: None, path: None, note: note.to_owned() };
     let mut engines = vec![built_in("rten", true, "built in")];
-    engines.extend(Library::value_variants().iter().map(|library| library_state(*library)));
-    engines.push(if cfg!(feature = "train") {
+    engines.extend(Library::ALL.iter().map(|library| library_state(*library)));
+    engines.push(if has_libtorch() {
         built_in("libtorch", true, "built in")
     } else {
         built_in("libtorch", false, "needs a build with `--features train` (`cargo xtask run ...`)")
@@ -129,16 +131,11 @@ fn engines() -> Vec<EngineState> {
 }
 
 fn library_state(library: Library) -> EngineState {
-    let missing = |path, error: &anyhow::Error| EngineState {
-        name: library.name(),
-        ready: false,
-        version: None,
-        path,
-        note: format!("{error:#}"),
-    };
+    let missing =
+        |path, error: String| EngineState { name: library.name(), ready: false, version: None, path, note: error };
     let found = match library.find(None) {
         Ok(found) => found,
-        Err(error) => return missing(None, &error),
+        Err(error) => return missing(None, error.to_string()),
     };
     match library.version(&found.path) {
         Ok(version) => EngineState {
@@ -148,13 +145,13 @@ fn library_state(library: Library) -> EngineState {
             path: Some(found.path),
             note: format!("through {}", found.through),
         },
-        Err(error) => missing(Some(found.path), &error),
+        Err(error) => missing(Some(found.path), error.to_string()),
     }
 }
 
 /// Models in the current folder, in `models` there, and in the user's data folder.
 fn models() -> Vec<ModelState> {
-    let own = libraries::data_folder().map(|folder| folder.join("models"));
+    let own = data_folder().map(|folder| folder.join("models"));
     let folders = [PathBuf::from("."), PathBuf::from("models")].into_iter().chain(own);
     let mut paths: Vec<PathBuf> = folders
         .filter_map(|folder| fs::read_dir(folder).ok())

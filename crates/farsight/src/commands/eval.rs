@@ -18,10 +18,9 @@ use farsight_files::write_quickly;
 use serde::Serialize;
 
 use super::Outcome;
-use crate::engines::{EngineArgs, RoadArgs, SecondLookArgs};
 use crate::outputs;
+use crate::pipeline_args::PipelineArgs;
 use crate::printer::{Printer, counted};
-use crate::shipped;
 use modelled::Files;
 pub(super) use modelled::{MIN_SCORE, write_results_of};
 
@@ -44,15 +43,8 @@ pub(crate) struct EvalArgs {
     /// Data in KITTI's layout to run a model on first
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// The model to run [default: the one that comes with the program]
-    #[arg(long, value_name = "FILE", requires = "data")]
-    model: Option<PathBuf>,
     #[command(flatten)]
-    engine: EngineArgs,
-    #[command(flatten)]
-    second_look: SecondLookArgs,
-    #[command(flatten)]
-    road: RoadArgs,
+    pipeline: PipelineArgs,
     /// FILE with the frames to evaluate, one id a line, or with --data a name in its `ImageSets` [default: all that have a result file; with --data, all that have an image]
     #[arg(long, value_name = "FILE")]
     split: Option<PathBuf>,
@@ -210,23 +202,19 @@ impl EvalArgs {
     /// Hours of evaluation must not be lost for want of a folder.
     fn check_outputs(&self) -> Result<()> {
         if let Some(json) = &self.json {
-            outputs::check_json(json, self.model.as_deref().into_iter().chain(self.second_look.files()))?;
+            outputs::check_json(json, self.pipeline.files())?;
         }
         self.report.as_deref().map_or(Ok(()), outputs::make_folder)
     }
 
     /// Whether anything is asked of a model that looks at images.
     fn names_what_looks(&self) -> bool {
-        self.model.is_some()
-            || self.engine != EngineArgs::default()
-            || self.second_look != SecondLookArgs::default()
-            || self.road != RoadArgs::default()
+        self.pipeline != PipelineArgs::default()
     }
 
     /// What is being judged.
     fn title(&self) -> String {
-        let model =
-            || self.model.as_deref().map_or_else(|| shipped::NAME.to_owned(), |model| model.display().to_string());
+        let model = || self.pipeline.source().name().display().to_string();
         let judged = self.results.as_ref().map_or_else(model, |results| results.display().to_string());
         if self.scores == ScoresName::Place { format!("{judged} (place scores)") } else { judged }
     }

@@ -9,23 +9,20 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
+use farsight::detector::reference_network;
+use farsight::model_file::read_own;
+use farsight::{EngineKind, EngineOptions, Library};
 use farsight_files::write_atomically;
 use farsight_graph::model::NetworkConfig;
 use farsight_graph::transform::Network;
 use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
-use farsight_methods::smoke::{DetectorFile, SmokeModel};
-#[cfg(not(feature = "train"))]
-use farsight_methods::smoke::{LOGITS, REGRESSION};
+use farsight_methods::smoke::{DetectorFile, LOGITS, REGRESSION, SmokeModel};
 use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
 use farsight_runtime::probe::{self, Difference};
 use farsight_runtime::{Runner, Tensor, TensorView};
 
 use super::Outcome;
-use crate::engines::{self, EngineArgs, EngineName};
-#[cfg(not(feature = "train"))]
-use crate::libraries::Library;
-use crate::model_files::read_own;
 use crate::outputs;
 use crate::printer::Printer;
 use int8::Int8Args;
@@ -36,7 +33,7 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote; or a refiner or a plate reader, of which --fit-on makes one that fits the model that comes with the program
+    /// Model that `farsight train` or `farsight import` wrote, or "shipped" for the one that comes with the program; or a refiner or a plate reader, of which --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write
@@ -240,30 +237,27 @@ fn outputs_of(runner: &mut dyn Runner, values: &[f32]) -> Result<Vec<Tensor>> {
 
 /// An engine that runs the file as it is.
 fn file_runner(file: &OnnxModel, path: &Path) -> Result<Box<dyn Runner>> {
-    let engine = if file.has_deform_conv() { EngineName::Onnxruntime } else { EngineName::Rten };
-    let args = EngineArgs { engine, ..EngineArgs::default() };
-    engines::start(&args, file.clone(), path)
+    let engine = if file.has_deform_conv() { EngineKind::OnnxRuntime } else { EngineKind::Rten };
+    EngineOptions::from(engine)
+        .start(file.clone(), path)
         .with_context(|| format!("{}: not written, because it cannot be checked", path.display()))
 }
 
-/// What the model itself answers: libtorch's answer.
-#[cfg(feature = "train")]
-fn reference(model: &SmokeModel, _: &OnnxModel, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
-    let mut runner = farsight_train::runner::TorchRunner::on_cpu(model)?;
-    Ok((outputs_of(&mut runner, input)?, "libtorch".to_owned()))
-}
-
-/// What the model itself answers: the network before any transform, on an engine that the file itself was not run on where there is one,
-/// with deformable convolutions in the other form where that can be.
-#[cfg(not(feature = "train"))]
+/// What the model itself answers: libtorch's answer where it is built in; else that of the network before any transform, on
+/// an engine that the file itself was not run on where there is one, with deformable convolutions in the other form where
+/// that can be.
 fn reference(model: &SmokeModel, file: &OnnxModel, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
-    let library = Library::Onnxruntime.find(None).is_ok_and(|found| Library::Onnxruntime.version(&found.path).is_ok());
-    let engine = if library && !file.has_deform_conv() { EngineName::Onnxruntime } else { EngineName::Rten };
-    let target = if engine == EngineName::Onnxruntime { Target::OnnxRuntime } else { Target::Portable };
+    if let Some(mut runner) = reference_network(model)? {
+        return Ok((outputs_of(&mut *runner, input)?, runner.engine().to_owned()));
+    }
+    let library = Library::OnnxRuntime;
+    let is_there = library.find(None).is_ok_and(|found| library.version(&found.path).is_ok());
+    let engine = if is_there && !file.has_deform_conv() { EngineKind::OnnxRuntime } else { EngineKind::Rten };
+    let target = engine.target();
     let whole = Network::new(model).keeping(&[LOGITS, REGRESSION]);
     let source = Path::new("the untransformed network");
     let whole = OnnxModel::from_bytes(write(&whole, &DetectorFile::facts(model, target), target)?, source)?;
-    let mut runner = engines::start(&EngineArgs { engine, ..EngineArgs::default() }, whole, source)?;
+    let mut runner = EngineOptions::from(engine).start(whole, source)?;
     let outputs = outputs_of(&mut *runner, input)?;
     Ok((outputs, format!("the untransformed network on {}", runner.engine())))
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
+use farsight::{model_file, shipped};
 use farsight_core::DepthFusion;
 use farsight_core::DepthReference;
 use farsight_graph::count::{StageCount, count, total};
@@ -18,13 +19,13 @@ use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
 use crate::printer::Printer;
+use crate::untrained;
 use crate::untrained::Untrained;
-use crate::{model_files, untrained};
 
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model, a refiner or a plate reader (.safetensors, .onnx), or the config of a training (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped" for the model that comes with the program, or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
 }
@@ -69,7 +70,10 @@ fn read(path: &Path) -> Result<Described> {
             Untrained::Plates(config) => plates(&config, None),
         });
     }
-    model_files::check(path, "a model, a refiner, a plate reader or the config of a training (.toml)")?;
+    if model_file::is_shipped_word(path) {
+        return Ok(detector(&shipped::model()?));
+    }
+    model_file::check(path, "a model, a refiner, a plate reader or the config of a training (.toml)")?;
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
         if RefinerModel::is_one(path) {
             let RefinerModel { config, weights, .. } = RefinerModel::read(path)?;
@@ -79,10 +83,7 @@ fn read(path: &Path) -> Result<Described> {
             let PlateReaderModel { config, weights, .. } = PlateReaderModel::read(path)?;
             return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
         }
-        // A pruned model is narrower than its config says.
-        let model = SmokeModel::read(path)?;
-        let told = told(&DetectorFile::facts(&model, Target::default()));
-        return Ok(Described::new(&model.config, model.graph, told));
+        return Ok(detector(&SmokeModel::read(path)?));
     }
     let file = DetectorFile::from_onnx(OnnxModel::read(path)?, path)?;
     let mut told = told(file.onnx.facts());
@@ -91,6 +92,12 @@ fn read(path: &Path) -> Result<Described> {
         told.push(("pruned", "yes; these are the counts of the network before pruning".to_owned()));
     }
     Ok(Described::new(&file.config, file.config.graph(), told))
+}
+
+/// A pruned model is narrower than its config says.
+fn detector(model: &SmokeModel) -> Described {
+    let told = told(&DetectorFile::facts(model, Target::default()));
+    Described::new(&model.config, model.graph.clone(), told)
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {

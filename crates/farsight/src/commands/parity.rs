@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use farsight::detector::open_network;
 use farsight_files::write_atomically;
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_runtime::probe::largest_difference;
@@ -12,8 +13,8 @@ use serde::Serialize;
 
 use super::Outcome;
 use super::export::TOLERANCE;
-use crate::engines::{self, EngineArgs};
 use crate::outputs;
+use crate::pipeline_args::EngineArgs;
 use crate::printer::Printer;
 
 /// Name of the input among the reference tensors.
@@ -70,7 +71,8 @@ pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
         outputs::check_json(json, [args.model.as_path(), &args.golden])?;
     }
     let golden = Weights::read(&args.golden)?;
-    let mut runner = engines::open_runner(&args.engine, &args.model)?;
+    args.engine.tell_threads(printer);
+    let mut runner = open_network(&args.engine.options()?, &args.model)?;
     let parity = compare(args, &golden, &mut *runner).with_context(|| args.golden.display().to_string())?;
     for Output { name, largest_difference, within } in &parity.outputs {
         let difference = largest_difference.map_or_else(|| "cannot be compared".to_owned(), |d| format!("{d:.1e}"));

@@ -4,19 +4,19 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
+use farsight::model_file::read_own;
 use farsight_graph::count::{count, total};
 use farsight_graph::prune::prune;
 use farsight_methods::smoke::SmokeModel;
 
 use super::Outcome;
-use crate::model_files::read_own;
 use crate::outputs;
 use crate::printer::Printer;
 
 /// Arguments of `farsight prune`.
 #[derive(Debug, Args)]
 pub(crate) struct PruneArgs {
-    /// Model that `farsight train` or `farsight import` wrote
+    /// Model that `farsight train` or `farsight import` wrote, or "shipped" for the one that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Share of the channels of every layer to keep, above 0 and at most 1

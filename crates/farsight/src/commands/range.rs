@@ -8,31 +8,24 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use farsight_core::Box3d;
-use farsight_core::detection::DecodeOptions;
+use farsight::builder::MAX_OVERLAP;
+use farsight::{ImageLimits, RangeKind};
 
 use super::Outcome;
-use crate::camera_source::CameraArgs;
-use crate::engines::{self, EngineArgs, RoadArgs, SecondLookArgs};
+use crate::camera_args::CameraArgs;
 use crate::inputs;
+use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
 use job::Job;
 
 /// Arguments of `farsight range`.
 #[derive(Debug, Args)]
 pub(crate) struct RangeArgs {
-    /// Images (PNG, JPEG), folders of images, patterns such as 'frames/*.png'
+    /// Images (PNG, JPEG, WebP, BMP, TIFF, GIF, PPM), folders of images, patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Model that `farsight train`, `farsight import` or `farsight export` wrote [default: the one that comes with the program]
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
     #[command(flatten)]
-    engine: EngineArgs,
-    #[command(flatten)]
-    second_look: SecondLookArgs,
-    #[command(flatten)]
-    road: RoadArgs,
+    pipeline: PipelineArgs,
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -43,49 +36,47 @@ pub(crate) struct RangeArgs {
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
     /// Which distance to give
-    #[arg(long, value_enum, default_value_t = RangeKind::Depth)]
-    range: RangeKind,
+    #[arg(long, value_enum, default_value_t = RangeName::Depth)]
+    range: RangeName,
     /// Leave out what has a lower score [default: 0.25, or 0.5 for a model whose scores are probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
     /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does
     #[arg(long, value_name = "IOU", default_value_t = MAX_OVERLAP, value_parser = super::eval::overlap_from_text, allow_negative_numbers = true)]
     max_overlap: f64,
-    /// End with status 1 when an image fails
-    #[arg(long)]
+    /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more
+    #[arg(long, value_name = "N", default_value = "100M", value_parser = pixels)]
+    max_pixels: u64,
+    /// What once asked for the exit status that failed images have anyway
+    #[arg(long, hide = true)]
     strict: bool,
     // Last, because its help heading would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
 }
 
-/// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
-const MAX_OVERLAP: f64 = 0.1;
-
 impl RangeArgs {
     /// The shipped model on a folder of images in KITTI's layout: pictures into the folder `out`, everything into the file `json`.
     pub(super) fn demo(images: PathBuf, out: PathBuf, json: PathBuf) -> Self {
         Self {
             inputs: vec![images],
-            model: None,
-            engine: EngineArgs::default(),
-            second_look: SecondLookArgs::default(),
-            road: RoadArgs::default(),
+            pipeline: PipelineArgs::default(),
             out: Some(out),
             json: Some(json),
             kitti: None,
-            range: RangeKind::Depth,
+            range: RangeName::Depth,
             min_score: None,
             max_overlap: MAX_OVERLAP,
+            max_pixels: ImageLimits::default().max_pixels,
             strict: false,
             camera: CameraArgs::default(),
         }
     }
 }
 
-/// What "distance" means.
+/// [`RangeKind`] as it is written on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum RangeKind {
+enum RangeName {
     /// Along the optical axis, KITTI's z
     Depth,
     /// From the camera to the centre of the box
@@ -94,12 +85,12 @@ enum RangeKind {
     Nearest,
 }
 
-impl RangeKind {
-    fn measure(self) -> fn(&Box3d) -> f64 {
+impl RangeName {
+    fn kind(self) -> RangeKind {
         match self {
-            Self::Depth => Box3d::depth_m,
-            Self::Euclidean => Box3d::center_distance_m,
-            Self::Nearest => Box3d::nearest_distance_m,
+            Self::Depth => RangeKind::Depth,
+            Self::Euclidean => RangeKind::Euclidean,
+            Self::Nearest => RangeKind::Nearest,
         }
     }
 }
@@ -107,6 +98,13 @@ impl RangeKind {
 fn score(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     if (0.0..1.0).contains(&value) { Ok(value) } else { Err("expected at least 0 and less than 1".to_owned()) }
+}
+
+/// A number of pixels: `40000000` or `40M`.
+fn pixels(text: &str) -> Result<u64, String> {
+    let (digits, factor) = text.strip_suffix(['M', 'm']).map_or((text, 1), |digits| (digits, 1_000_000));
+    let count = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(factor)).filter(|&count| count > 0);
+    count.ok_or_else(|| "expected a number of pixels, such as 40000000 or 40M".to_owned())
 }
 
 /// Runs the command.
@@ -119,8 +117,9 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
         bail!("no image to look at");
     }
     let job = Job::new(args, found.images, printer)?;
-    let options = DecodeOptions { min_score: args.min_score, ..DecodeOptions::default() };
-    let mut pipeline = engines::open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
-    let failed = found.problems.len() + job.run(&mut pipeline, printer)?;
-    Ok(if args.strict && failed > 0 { Outcome::Told } else { Outcome::Done })
+    let builder = args.pipeline.builder(printer)?.max_overlap(args.max_overlap).range(args.range.kind());
+    let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
+    let pipeline = pipeline_args::open(&builder)?;
+    let failed = found.problems.len() + job.run(&pipeline, printer)?;
+    Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }

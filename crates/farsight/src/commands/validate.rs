@@ -3,28 +3,28 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use farsight_core::detection::DecodeOptions;
-use farsight_data::{KittiDataset, read_image};
+use farsight::object::detections;
+use farsight::{ModelSource, Pipeline, Road, StageSource};
+use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Group, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, Frame};
 use farsight_train::config::ValidateConfig;
 
 use super::eval::MIN_SCORE;
-use crate::engines::{EngineArgs, open_detector};
-use crate::pipeline::Pipeline;
 
 /// AP and distance errors of Moderate cars, by name.
 pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>> {
-    let dataset = KittiDataset::open(&config.root, Some(&config.split))?;
+    let dataset = open_labelled(&config.root, Some(&config.split))?;
     let count = if config.limit == 0 { dataset.len() } else { config.limit.min(dataset.len()) };
-    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let (detector, _) = open_detector(&EngineArgs::default(), Some(model))?;
-    let mut pipeline = Pipeline::new(Box::new(detector), options);
+    // The detector alone.
+    let builder = Pipeline::builder().model(ModelSource::File(model.to_owned()));
+    let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
+    let pipeline = builder.min_score(MIN_SCORE).open()?;
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
     for index in 0..count {
-        let found = pipeline.detect(&read_image(&dataset.image_path(index))?, &dataset.load_camera(index)?)?;
-        evaluation.add(&Frame::new(dataset.ids()[index].clone(), dataset.load_labels(index)?, found));
+        let found = detections(&pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?)?);
+        evaluation.add(&Frame::new(dataset.id(index).to_string(), dataset.labels(index)?, found));
     }
     let report = evaluation.report();
     let ap = |set, metric| {

@@ -1,5 +1,6 @@
 //! Shared libraries of the optional engines: where they are looked for, and how they get there.
 
+mod error;
 mod install;
 mod python;
 
@@ -10,62 +11,65 @@ use std::env::{
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
-use clap::ValueEnum;
+use farsight_runtime::{EngineError, onnxruntime, openvino};
 
-pub(crate) use install::install;
+pub use error::LibraryError;
+pub use install::install;
 
 /// Where this program's own files lie, instead of the user's data folder.
 const DATA_VARIABLE: &str = "FARSIGHT_DATA";
 
 /// An engine that needs a shared library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Library {
-    /// Microsoft's ONNX Runtime, 1.17 or later
-    Onnxruntime,
-    /// Intel's OpenVINO, 2025.1 or later
-    Openvino,
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Library {
+    /// Microsoft's ONNX Runtime, 1.17 or later.
+    OnnxRuntime,
+    /// Intel's OpenVINO, 2025.1 or later.
+    OpenVino,
 }
 
 /// A library that was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Found {
+pub struct Found {
     /// The library.
-    pub(crate) path: PathBuf,
+    pub path: PathBuf,
     /// How it was found, as in "found through ...".
-    pub(crate) through: String,
+    pub through: String,
 }
 
 impl Library {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::OnnxRuntime, Self::OpenVino];
+
     /// As users write it; also the name of its Python wheel.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Onnxruntime => "onnxruntime",
-            Self::Openvino => "openvino",
+            Self::OnnxRuntime => "onnxruntime",
+            Self::OpenVino => "openvino",
         }
     }
 
     /// The environment variable that says where it is: the library, or a folder with it.
     fn variable(self) -> &'static str {
         match self {
-            Self::Onnxruntime => "FARSIGHT_ONNXRUNTIME",
-            Self::Openvino => "FARSIGHT_OPENVINO",
+            Self::OnnxRuntime => "FARSIGHT_ONNXRUNTIME",
+            Self::OpenVino => "FARSIGHT_OPENVINO",
         }
     }
 
     /// The folder of the library within its wheel.
     fn wheel_folder(self) -> &'static str {
         match self {
-            Self::Onnxruntime => "onnxruntime/capi",
-            Self::Openvino => "openvino/libs",
+            Self::OnnxRuntime => "onnxruntime/capi",
+            Self::OpenVino => "openvino/libs",
         }
     }
 
     /// The file's name without prefix, suffix and version.
     fn stem(self) -> &'static str {
         match self {
-            Self::Onnxruntime => "onnxruntime",
-            Self::Openvino => "openvino_c",
+            Self::OnnxRuntime => "onnxruntime",
+            Self::OpenVino => "openvino_c",
         }
     }
 
@@ -75,7 +79,10 @@ impl Library {
     }
 
     /// The library: at `given` if that is given, else where the environment, the user's data folder or the user's Python has it.
-    pub(crate) fn find(self, given: Option<&Path>) -> Result<Found> {
+    ///
+    /// # Errors
+    /// When it is not there.
+    pub fn find(self, given: Option<&Path>) -> Result<Found, LibraryError> {
         if let Some(given) = given {
             return self.named(given, "--engine-path");
         }
@@ -89,25 +96,19 @@ impl Library {
         if let Some(path) = python::package_folder(self.name()).and_then(|folder| self.within(folder.parent()?)) {
             return Ok(Found { path, through: "the installed Python wheel".to_owned() });
         }
-        bail!(
-            "the library of {name} is not there; `farsight engine install {name}` fetches it with pip; if you have it, say where with --engine-path or {}",
-            self.variable(),
-            name = self.name()
-        )
+        Err(LibraryError::NotFound { name: self.name(), variable: self.variable() })
     }
 
     /// The library that the user names: the file itself, or a folder with it.
-    fn named(self, named: &Path, through: &str) -> Result<Found> {
+    fn named(self, named: &Path, through: &str) -> Result<Found, LibraryError> {
         let path = if named.is_file() { Some(named.to_owned()) } else { self.within(named) };
-        match path {
-            Some(path) => Ok(Found { path, through: through.to_owned() }),
-            None => bail!(
-                "{}: no library of {} here; expected {DLL_PREFIX}{}{DLL_SUFFIX} or a folder with it ({through})",
-                named.display(),
-                self.name(),
-                self.stem()
-            ),
-        }
+        let found = path.map(|path| Found { path, through: through.to_owned() });
+        found.ok_or_else(|| LibraryError::NotIn {
+            folder: named.to_owned(),
+            name: self.name(),
+            file: format!("{DLL_PREFIX}{}{DLL_SUFFIX}", self.stem()),
+            through: through.to_owned(),
+        })
     }
 
     /// The library in `folder`, or in its place in an unpacked wheel there.
@@ -134,40 +135,23 @@ impl Library {
     }
 
     /// Loads the library at `path` and says which version it is.
-    pub(crate) fn version(self, path: &Path) -> Result<String> {
+    ///
+    /// # Errors
+    /// When it cannot be loaded, is too old, or its engine is not compiled in.
+    pub fn version(self, path: &Path) -> Result<String, EngineError> {
         match self {
-            Self::Onnxruntime => onnxruntime_version(path),
-            Self::Openvino => openvino_version(path),
+            Self::OnnxRuntime => onnxruntime::version(path),
+            Self::OpenVino => openvino::version(path),
         }
     }
 }
 
 /// The user's data folder for this program.
-pub(crate) fn data_folder() -> Option<PathBuf> {
+pub fn data_folder() -> Option<PathBuf> {
     match env::var_os(DATA_VARIABLE).filter(|folder| !folder.is_empty()) {
         Some(folder) => Some(PathBuf::from(folder)),
         None => Some(dirs::data_dir()?.join("farsight")),
     }
-}
-
-#[cfg(feature = "onnxruntime")]
-fn onnxruntime_version(path: &Path) -> Result<String> {
-    Ok(farsight_runtime::OrtRunner::version(path)?)
-}
-
-#[cfg(not(feature = "onnxruntime"))]
-fn onnxruntime_version(_: &Path) -> Result<String> {
-    bail!("this farsight was built without the engine onnxruntime (cargo feature \"onnxruntime\")")
-}
-
-#[cfg(feature = "openvino")]
-fn openvino_version(path: &Path) -> Result<String> {
-    Ok(farsight_runtime::OpenvinoRunner::version(path)?)
-}
-
-#[cfg(not(feature = "openvino"))]
-fn openvino_version(_: &Path) -> Result<String> {
-    bail!("this farsight was built without the engine openvino (cargo feature \"openvino\")")
 }
 
 #[cfg(test)]
@@ -187,10 +171,10 @@ mod tests {
         {
             fs::write(at(name), "").unwrap();
         }
-        let found = Library::Onnxruntime.find(Some(folder.path())).unwrap();
+        let found = Library::OnnxRuntime.find(Some(folder.path())).unwrap();
         assert_eq!(found.path, at("onnxruntime/capi/libonnxruntime.so.1.31.1"));
         assert_eq!(found.through, "--engine-path");
-        let error = Library::Openvino.find(Some(folder.path())).unwrap_err().to_string();
+        let error = Library::OpenVino.find(Some(folder.path())).unwrap_err().to_string();
         assert!(error.contains("no library of openvino here; expected libopenvino_c.so"), "{error}");
     }
 }

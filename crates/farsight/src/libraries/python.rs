@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result, bail};
+use super::LibraryError;
 
 /// Prints the folder of a package without importing it.
 const FOLDER_OF: &str = "import importlib.util as u, sys; s = u.find_spec(sys.argv[1]); print(list(s.submodule_search_locations)[0] if s else '')";
@@ -23,14 +23,8 @@ pub(super) fn package_folder(package: &str) -> Option<PathBuf> {
 }
 
 /// Runs Python with these arguments; what it writes to standard error goes to the user.
-pub(super) fn run<S: AsRef<OsStr>>(arguments: &[S], task: &str) -> Result<()> {
-    let status = python()
-        .args(arguments)
-        .stdout(Stdio::null())
-        .status()
-        .with_context(|| format!("no python3 to {task} with; it needs a Python that has pip"))?;
-    if !status.success() {
-        bail!("python3 could not {task} ({status}); its own words are above");
-    }
-    Ok(())
+pub(super) fn run<S: AsRef<OsStr>>(arguments: &[S], task: &'static str) -> Result<(), LibraryError> {
+    let status = python().args(arguments).stdout(Stdio::null()).status();
+    let status = status.map_err(|source| LibraryError::NoPython { task, source })?;
+    if status.success() { Ok(()) } else { Err(LibraryError::Python { task, status }) }
 }

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_core::detection::DecodeOptions;
-use farsight_core::{Camera, Detection};
+use farsight::object::detections;
+use farsight::{Detection, Pipeline};
+use farsight_core::Camera;
 use farsight_data::kitti::{Calibration, read_split, write_results};
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::LabelSource;
@@ -14,9 +15,8 @@ use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
-use crate::engines::open_whole;
 use crate::outputs;
-use crate::pipeline::Pipeline;
+use crate::pipeline_args;
 use crate::printer::{Printer, counted};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
@@ -104,12 +104,11 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
-    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let mut pipeline = open_whole(&args.engine, &args.second_look, args.road, args.model.as_deref(), options)?;
-    let ids = write_results_of(&mut pipeline, &*dataset, &results, printer)?;
+    let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(MIN_SCORE).max_overlap(1.0))?;
+    let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
-    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.detector().engine()));
+    printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
     let labels = LabelSource::from(&dataset);
     let cameras = args.calib.clone().map_or(Cameras::Dataset(dataset), Cameras::Folder);
     Ok(Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: folder })
@@ -117,7 +116,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
 
 /// Writes a result file for each frame of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
-    pipeline: &mut Pipeline,
+    pipeline: &Pipeline,
     dataset: &dyn Dataset,
     results: &Path,
     printer: &mut Printer,
@@ -151,7 +150,7 @@ pub(in crate::commands) fn write_results_of(
     Ok(done)
 }
 
-fn looked_at(pipeline: &mut Pipeline, dataset: &dyn Dataset, index: usize) -> Result<Vec<Detection>> {
-    let detections = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
-    detections.with_context(|| dataset.origin(index))
+fn looked_at(pipeline: &Pipeline, dataset: &dyn Dataset, index: usize) -> Result<Vec<Detection>> {
+    let objects = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
+    Ok(detections(&objects.with_context(|| dataset.origin(index))?))
 }

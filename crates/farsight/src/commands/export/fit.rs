@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use farsight::EngineOptions;
+use farsight::detector::smoke_detector;
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::range_error::DepthExample;
@@ -18,7 +20,6 @@ use farsight_methods::{DetectError, Detector};
 use image::RgbImage;
 use indicatif::ProgressBar;
 
-use crate::engines::{EngineArgs, detector_of};
 use crate::printer::Printer;
 
 /// A detection of which the labels say whether it is right.
@@ -121,7 +122,7 @@ fn probability(model: &SmokeModel, judged: &Judged) -> f64 {
 fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &dyn Dataset) -> Result<Vec<Judged>> {
     let file = DetectorFile::from_model(model, farsight_onnx::Target::Portable, source)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let mut detector = detector_of(&EngineArgs::default(), file, source)?;
+    let mut detector = smoke_detector(&EngineOptions::default(), file, source)?;
     let mut found = Vec::new();
     let bar = ProgressBar::new(dataset.len() as u64);
     for index in 0..dataset.len() {

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
+use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight_core::Camera;
-use farsight_data::read_image;
+use farsight_data::{Exif, read_image};
 use farsight_files::write_atomically;
 use farsight_graph::quantize::Observer;
 use farsight_graph::transform::Network;
@@ -22,10 +23,9 @@ use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::{ExportArgs, facts};
-use crate::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use crate::commands::Outcome;
-use crate::engines::EngineArgs;
 use crate::inputs;
+use crate::pipeline_args::EngineArgs;
 use crate::printer::Printer;
 use metres::Metres;
 use sweep::{Sweep, Trial};
@@ -106,7 +106,7 @@ pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer
     let network = Network::deployable(model)?;
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
     printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
-    let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.threads);
+    let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.options()?.usable_threads());
     let Trial { quantization, sensitivity } = chosen(&sweep, args.int8.float_layers, printer)?;
     let float_layers = sweep.float_layers(&quantization);
     printer.line(&format!(
@@ -181,7 +181,8 @@ impl Images {
     fn find(args: &ExportArgs, config: &farsight_methods::smoke::config::SmokeConfig) -> Result<Self> {
         let folder = args.int8.calibration.clone().context("--int8 needs --calibration DIR")?;
         let found = inputs::find(std::slice::from_ref(&folder));
-        if let Some(problem) = found.problems.first() {
+        // Films beside the images are no matter here.
+        if let Some(problem) = found.problems.first().filter(|_| found.images.is_empty()) {
             bail!("{problem}");
         }
         let paths = found.images;
@@ -195,7 +196,7 @@ impl Images {
         let size @ [width, height] = [image.width() as usize, image.height() as usize];
         ensure!(width > 0 && height > 0, "{}: no pixels", path.display());
         let camera = match &self.cameras {
-            Some(cameras) => cameras.camera(path, size)?,
+            Some(cameras) => cameras.camera(path, size, &Exif::NONE)?,
             // Only the size of the network's input depends on it.
             None => Camera::from_hfov(KITTI_HFOV_DEG, width, height)?,
         };
@@ -219,7 +220,7 @@ fn calibrate(
     images: &Images,
     args: &ExportArgs,
 ) -> Result<(sweep::Ranges, Vec<Reference>)> {
-    let threads = args.int8.engine.threads;
+    let threads = args.int8.engine.options()?.usable_threads();
     let mut calibration = Calibration::new(network, LOGITS, facts, threads)?;
     let file = DetectorFile::from_bytes(farsight_onnx::write(network, facts, Target::Portable)?, &args.model)?;
     let mut answers = Answers::new(&file, &args.model, threads)?;

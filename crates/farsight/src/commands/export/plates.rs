@@ -3,9 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use farsight::object::detections;
+use farsight::second_stage::plate_reader;
+use farsight::{EngineOptions, Pipeline, Road, StageSource};
 use farsight_core::MeasuredDepth;
 use farsight_core::depth_fusion::DepthPair;
-use farsight_core::detection::DecodeOptions;
 use farsight_core::score::LEAST_PEAK;
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::Frame;
@@ -16,8 +18,6 @@ use indicatif::ProgressBar;
 
 use super::fit::{fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::engines::{EngineArgs, open_shipped, roi_runner, shipped_refiner};
-use crate::pipeline::Pipeline;
 use crate::printer::Printer;
 
 /// Fits the plate reader to `data` and writes it.
@@ -33,14 +33,14 @@ pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Resu
 /// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
 fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> {
     let dataset = open_labelled(data, None)?;
-    let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let engine = EngineArgs::default();
-    let mut pipeline = Pipeline::new(Box::new(open_shipped()?), options).with_refiner(shipped_refiner(&engine)?);
-    let mut reader = PlateReader::new(roi_runner(&engine, model)?, model.config.clone());
+    // What is known before a plate is read; every look counts, two in one place, too.
+    let builder = Pipeline::builder().plates(StageSource::Off).road(Road::Ignored);
+    let pipeline = builder.min_score(LEAST_PEAK).max_overlap(1.0).open()?;
+    let mut reader = plate_reader(model, &EngineOptions::default())?;
     let bar = ProgressBar::new(dataset.len() as u64);
     let mut pairs = Vec::new();
     for index in 0..dataset.len() {
-        pairs.extend(pairs_of_frame(&mut pipeline, &mut reader, &*dataset, index)?);
+        pairs.extend(pairs_of_frame(&pipeline, &mut reader, &*dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -48,13 +48,13 @@ fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> 
 }
 
 fn pairs_of_frame(
-    pipeline: &mut Pipeline,
+    pipeline: &Pipeline,
     reader: &mut PlateReader,
     dataset: &dyn Dataset,
     index: usize,
 ) -> Result<Vec<DepthPair>> {
     let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
-    let known = pipeline.detect(&image, &camera).with_context(|| dataset.origin(index))?;
+    let known = detections(&pipeline.detect(&image, &camera).with_context(|| dataset.origin(index))?);
     let readings = reader.readings(&image, &camera, &known)?;
     let frame = Frame::new(String::new(), dataset.labels(index)?, known);
     let pair = |(place, target): (usize, Option<Target>)| {

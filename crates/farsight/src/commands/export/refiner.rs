@@ -3,6 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight::detector::smoke_detector;
+use farsight::second_stage::refiner;
+use farsight::{EngineKind, EngineOptions, shipped};
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
@@ -14,12 +17,11 @@ use farsight_methods::Detector;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::refiner::geometry::{LooksScores, Refinement, ScoredLooks, TwoLooks};
-use farsight_methods::smoke::SmokeDetector;
+use farsight_methods::smoke::{DetectorFile, SmokeDetector};
 use indicatif::ProgressBar;
 
 use super::fit::{first_look, fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::engines::{EngineArgs, open_shipped, roi_runner};
 use crate::printer::Printer;
 
 /// Fits the refiner to `data` and writes it.
@@ -99,13 +101,16 @@ impl SeenTwice {
 fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<ObjectClass>)> {
     let dataset = open_labelled(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
-    let mut detector = open_shipped()?;
+    let engine = EngineOptions::default();
+    let source = Path::new(shipped::NAME);
+    let file = DetectorFile::from_model(&shipped::model()?, EngineKind::default().target(), source)?;
+    let mut detector = smoke_detector(&engine, file, source)?;
     ensure!(
         detector.has_error_bars(),
         "the first look has no error bars; expected a model after `farsight export --fit-on`"
     );
     let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
-    let mut refiner = Refiner::new(roi_runner(&EngineArgs::default(), model)?, model.config.clone());
+    let mut refiner = refiner(model, &engine)?;
     let bar = ProgressBar::new(dataset.len() as u64);
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {

@@ -6,32 +6,42 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_core::nms::bev_nms;
-use farsight_core::{Box3d, Camera, Detection};
+use farsight::camera_source::file_stem;
+use farsight::json::ImageRecord;
+use farsight::object::detections;
+use farsight::{Camera, CameraSource, DetectedObject, ImageLimits, Pipeline, UnfamiliarCamera, draw, load_image};
+use farsight_data::ImageWarning;
 use farsight_data::kitti::write_results;
-use farsight_data::read_image;
 use farsight_files::write_atomically;
-use farsight_methods::UnfamiliarCamera;
-use farsight_viz::{DrawOptions, Scene, picture};
+use farsight_viz::picture_divisor;
 use image::RgbImage;
 use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
 use super::RangeArgs;
-use crate::camera_source::CameraSource;
+use crate::camera_args::with_hint;
 use crate::inputs::identity;
 use crate::names::output_names;
 use crate::outputs;
-use crate::pipeline::Pipeline;
 use crate::printer::{Printer, counted};
-use crate::range_json::{self, ImageJson};
 use crate::range_table::RangeTable;
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
 
-/// The size of an image, what is in it, and a camera that the model does not know.
-type Looked = ((u32, u32), Vec<Detection>, Option<UnfamiliarCamera>);
+/// What came of one image.
+struct Looked {
+    record: ImageRecord,
+    objects: Vec<DetectedObject>,
+    /// A camera that the model does not know.
+    unfamiliar: Option<UnfamiliarCamera>,
+    /// What is odd about the file.
+    warnings: Vec<ImageWarning>,
+    /// Where the camera comes from and how the picture was drawn, where that is worth a word.
+    notes: Vec<String>,
+    /// Outputs that could not be written.
+    unwritten: Vec<(PathBuf, anyhow::Error)>,
+}
 
 /// Everything but the detector.
 pub(super) struct Job<'a> {
@@ -40,18 +50,17 @@ pub(super) struct Job<'a> {
     /// Names of the outputs, one for each image, all different.
     names: Vec<String>,
     cameras: CameraSource,
-    range_m: fn(&Box3d) -> f64,
 }
 
 impl<'a> Job<'a> {
     /// Checks what can be checked before the first image, and makes the folders of the outputs.
     pub(super) fn new(args: &'a RangeArgs, images: Vec<PathBuf>, printer: &mut Printer) -> Result<Self> {
-        let cameras = CameraSource::new(&args.camera, &images)?;
+        let cameras = args.camera.source(&images)?;
         if matches!(cameras, CameraSource::Kitti) {
             printer.note("cameras from the calibration files of KITTI's layout (folder calib beside image_2)");
         }
         let names = output_names(&images);
-        let job = Self { args, images, names, cameras, range_m: args.range.measure() };
+        let job = Self { args, images, names, cameras };
         let inputs: Vec<PathBuf> = job.images.iter().map(|image| identity(image)).collect();
         job.check_folders(&inputs)?;
         job.check_json(&inputs)?;
@@ -73,10 +82,10 @@ impl<'a> Job<'a> {
     }
 
     fn check_json(&self, inputs: &[PathBuf]) -> Result<()> {
-        let RangeArgs { json, model, second_look, camera, .. } = self.args;
+        let RangeArgs { json, pipeline, camera, .. } = self.args;
         let Some(json) = json else { return Ok(()) };
-        let others = [model.as_deref(), camera.calib.as_deref()].into_iter().flatten().chain(second_look.files());
-        outputs::check_json(json, inputs.iter().map(PathBuf::as_path).chain(others))
+        let others = camera.calib.clone().into_iter().chain(pipeline.files());
+        outputs::check_json(json, inputs.iter().cloned().chain(others))
     }
 
     /// Pictures must not replace the images they are made from; outputs that were renamed are worth a word.
@@ -86,7 +95,7 @@ impl<'a> Job<'a> {
                 let replaces = picture.exists() && inputs.contains(&identity(&picture));
                 ensure!(!replaces, "{}: would be replaced by its picture; give another --out", picture.display());
             }
-            if *name != crate::names::stem(image) {
+            if *name != file_stem(image) {
                 printer.note(&format!("{}: called {name} here, another image has its name", image.display()));
             }
         }
@@ -108,90 +117,145 @@ impl<'a> Job<'a> {
 
     /// Looks at every image and returns how many failed.
     ///
-    /// An error when none could be done, or the JSON file could not be written.
-    pub(super) fn run(&self, pipeline: &mut Pipeline, printer: &mut Printer) -> Result<usize> {
-        let table = RangeTable::new(&self.names, self.range_m);
-        printer.heading(&table.heading());
+    /// An error when none could be done, or an output could not be written; the others are done before.
+    pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<usize> {
+        let table = RangeTable::new(&self.names);
         let bar = if self.images.len() < MANY_IMAGES {
             ProgressBar::hidden()
         } else {
             ProgressBar::new(self.images.len() as u64)
         };
-        let (mut done, mut found, mut failed, mut warnings) = (Vec::new(), 0, 0, BTreeMap::new());
+        let (mut done, mut tally) = (Vec::new(), Tally::default());
         for (image, name) in self.images.iter().zip(&self.names) {
-            match self.image(image, name, pipeline) {
-                Ok((size, detections, unfamiliar)) => {
-                    if let Some(camera) = unfamiliar {
-                        *warnings.entry(camera.to_string()).or_insert(0) += 1;
+            let looked = self.image(image, name, pipeline);
+            bar.suspend(|| match looked {
+                Ok(looked) => {
+                    self.tell(&looked, image, &mut tally, printer);
+                    // Where nothing can be done there is no table.
+                    if done.is_empty() {
+                        printer.heading(&table.heading());
                     }
-                    bar.suspend(|| table.rows(name, &detections).iter().for_each(|row| printer.line(row)));
-                    found += detections.len();
-                    done.push(ImageJson::new(image, size, &detections, self.range_m));
+                    table.rows(name, &looked.objects).iter().for_each(|row| printer.line(row));
+                    done.push(looked.record);
                 }
                 Err(error) => {
-                    failed += 1;
-                    bar.suspend(|| {
-                        printer.failure(&error);
-                        self.remove_outputs(name, printer);
-                    });
+                    tally.failed += 1;
+                    printer.failure(&error);
+                    [self.picture_path(name), self.rows_path(name)]
+                        .into_iter()
+                        .flatten()
+                        .for_each(|path| remove(&path, printer));
                 }
-            }
+            });
             bar.inc(1);
             if printer.reader_is_gone() && !self.writes_files() {
                 break;
             }
         }
         bar.finish_and_clear();
-        for (warning, images) in warnings {
-            printer.warning(&format!("{warning} ({})", counted(images, "image")));
+        for (warning, images) in &tally.warnings {
+            printer.warning(&format!("{warning} ({})", counted(*images, "image")));
         }
-        self.finish(&done, found, failed, printer)
+        self.finish(&done, &tally, printer)
     }
 
-    fn finish(&self, done: &[ImageJson], found: usize, failed: usize, printer: &mut Printer) -> Result<usize> {
+    /// What is to be said of an image beside its rows.
+    fn tell(&self, looked: &Looked, image: &Path, tally: &mut Tally, printer: &mut Printer) {
+        if let Some(camera) = &looked.unfamiliar {
+            *tally.warnings.entry(camera.to_string()).or_insert(0) += 1;
+        }
+        for warning in &looked.warnings {
+            printer.warning(&format!("{}: {warning}", image.display()));
+        }
+        for note in &looked.notes {
+            // Photos of one camera share theirs.
+            if tally.noted.insert(note.clone()) {
+                printer.note(&format!("{}: {note}", image.display()));
+            }
+        }
+        for (path, error) in &looked.unwritten {
+            printer.failure(error);
+            remove(path, printer);
+        }
+        tally.unwritten += looked.unwritten.len();
+        tally.found += looked.objects.len();
+    }
+
+    fn finish(&self, done: &[ImageRecord], tally: &Tally, printer: &mut Printer) -> Result<usize> {
+        let Tally { found, failed, unwritten, .. } = *tally;
         if done.is_empty() {
             bail!("nothing was done: {} failed", counted(failed, "image"));
         }
         if let Some(path) = &self.args.json {
-            range_json::write(path, done)?;
+            write_atomically(path, |out| {
+                serde_json::to_writer_pretty(&mut *out, done)?;
+                out.write_all(b"\n")
+            })?;
         }
         let failures = if failed > 0 { format!("; {} failed", counted(failed, "image")) } else { String::new() };
         printer.status(&format!("{} found in {}{failures}", counted(found, "object"), counted(done.len(), "image")));
+        ensure!(unwritten == 0, "{} could not be written", counted(unwritten, "output"));
         Ok(failed)
     }
 
-    /// The size of one image, what is in it, and what is odd about its camera, after its files are written.
-    fn image(&self, path: &Path, name: &str, pipeline: &mut Pipeline) -> Result<Looked> {
-        let image = read_image(path)?;
+    /// Looks at one image and writes its files.
+    fn image(&self, path: &Path, name: &str, pipeline: &Pipeline) -> Result<Looked> {
+        let loaded = load_image(path, ImageLimits { max_pixels: self.args.max_pixels })?;
+        let image = &loaded.pixels;
         let size = [image.width() as usize, image.height() as usize];
-        let camera = self.cameras.camera(path, size)?;
-        let detections = pipeline.detect(&image, &camera).with_context(|| path.display().to_string())?;
-        let detections = bev_nms(detections, self.args.max_overlap);
+        let camera = self.cameras.camera(path, size, &loaded.exif).map_err(with_hint)?;
+        let objects = pipeline.detect(image, &camera).with_context(|| path.display().to_string())?;
+        let (mut notes, mut unwritten) = (Vec::new(), Vec::new());
+        if let Some(Ok(found)) = self.cameras.from_exif(path, size, &loaded.exif) {
+            notes.push(format!("camera from EXIF data ({}): --hfov {:.1}", found.how, found.hfov_deg));
+        }
         if let Some(target) = self.picture_path(name) {
-            self.write_picture(&target, &image, &camera, &detections)?;
+            let divisor = picture_divisor([image.width(), image.height()]);
+            if divisor > 1 {
+                notes.push(format!("a large image, drawn at 1/{divisor} of its size"));
+            }
+            unwritten.extend(self.write_picture(&target, image, &camera, &objects).err().map(|error| (target, error)));
         }
         if let Some(target) = self.rows_path(name) {
-            write_results(&target, &detections)?;
+            unwritten.extend(write_results(&target, &detections(&objects)).err().map(|error| (target, error.into())));
         }
-        Ok((image.dimensions(), detections, pipeline.detector().unfamiliar(size, &camera)))
+        let record = ImageRecord::new(path, image, &camera, &objects, pipeline);
+        let record = record.with_camera_origin(self.cameras.origin(path));
+        let unfamiliar = pipeline.unfamiliar(size, &camera);
+        Ok(Looked { record, objects, unfamiliar, warnings: loaded.warnings, notes, unwritten })
     }
 
-    /// What an earlier run found in an image must not be taken for an answer of this one, in which it failed.
-    fn remove_outputs(&self, name: &str, printer: &mut Printer) {
-        let outputs = [self.picture_path(name), self.rows_path(name)].into_iter().flatten();
-        for path in outputs.filter(|path| path.is_file()) {
-            match fs::remove_file(&path) {
-                Ok(()) => printer.note(&format!("{}: removed, as its image failed", path.display())),
-                Err(error) => {
-                    printer.error(&format!("{}: not of this run, cannot be removed: {error}", path.display()));
-                }
-            }
-        }
-    }
-
-    fn write_picture(&self, target: &Path, image: &RgbImage, camera: &Camera, detections: &[Detection]) -> Result<()> {
-        let options = DrawOptions { distance_m: self.range_m, ..DrawOptions::default() };
-        let drawn = picture(image, &Scene { camera, detections, truth: &[] }, &options);
+    fn write_picture(
+        &self,
+        target: &Path,
+        image: &RgbImage,
+        camera: &Camera,
+        objects: &[DetectedObject],
+    ) -> Result<()> {
+        let drawn = draw(image, camera, objects, self.args.range.kind());
         Ok(write_atomically(target, |out| drawn.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?)
+    }
+}
+
+/// What is counted over all images.
+#[derive(Default)]
+struct Tally {
+    found: usize,
+    failed: usize,
+    unwritten: usize,
+    /// Images for each warning about their cameras.
+    warnings: BTreeMap<String, usize>,
+    /// Notes that were printed.
+    noted: BTreeSet<String>,
+}
+
+/// What an earlier run found in an image must not be taken for an answer of this one, in which it failed.
+fn remove(output: &Path, printer: &mut Printer) {
+    if !output.is_file() {
+        return;
+    }
+    match fs::remove_file(output) {
+        Ok(()) => printer.note(&format!("{}: removed, as its image failed", output.display())),
+        Err(error) => printer.error(&format!("{}: not of this run, cannot be removed: {error}", output.display())),
     }
 }

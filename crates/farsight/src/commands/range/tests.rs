@@ -7,15 +7,16 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use clap::Parser;
-use farsight_core::detection::DecodeOptions;
-use farsight_core::{Box3d, HeadMaps};
-use farsight_infer::{Detector, DetectorSpec, Engine, EngineError};
+use farsight::{Box3d, Pipeline};
 use farsight_methods::smoke::codec::{CHANNELS, STRIDE};
 use farsight_methods::smoke::config::SmokeConfig;
+use farsight_methods::smoke::{LOGITS, REGRESSION, SmokeDetector};
+use farsight_onnx::{INPUT, TensorInfo};
+use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
 use image::RgbImage;
 
 use super::job::Job;
-use super::{RangeArgs, RangeKind};
+use super::{RangeArgs, RangeName};
 use crate::inputs;
 use crate::printer::Printer;
 
@@ -26,18 +27,41 @@ struct TestCli {
 }
 
 /// One peak in the middle, all regression channels zero: a car of the reference size at the reference depth.
-struct OneCar;
+struct OneCar {
+    inputs: [TensorInfo; 1],
+    outputs: [TensorInfo; 2],
+}
 
-impl Engine for OneCar {
-    fn name(&self) -> &'static str {
+impl OneCar {
+    fn new() -> Self {
+        let named = |name: &str, channels| TensorInfo { name: name.to_owned(), channels: Some(channels) };
+        Self { inputs: [named(INPUT, 3)], outputs: [named(LOGITS, 3), named(REGRESSION, CHANNELS)] }
+    }
+}
+
+impl Runner for OneCar {
+    fn engine(&self) -> &'static str {
         "one car"
     }
 
-    fn batch_head_maps(&mut self, _: &[f32], input_size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
-        let map_size @ [width, height] = input_size.map(|side| side / STRIDE);
+    fn inputs(&self) -> &[TensorInfo] {
+        &self.inputs
+    }
+
+    fn outputs(&self) -> &[TensorInfo] {
+        &self.outputs
+    }
+
+    fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
+        let [height, width] = [2, 3].map(|axis| inputs[0].1.shape[axis] / STRIDE);
         let mut logits = vec![-9.0; 3 * width * height];
         logits[height / 2 * width + width / 2] = 2.0;
-        Ok(vec![HeadMaps { logits, regression: vec![0.0; CHANNELS * width * height], map_size }])
+        let tensor = |channels, values| Tensor { shape: vec![1, channels, height, width], values };
+        Ok(vec![tensor(3, logits), tensor(CHANNELS, vec![0.0; CHANNELS * width * height])])
+    }
+
+    fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
+        Ok(Box::new(Self::new()))
     }
 }
 
@@ -78,10 +102,10 @@ fn run(arguments: &[&Path], mut printer: Printer) -> anyhow::Result<usize> {
         [Path::new("range")].into_iter().chain(arguments.iter().copied()).map(|word| word.as_os_str().to_owned());
     let fixed = ["--hfov", "80", "--model", "none"].map(Into::into);
     let args = TestCli::try_parse_from(words.chain(fixed)).unwrap().args;
-    let spec = DetectorSpec::new(&SmokeConfig::default(), DecodeOptions::default());
-    let mut detector = Detector::new(Box::new(OneCar), spec);
+    let detector = SmokeDetector::new(Box::new(OneCar::new()), &SmokeConfig::default(), None);
+    let pipeline = Pipeline::builder().open_with(Box::new(detector)).unwrap();
     let job = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)?;
-    job.run(&mut detector, &mut printer)
+    job.run(&pipeline, &mut printer)
 }
 
 fn image_file(path: PathBuf) -> PathBuf {
@@ -116,7 +140,7 @@ fn a_good_and_two_bad_images() {
     assert_eq!(answer.out, format!("{TABLE}{row}"));
     let errors: Vec<&str> = answer.err.lines().collect();
     assert!(errors[0].contains("cut.png: damaged image"), "{errors:?}");
-    assert!(errors[1].contains("empty.png: an empty file; expected a PNG or JPEG image"), "{errors:?}");
+    assert!(errors[1].contains("empty.png: an empty file; expected an image ("), "{errors:?}");
     assert_eq!(errors[2], "1 object found in 1 image; 2 images failed");
 
     assert!(image::open(at("pictures/good.png")).unwrap().height() > 384);
@@ -268,6 +292,6 @@ fn kinds_of_range_order_as_they_must() {
         yaw: 0.4,
     };
     let [depth, euclidean, nearest] =
-        [RangeKind::Depth, RangeKind::Euclidean, RangeKind::Nearest].map(|kind| kind.measure()(&object));
+        [RangeName::Depth, RangeName::Euclidean, RangeName::Nearest].map(|range| range.kind().measure()(&object));
     assert!(nearest < depth && depth < euclidean, "{nearest} {depth} {euclidean}");
 }

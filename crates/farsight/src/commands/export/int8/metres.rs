@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use farsight_core::detection::DecodeOptions;
+use farsight::{ModelSource, Pipeline, Road, StageSource};
 use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Bootstrap, Difference, Group, RangingComparison, RangingMetric, RangingOptions};
@@ -13,8 +13,7 @@ use serde_json::{Map, Value, json};
 
 use super::super::ExportArgs;
 use crate::commands::eval::{MIN_SCORE, write_results_of};
-use crate::engines::detector_of;
-use crate::pipeline::Pipeline;
+use crate::pipeline_args;
 use crate::printer::{Printer, counted};
 
 /// Figures of Moderate cars, by the network in float and by it in 8 bits.
@@ -52,14 +51,16 @@ impl Metres {
         let dataset = open_labelled(data, args.int8.split.as_deref())?;
         let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
-            let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-            let detector = detector_of(&args.int8.engine, file.clone(), &args.model)?;
-            let mut pipeline = Pipeline::new(Box::new(detector), options);
-            let done = write_results_of(&mut pipeline, &*dataset, folder.path(), printer)?;
+            let source = ModelSource::Memory { file: Box::new(file.clone()), name: args.model.clone() };
+            let builder = Pipeline::builder().model(source).engine_options(args.int8.engine.options()?);
+            // The network alone.
+            let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
+            let pipeline = pipeline_args::open(&builder.min_score(MIN_SCORE).max_overlap(1.0))?;
+            let done = write_results_of(&pipeline, &*dataset, folder.path(), printer)?;
             ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
             let files = FrameFiles::open(&dataset, folder.path(), Some(dataset.ids()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
-            Ok((files.evaluate(&options)?.0, pipeline.detector().engine().to_owned()))
+            Ok((files.evaluate(&options)?.0, pipeline.engine().to_owned()))
         };
         let (float, engine) = judged(float)?;
         let (int8, _) = judged(int8)?;

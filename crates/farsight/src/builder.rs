@@ -1,0 +1,277 @@
+//! Choosing what a pipeline is made of.
+
+use std::path::{Path, PathBuf};
+
+use farsight_core::detection::DecodeOptions;
+use farsight_core::road::Road;
+use farsight_methods::Detector;
+use farsight_methods::smoke::DetectorFile;
+
+use crate::detector::{self, OpenDetector, Timing};
+use crate::object::RangeKind;
+use crate::pipeline::{ModelInfo, Pipeline};
+use crate::stages::{Settings, Stages};
+use crate::{EngineKind, EngineOptions, Error, Precision, model_file, second_stage, shipped};
+
+/// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
+pub const MAX_OVERLAP: f64 = 0.1;
+
+/// What errors call the plate reader.
+pub const PLATE_READER: &str = "the plate reader";
+
+/// What errors call the road plane.
+pub const ROAD: &str = "the road plane";
+
+/// Where the detector comes from.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub enum ModelSource {
+    /// The one that comes with the library.
+    #[default]
+    Shipped,
+    /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
+    File(PathBuf),
+    /// A network in memory.
+    Memory {
+        /// The network.
+        file: Box<DetectorFile>,
+        /// What errors call it.
+        name: PathBuf,
+    },
+}
+
+impl ModelSource {
+    /// A file, or the shipped model by its word ([`model_file::SHIPPED`]).
+    pub fn from_word(word: impl Into<PathBuf>) -> Self {
+        let path = word.into();
+        if model_file::is_shipped_word(&path) { Self::Shipped } else { Self::File(path) }
+    }
+
+    /// What errors and records call it.
+    pub fn name(&self) -> &Path {
+        match self {
+            Self::Shipped => Path::new(shipped::NAME),
+            Self::File(path) => path,
+            Self::Memory { name, .. } => name,
+        }
+    }
+}
+
+/// Where a second stage comes from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StageSource {
+    /// The one that comes with the library, with what it was made for: the refiner with the shipped detector's weights,
+    /// the plate reader where the shipped refiner is used with them.
+    #[default]
+    Default,
+    /// None.
+    Off,
+    /// The one that comes with the library.
+    Shipped,
+    /// A file that `farsight train` wrote.
+    File(PathBuf),
+}
+
+impl StageSource {
+    /// A file, or the words `none` and `shipped`.
+    pub fn from_word(word: impl Into<PathBuf>) -> Self {
+        let path = word.into();
+        if path == Path::new("none") {
+            Self::Off
+        } else if model_file::is_shipped_word(&path) {
+            Self::Shipped
+        } else {
+            Self::File(path)
+        }
+    }
+
+    /// Whether there is to be one, whatever the detector is.
+    fn is_asked_for(&self) -> bool {
+        matches!(self, Self::Shipped | Self::File(_))
+    }
+}
+
+/// Chooses what a [`Pipeline`] is made of; what is not chosen is as `farsight range` has it.
+#[derive(Debug, Clone, Default)]
+pub struct PipelineBuilder {
+    model: ModelSource,
+    engine: EngineOptions,
+    second_stage_engine: Option<EngineKind>,
+    refiner: StageSource,
+    plates: StageSource,
+    road: Option<Road>,
+    decode: DecodeOptions,
+    max_overlap: Option<f64>,
+    range: RangeKind,
+    timing: Timing,
+}
+
+impl PipelineBuilder {
+    /// The detector; the shipped one by default.
+    #[must_use]
+    pub fn model(self, model: ModelSource) -> Self {
+        Self { model, ..self }
+    }
+
+    /// What runs all networks; rten by default.
+    #[must_use]
+    pub fn engine(mut self, kind: EngineKind) -> Self {
+        self.engine.kind = kind;
+        self
+    }
+
+    /// Engine, library, threads and precision at once.
+    #[must_use]
+    pub fn engine_options(self, engine: EngineOptions) -> Self {
+        Self { engine, ..self }
+    }
+
+    /// The engine's shared library, or the folder that it is in; looked for by default.
+    #[must_use]
+    pub fn engine_library(mut self, library: impl Into<PathBuf>) -> Self {
+        self.engine.library = Some(library.into());
+        self
+    }
+
+    /// Threads of each network; one for each core by default, and at most that.
+    #[must_use]
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.engine.threads = Some(threads);
+        self
+    }
+
+    /// In which numbers the engine computes; single precision by default.
+    #[must_use]
+    pub fn precision(mut self, precision: Precision) -> Self {
+        self.engine.precision = precision;
+        self
+    }
+
+    /// Another engine for refiner and plate reader, in single precision; its library is looked for.
+    #[must_use]
+    pub fn second_stage_engine(self, kind: EngineKind) -> Self {
+        Self { second_stage_engine: Some(kind), ..self }
+    }
+
+    /// What looks again at what was found.
+    #[must_use]
+    pub fn refiner(self, refiner: StageSource) -> Self {
+        Self { refiner, ..self }
+    }
+
+    /// What measures vehicles by their number plates.
+    #[must_use]
+    pub fn plates(self, plates: StageSource) -> Self {
+        Self { plates, ..self }
+    }
+
+    /// What is known of the road under the camera; by default that there is one for the shipped weights, and nothing for
+    /// others.
+    #[must_use]
+    pub fn road(self, road: Road) -> Self {
+        Self { road: Some(road), ..self }
+    }
+
+    /// What has a lower score is not told; 0.25 by default, 0.5 for a model whose scores are probabilities.
+    #[must_use]
+    pub fn min_score(mut self, min_score: f64) -> Self {
+        self.decode.min_score = Some(min_score);
+        self
+    }
+
+    /// At most so many detections an image, of a model whose scores are no probabilities; 50 by default.
+    #[must_use]
+    pub fn max_detections(mut self, max_detections: usize) -> Self {
+        self.decode.max_detections = max_detections;
+        self
+    }
+
+    /// Of what overlaps by more than this (intersection over union) as seen from above, the best stays; [`MAX_OVERLAP`]
+    /// by default, 1 keeps all.
+    #[must_use]
+    pub fn max_overlap(self, max_overlap: f64) -> Self {
+        Self { max_overlap: Some(max_overlap), ..self }
+    }
+
+    /// Which distance is told; the depth by default.
+    #[must_use]
+    pub fn range(self, range: RangeKind) -> Self {
+        Self { range, ..self }
+    }
+
+    /// Width and height of the network's input, pixels, whatever the model was made for: only the time is right then.
+    #[must_use]
+    pub fn input_size(mut self, size: [usize; 2]) -> Self {
+        self.timing.input = Some(size);
+        self
+    }
+
+    /// Whether the regression head is computed everywhere, as other programs do, instead of where something is: slower,
+    /// the same answers.
+    #[must_use]
+    pub fn dense_head(mut self, dense: bool) -> Self {
+        self.timing.dense_head = dense;
+        self
+    }
+
+    /// Reads the models and starts the engines.
+    ///
+    /// # Errors
+    /// When a file is no such model, an engine is not there or fails, or plates or road are asked for with a model
+    /// without error bars.
+    pub fn open(&self) -> Result<Pipeline, Error> {
+        self.assembled(detector::open(&self.model, &self.engine, self.timing)?)
+    }
+
+    /// A pipeline around a detector of another making; refiner, plate reader and road are used where they are chosen.
+    ///
+    /// # Errors
+    /// As [`PipelineBuilder::open`].
+    pub fn open_with(&self, detector: Box<dyn Detector>) -> Result<Pipeline, Error> {
+        let name = PathBuf::from(detector.method());
+        self.assembled(OpenDetector { detector, name, weights_sha256: None })
+    }
+
+    fn assembled(&self, opened: OpenDetector) -> Result<Pipeline, Error> {
+        let is_shipped = opened.is_shipped()?;
+        let second = self.second_stage_engine.map_or_else(|| self.engine.clone(), |kind| self.second_engine(kind));
+        let refiner = second_stage::model(&self.refiner, is_shipped, shipped::refiner)?;
+        let has_shipped_refiner = is_shipped && self.refiner == StageSource::Default;
+        let plates = second_stage::model(&self.plates, has_shipped_refiner, shipped::plates)?;
+        let info = ModelInfo {
+            name: opened.name.to_string_lossy().into_owned(),
+            weights_sha256: opened.weights_sha256,
+            refiner_sha256: refiner.as_ref().map(|model| model.weights.sha256()),
+            plates_sha256: plates.as_ref().map(|model| model.weights.sha256()),
+        };
+        let stages = Stages {
+            detector: opened.detector,
+            refiner: refiner.map(|model| second_stage::refiner(&model, &second)).transpose()?,
+            plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
+        };
+        let needs_error_bars =
+            [(PLATE_READER, self.plates.is_asked_for()), (ROAD, self.road.is_some_and(|road| road != Road::Ignored))];
+        if let Some((stage, _)) = needs_error_bars.into_iter().find(|(_, is_asked_for)| *is_asked_for)
+            && !stages.has_error_bars()
+        {
+            return Err(Error::NoErrorBars { model: opened.name, stage });
+        }
+        let usual_road = if is_shipped { Road::Below } else { Road::Ignored };
+        let settings = Settings {
+            decode: self.decode,
+            max_overlap: self.max_overlap.unwrap_or(MAX_OVERLAP),
+            road: self.road.unwrap_or(usual_road),
+            range: self.range,
+        };
+        Ok(Pipeline::new(stages, settings, info)?)
+    }
+
+    /// The engine of the second stages, where it is named: the library that is named is the other engine's.
+    fn second_engine(&self, kind: EngineKind) -> EngineOptions {
+        if kind == self.engine.kind {
+            return self.engine.clone();
+        }
+        EngineOptions { threads: self.engine.threads, ..EngineOptions::from(kind) }
+    }
+}

@@ -1,0 +1,161 @@
+//! Engines by name, and networks started on them: the one place where a network becomes one that runs.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+
+use farsight_graph::model::{Model, NetworkConfig};
+use farsight_methods::roi::{self, RoiRunner};
+use farsight_onnx::{OnnxModel, Target};
+use farsight_runtime::{OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
+
+use crate::Error;
+use crate::libraries::Library;
+use crate::libtorch;
+
+/// What runs a network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum EngineKind {
+    /// Pure Rust, always there.
+    #[default]
+    Rten,
+    /// Microsoft's library.
+    OnnxRuntime,
+    /// Intel's library.
+    OpenVino,
+    /// PyTorch's library, on the GPU when there is one; needs the feature `train`.
+    Libtorch,
+}
+
+impl EngineKind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Rten, Self::OnnxRuntime, Self::OpenVino, Self::Libtorch];
+
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rten => "rten",
+            Self::OnnxRuntime => "onnxruntime",
+            Self::OpenVino => "openvino",
+            Self::Libtorch => "libtorch",
+        }
+    }
+
+    /// The shared library that it needs, where it needs one.
+    pub fn library(self) -> Option<Library> {
+        match self {
+            Self::OnnxRuntime => Some(Library::OnnxRuntime),
+            Self::OpenVino => Some(Library::OpenVino),
+            Self::Rten | Self::Libtorch => None,
+        }
+    }
+
+    /// The form of ONNX files that suits it.
+    pub fn target(self) -> Target {
+        match self {
+            Self::OnnxRuntime => Target::OnnxRuntime,
+            _ => Target::Portable,
+        }
+    }
+}
+
+impl fmt::Display for EngineKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// In which numbers the engine computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// Single precision.
+    #[default]
+    F32,
+    /// bfloat16 where the CPU has it: faster, two to three digits. Only OpenVINO has it.
+    Bf16,
+}
+
+/// Which engine, and how it is to run.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct EngineOptions {
+    /// What runs the network.
+    pub kind: EngineKind,
+    /// Its shared library, or the folder that it is in; looked for when it is not named ([`Library::find`]).
+    pub library: Option<PathBuf>,
+    /// Threads of the network; one for each core by default, and at most that.
+    pub threads: Option<usize>,
+    /// In which numbers it computes.
+    pub precision: Precision,
+}
+
+impl From<EngineKind> for EngineOptions {
+    fn from(kind: EngineKind) -> Self {
+        Self { kind, ..Self::default() }
+    }
+}
+
+impl EngineOptions {
+    /// Threads of the network that are started: more than the machine runs at once make nothing faster. None is one for
+    /// each core.
+    pub fn usable_threads(&self) -> Option<usize> {
+        let cores = available_parallelism().map_or(usize::MAX, std::num::NonZero::get);
+        self.threads.map(|threads| threads.clamp(1, cores))
+    }
+
+    /// Options of another engine than the one that is asked for would be ignored without a word.
+    ///
+    /// # Errors
+    /// When there are such.
+    pub fn check(&self) -> Result<(), Error> {
+        let unused = |option, expected| Error::Option { option, engine: self.kind, expected };
+        if self.library.is_some() && self.kind.library().is_none() {
+            return Err(unused("a library", "onnxruntime or openvino"));
+        }
+        if self.precision != Precision::F32 && self.kind != EngineKind::OpenVino {
+            return Err(unused("bfloat16", "openvino"));
+        }
+        Ok(())
+    }
+
+    /// Starts a network in its ONNX form; `source` is only what errors call it.
+    ///
+    /// # Errors
+    /// When the engine's library is not there, or the engine fails or has no such network; libtorch runs no ONNX files.
+    pub fn start(&self, network: OnnxModel, source: &Path) -> Result<Box<dyn Runner>, Error> {
+        self.check()?;
+        if network.has_deform_conv() && self.kind != EngineKind::OnnxRuntime {
+            return Err(Error::DeformConv(source.to_owned()));
+        }
+        let threads = self.usable_threads();
+        match self.kind {
+            EngineKind::Rten => Ok(Box::new(RtenRunner::new(network, threads)?)),
+            EngineKind::OnnxRuntime => {
+                let library = Library::OnnxRuntime.find(self.library.as_deref())?.path;
+                onnxruntime::open(&library, network, threads).map_err(|source| Error::EngineLibrary { library, source })
+            }
+            EngineKind::OpenVino => {
+                let library = Library::OpenVino.find(self.library.as_deref())?.path;
+                let precision = match self.precision {
+                    Precision::F32 => OpenvinoPrecision::F32,
+                    Precision::Bf16 => OpenvinoPrecision::Bf16,
+                };
+                openvino::open(&library, network, threads, precision)
+                    .map_err(|source| Error::EngineLibrary { library, source })
+            }
+            EngineKind::Libtorch => Err(libtorch::no_onnx().into()),
+        }
+    }
+
+    /// Starts the network of a second stage.
+    ///
+    /// # Errors
+    /// As [`EngineOptions::start`].
+    pub fn start_second_stage<C: NetworkConfig>(&self, model: &Model<C>) -> Result<RoiRunner, Error> {
+        let name = Path::new(C::NAME);
+        let runner = match self.kind {
+            EngineKind::Libtorch => libtorch::start(self, model)?,
+            kind => self.start(roi::runner::onnx(model, kind.target(), name)?, name)?,
+        };
+        Ok(RoiRunner::new(runner))
+    }
+}

@@ -1,0 +1,145 @@
+//! What `farsight range --json` writes: one object an image.
+
+use std::path::Path;
+
+use farsight_core::Camera;
+use image::RgbImage;
+use serde::{Deserialize, Serialize};
+
+use crate::camera_source::CameraOrigin;
+use crate::object::DetectedObject;
+use crate::pipeline::{ModelInfo, Pipeline};
+
+/// Version of these types. It grows when a field changes its meaning; new fields leave it as it is.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// One image and what was found in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ImageRecord {
+    /// The path; what of it is no text is replaced, as JSON has no other way.
+    pub image: String,
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// What was found, highest score first.
+    pub detections: Vec<DetectionRecord>,
+    /// [`SCHEMA_VERSION`] of who wrote it; 0 in files from before there was one.
+    #[serde(default)]
+    pub schema_version: u32,
+    /// The camera that distances were computed with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraRecord>,
+    /// The models that looked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<ModelRecord>,
+    /// Version of the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub program_version: Option<String>,
+}
+
+/// One detection; pixels, metres, radians.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct DetectionRecord {
+    /// What it is, by KITTI's name.
+    pub class: String,
+    /// 0 to 1.
+    pub score: f64,
+    /// Left, top, right, bottom.
+    pub box2d: [f64; 4],
+    /// Height, width, length.
+    pub dimensions_hwl: [f64; 3],
+    /// Bottom centre in rectified camera coordinates.
+    pub location: [f64; 3],
+    /// About the y axis; 0 faces x.
+    pub rotation_y: f64,
+    /// Observation angle.
+    pub alpha: f64,
+    /// Distance, of the kind that was asked for.
+    pub range_m: f64,
+    /// Standard deviation of `range_m`; null where the model has no error bars.
+    pub range_sigma_m: Option<f64>,
+}
+
+/// A camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct CameraRecord {
+    /// From camera coordinates (metres) to homogeneous pixels of the upright image, row by row.
+    pub projection: [[f64; 4]; 3],
+    /// Where it comes from, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<CameraOrigin>,
+}
+
+/// The models of a pipeline.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ModelRecord {
+    /// Name of the detector, or its file.
+    pub name: String,
+    /// SHA-256 of the detector's weights.
+    pub weights_sha256: Option<String>,
+    /// SHA-256 of the refiner's weights; null without one.
+    pub refiner_sha256: Option<String>,
+    /// SHA-256 of the plate reader's weights; null without one.
+    pub plates_sha256: Option<String>,
+}
+
+impl ImageRecord {
+    /// What `pipeline` found in the image called `path`, taken by `camera`.
+    pub fn new(
+        path: impl AsRef<Path>,
+        image: &RgbImage,
+        camera: &Camera,
+        objects: &[DetectedObject],
+        pipeline: &Pipeline,
+    ) -> Self {
+        Self {
+            image: path.as_ref().to_string_lossy().into_owned(),
+            width: image.width(),
+            height: image.height(),
+            detections: objects.iter().map(DetectionRecord::from).collect(),
+            schema_version: SCHEMA_VERSION,
+            camera: Some(CameraRecord { projection: camera.projection, origin: None }),
+            model: Some(pipeline.info().into()),
+            program_version: Some(crate::VERSION.to_owned()),
+        }
+    }
+
+    /// This record with word of where its camera comes from.
+    #[must_use]
+    pub fn with_camera_origin(mut self, origin: CameraOrigin) -> Self {
+        if let Some(camera) = &mut self.camera {
+            camera.origin = Some(origin);
+        }
+        self
+    }
+}
+
+impl From<&DetectedObject> for DetectionRecord {
+    fn from(object: &DetectedObject) -> Self {
+        let DetectedObject { class, score, box2d, box3d, range_m, .. } = object;
+        let size = box3d.dimensions;
+        Self {
+            class: class.to_string(),
+            score: *score,
+            box2d: [box2d.x1, box2d.y1, box2d.x2, box2d.y2],
+            dimensions_hwl: [size.height, size.width, size.length],
+            location: box3d.location,
+            rotation_y: box3d.yaw,
+            alpha: object.alpha(),
+            range_m: *range_m,
+            range_sigma_m: object.sigma_m(),
+        }
+    }
+}
+
+impl From<&ModelInfo> for ModelRecord {
+    fn from(info: &ModelInfo) -> Self {
+        let ModelInfo { name, weights_sha256, refiner_sha256, plates_sha256 } = info.clone();
+        Self { name, weights_sha256, refiner_sha256, plates_sha256 }
+    }
+}

@@ -1,0 +1,91 @@
+//! Files that are given as models: those that are plainly none are told for what they are, before somebody tries to read them as one.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use farsight_methods::plate_reader::PlateReaderModel;
+use farsight_methods::refiner::RefinerModel;
+use farsight_methods::smoke::SmokeModel;
+use farsight_onnx::OnnxModel;
+
+use crate::Error;
+use crate::file_kind::{signature, start_of};
+use crate::shipped;
+
+/// The word for the models that come with the library, where the name of a file is expected; a file that is called so
+/// is named with its folder, `./shipped`.
+pub const SHIPPED: &str = "shipped";
+
+/// Whether `path` is the word for the shipped model.
+pub fn is_shipped_word(path: &Path) -> bool {
+    path == Path::new(SHIPPED)
+}
+
+/// Whether the file may be what is `expected`.
+///
+/// # Errors
+/// When it is plainly something else.
+pub fn check(path: &Path, expected: &str) -> Result<(), Error> {
+    found_instead(path).map_or(Ok(()), |found| Err(kind_error(path, found, expected)))
+}
+
+fn kind_error(path: &Path, found: impl Into<String>, expected: &str) -> Error {
+    Error::Kind { path: path.to_owned(), found: found.into(), expected: expected.to_owned() }
+}
+
+/// Whether the file may be a detector.
+///
+/// # Errors
+/// When it is plainly something else.
+pub fn check_detector(path: &Path) -> Result<(), Error> {
+    check(path, "a model that `farsight train`, `farsight import` or `farsight export` wrote")?;
+    if RefinerModel::is_one(path) {
+        return Err(kind_error(path, "a refiner", "a detector, name it with --refiner"));
+    }
+    if PlateReaderModel::is_one(path) {
+        return Err(kind_error(path, "a plate reader", "a detector, name it with --plates"));
+    }
+    Ok(())
+}
+
+/// Reads a detector's model file of our own, or the shipped one by its word.
+///
+/// # Errors
+/// When the file is none; what `farsight export` made of one is told.
+pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
+    if is_shipped_word(path) {
+        return Ok(shipped::model()?);
+    }
+    check(path, "a model that `farsight train` or `farsight import` wrote")?;
+    SmokeModel::read(path).map_err(|error| match OnnxModel::read(path) {
+        Ok(_) => kind_error(path, "an ONNX file already", "the model that it was made from (.safetensors)"),
+        Err(_) => error.into(),
+    })
+}
+
+fn found_instead(path: &Path) -> Option<String> {
+    let failed = |error: std::io::Error| match error.kind() {
+        ErrorKind::NotFound => "no such file".to_owned(),
+        _ => format!("cannot be read: {error}"),
+    };
+    let there = match fs::metadata(path) {
+        Ok(there) if there.is_dir() => return Some("a folder".to_owned()),
+        Ok(there) => there,
+        Err(error) => return Some(failed(error)),
+    };
+    if !there.is_file() {
+        return Some("no regular file".to_owned());
+    }
+    match start_of(path) {
+        Err(error) => Some(failed(error)),
+        Ok(start) => kind(path, &start).map(str::to_owned),
+    }
+}
+
+fn kind(path: &Path, start: &[u8]) -> Option<&'static str> {
+    if path.extension().is_some_and(|extension| extension == "toml") {
+        return Some("a TOML file");
+    }
+    signature(start)
+}

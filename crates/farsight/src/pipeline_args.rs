@@ -1,0 +1,205 @@
+//! The options that choose a pipeline.
+
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+
+use anyhow::{Error, Result, anyhow, ensure};
+use clap::{Args, ValueEnum};
+use farsight::{
+    EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder, Precision, Road,
+    StageSource,
+};
+
+use crate::printer::Printer;
+
+/// [`EngineKind`] as it is written on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum EngineName {
+    /// Built in, needs nothing
+    #[default]
+    Rten,
+    /// Microsoft's library, the fastest on most CPUs; `farsight engine install onnxruntime`
+    Onnxruntime,
+    /// Intel's library; `farsight engine install openvino`
+    Openvino,
+    /// PyTorch's library; on the GPU when there is one
+    Libtorch,
+}
+
+/// [`Precision`] as it is written on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum PrecisionName {
+    /// Single precision
+    #[default]
+    F32,
+    /// bfloat16, where the CPU has it: faster, two to three digits
+    Bf16,
+}
+
+/// Which engine, and how it is to run.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
+pub(crate) struct EngineArgs {
+    /// What runs the network
+    #[arg(long, value_enum, default_value_t = EngineName::Rten)]
+    pub(crate) engine: EngineName,
+    /// The engine's shared library, or the folder that it is in
+    #[arg(long, value_name = "PATH")]
+    pub(crate) engine_path: Option<PathBuf>,
+    /// Threads of the network [default: one for each core, and at most that]
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// In which numbers OpenVINO computes
+    #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
+    pub(crate) precision: PrecisionName,
+}
+
+impl EngineName {
+    pub(crate) fn kind(self) -> EngineKind {
+        match self {
+            Self::Rten => EngineKind::Rten,
+            Self::Onnxruntime => EngineKind::OnnxRuntime,
+            Self::Openvino => EngineKind::OpenVino,
+            Self::Libtorch => EngineKind::Libtorch,
+        }
+    }
+}
+
+impl EngineArgs {
+    /// The options; an error where one of them would be ignored without a word.
+    pub(crate) fn options(&self) -> Result<EngineOptions> {
+        let kind = self.engine.kind();
+        ensure!(
+            kind.library().is_some() || self.engine_path.is_none(),
+            "--engine-path is for onnxruntime and openvino; expected one of them as --engine"
+        );
+        ensure!(
+            self.engine == EngineName::Openvino || self.precision == PrecisionName::F32,
+            "--precision is for openvino; expected --engine openvino beside it"
+        );
+        let precision = match self.precision {
+            PrecisionName::F32 => Precision::F32,
+            PrecisionName::Bf16 => Precision::Bf16,
+        };
+        Ok(EngineOptions { kind, library: self.engine_path.clone(), threads: self.threads, precision })
+    }
+
+    /// Says so when there are more threads than cores: they are not started.
+    pub(crate) fn tell_threads(&self, printer: &mut Printer) {
+        let cores = available_parallelism().map_or(usize::MAX, NonZero::get);
+        if let Some(threads) = self.threads.filter(|&threads| threads > cores) {
+            printer.note(&format!(
+                "--threads {threads}: {cores} are started, one for each core; more make nothing faster"
+            ));
+        }
+    }
+}
+
+/// More threads than any computer has cores are a mistake.
+const MOST_THREADS: usize = 1024;
+
+fn threads(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| (1..=MOST_THREADS).contains(count));
+    count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
+}
+
+/// What looks again at what was found.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
+pub(crate) struct SecondLookArgs {
+    /// Refiner that `farsight train` wrote, for a second look at each object, "shipped" for the one that comes with the program, or "none" [default: shipped, if the model's weights are]
+    #[arg(long, value_name = "FILE|none")]
+    refiner: Option<PathBuf>,
+    /// Plate reader that `farsight train` wrote, which measures cars by their number plates, "shipped" for the one that comes with the program, or "none" [default: shipped, where its refiner is used]
+    #[arg(long, value_name = "FILE|none")]
+    plates: Option<PathBuf>,
+}
+
+impl SecondLookArgs {
+    /// The files that are named.
+    pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        [&self.refiner, &self.plates].into_iter().filter_map(|word| match stage(word.as_deref()) {
+            StageSource::File(path) => Some(path),
+            _ => None,
+        })
+    }
+
+    /// `builder` with the second stages that there are to be.
+    pub(crate) fn choose(&self, builder: PipelineBuilder) -> PipelineBuilder {
+        builder.refiner(stage(self.refiner.as_deref())).plates(stage(self.plates.as_deref()))
+    }
+}
+
+fn stage(word: Option<&Path>) -> StageSource {
+    word.map_or(StageSource::Default, StageSource::from_word)
+}
+
+/// Where the camera is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
+pub(crate) struct RoadArgs {
+    /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it is not known, or "none" for each object
+    /// by itself [default: any for the weights that come with the program, none for others]
+    #[arg(long, value_name = "METRES|any|none", value_parser = road, allow_negative_numbers = true)]
+    above_road: Option<Road>,
+}
+
+/// Cameras are neither in the road nor on satellites.
+const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.2..=50.0;
+
+fn road(text: &str) -> Result<Road, String> {
+    let height_m = || text.parse().ok().filter(|height_m| HEIGHTS_M.contains(height_m));
+    let expected = || format!("expected metres, from {} to {}, any or none", HEIGHTS_M.start(), HEIGHTS_M.end());
+    match text {
+        "none" => Ok(Road::Ignored),
+        "any" => Ok(Road::Below),
+        _ => height_m().map(Road::BelowBy).ok_or_else(expected),
+    }
+}
+
+/// What a pipeline is made of.
+#[derive(Debug, Clone, Default, PartialEq, Args)]
+pub(crate) struct PipelineArgs {
+    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, or "shipped" [default: shipped, the one that comes with the program]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) engine: EngineArgs,
+    #[command(flatten)]
+    pub(crate) second_look: SecondLookArgs,
+    #[command(flatten)]
+    pub(crate) road: RoadArgs,
+}
+
+impl PipelineArgs {
+    /// The detector.
+    pub(crate) fn source(&self) -> ModelSource {
+        self.model.as_ref().map_or(ModelSource::Shipped, ModelSource::from_word)
+    }
+
+    /// The files that are named.
+    pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.model.clone().into_iter().chain(self.second_look.files())
+    }
+
+    /// A builder with what is chosen.
+    pub(crate) fn builder(&self, printer: &mut Printer) -> Result<PipelineBuilder> {
+        self.engine.tell_threads(printer);
+        let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
+        let builder = self.second_look.choose(builder);
+        Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
+    }
+}
+
+/// Opens the pipeline; errors name the options that are to blame.
+pub(crate) fn open(builder: &PipelineBuilder) -> Result<Pipeline> {
+    builder.open().map_err(with_options)
+}
+
+fn with_options(error: PipelineError) -> Error {
+    match error {
+        PipelineError::NoErrorBars { model, stage } => {
+            let option = if stage == farsight::builder::PLATE_READER { "--plates" } else { "--above-road" };
+            anyhow!(PipelineError::NoErrorBars { model, stage: option })
+        }
+        _ => error.into(),
+    }
+}

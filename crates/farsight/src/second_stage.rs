@@ -1,0 +1,45 @@
+//! Opening what looks at found objects again: the refiner and the plate reader.
+
+use std::path::Path;
+
+use farsight_graph::model::{Model, ModelError, NetworkConfig};
+use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
+use farsight_methods::refiner::{Refiner, RefinerModel};
+
+use crate::builder::StageSource;
+use crate::{EngineOptions, Error, model_file};
+
+/// The model of a second stage, if there is to be one: `shipped` where that is the default.
+pub(crate) fn model<C: NetworkConfig>(
+    source: &StageSource,
+    is_default: bool,
+    shipped: impl FnOnce() -> Result<Model<C>, ModelError>,
+) -> Result<Option<Model<C>>, Error> {
+    match source {
+        StageSource::Default if is_default => Ok(Some(shipped()?)),
+        StageSource::Default | StageSource::Off => Ok(None),
+        StageSource::Shipped => Ok(Some(shipped()?)),
+        StageSource::File(path) => read(path).map(Some),
+    }
+}
+
+fn read<C: NetworkConfig>(path: &Path) -> Result<Model<C>, Error> {
+    model_file::check(path, &format!("{} that `farsight train` wrote, or none", C::NAME))?;
+    Ok(Model::read(path)?)
+}
+
+/// A refiner on `engine`.
+///
+/// # Errors
+/// When the engine cannot run it.
+pub fn refiner(model: &RefinerModel, engine: &EngineOptions) -> Result<Refiner, Error> {
+    Ok(Refiner::new(engine.start_second_stage(model)?, model.config.clone()))
+}
+
+/// A plate reader on `engine`.
+///
+/// # Errors
+/// When the engine cannot run it.
+pub fn plate_reader(model: &PlateReaderModel, engine: &EngineOptions) -> Result<PlateReader, Error> {
+    Ok(PlateReader::new(engine.start_second_stage(model)?, model.config.clone()))
+}

@@ -1,0 +1,111 @@
+//! What a pipeline is made of, for one thread: detector, refiner, plate reader, suppression, road.
+
+use farsight_core::detection::{DecodeOptions, default_min_score};
+use farsight_core::nms::bev_nms;
+use farsight_core::road::{Road, SURE_SCORE, on_one_road};
+use farsight_core::{Camera, Detection};
+use farsight_methods::plate_reader::PlateReader;
+use farsight_methods::refiner::Refiner;
+use farsight_methods::{DetectError, Detector};
+use farsight_runtime::timing::timed;
+use farsight_runtime::{EngineError, StageTimes};
+use image::RgbImage;
+
+use crate::object::RangeKind;
+
+/// What is asked of a pipeline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Settings {
+    pub(crate) decode: DecodeOptions,
+    /// Of detections that overlap by more than this as seen from above the best stays.
+    pub(crate) max_overlap: f64,
+    /// What is known of the road under the camera.
+    pub(crate) road: Road,
+    pub(crate) range: RangeKind,
+}
+
+/// The networks of a pipeline, ready to run in one thread.
+pub(crate) struct Stages {
+    pub(crate) detector: Box<dyn Detector>,
+    /// What looks again at what was found.
+    pub(crate) refiner: Option<Refiner>,
+    /// What measures vehicles by their number plates.
+    pub(crate) plate_reader: Option<PlateReader>,
+}
+
+/// What has a first score above this share of the least score that counts is refined: the refiner can raise it so far.
+const CANDIDATE_SHARE: f64 = 0.2;
+
+impl Stages {
+    /// The same for another thread; weights are shared where the engine can.
+    pub(crate) fn share(&self) -> Result<Self, EngineError> {
+        Ok(Self {
+            detector: self.detector.share()?,
+            refiner: self.refiner.as_ref().map(Refiner::share).transpose()?,
+            plate_reader: self.plate_reader.as_ref().map(PlateReader::share).transpose()?,
+        })
+    }
+
+    /// Whether what they find has error bars.
+    pub(crate) fn has_error_bars(&self) -> bool {
+        self.detector.has_error_bars() || self.refiner.is_some()
+    }
+
+    /// What is in each image, highest score first, and the time of each stage for all of them.
+    pub(crate) fn detect_batch(
+        &mut self,
+        images: &[(&RgbImage, &Camera)],
+        settings: &Settings,
+    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
+        let options = self.first_look_options(settings);
+        let (answers, times) = self.detector.detect_batch(images, &options)?;
+        let (answers, refine) = timed(|| self.refined(images, answers, self.least_score(settings)));
+        let min_score = self.min_score(settings);
+        let answers = answers?.into_iter().map(|found| told(found, min_score, settings)).collect();
+        Ok((answers, StageTimes { refine, ..times }))
+    }
+
+    /// The answers after the second stages, where there are such.
+    fn refined(
+        &mut self,
+        images: &[(&RgbImage, &Camera)],
+        answers: Vec<Vec<Detection>>,
+        least_score: f64,
+    ) -> Result<Vec<Vec<Detection>>, EngineError> {
+        let classes = self.detector.classes();
+        let each = images.iter().zip(answers);
+        each.map(|((image, camera), mut found)| {
+            if let Some(refiner) = &mut self.refiner {
+                found = refiner.refined(image, camera, found, classes, least_score)?;
+            }
+            match &mut self.plate_reader {
+                Some(reader) => reader.measured(image, camera, found),
+                None => Ok(found),
+            }
+        })
+        .collect()
+    }
+
+    /// What the detector must find: all that is asked for, and where a refiner follows what that could raise to it.
+    fn first_look_options(&self, settings: &Settings) -> DecodeOptions {
+        let share = if self.refiner.is_some() { CANDIDATE_SHARE } else { 1.0 };
+        DecodeOptions { min_score: Some(share * self.least_score(settings)), ..settings.decode }
+    }
+
+    /// What has a lower score plays no part. What stands on the road has, told or not.
+    fn least_score(&self, settings: &Settings) -> f64 {
+        let asked = self.min_score(settings);
+        if settings.road == Road::Ignored { asked } else { asked.min(SURE_SCORE) }
+    }
+
+    fn min_score(&self, settings: &Settings) -> f64 {
+        settings.decode.min_score.unwrap_or_else(|| default_min_score(self.detector.classes()))
+    }
+}
+
+/// `found` on its road, as far as it was asked for, each place taken once.
+fn told(found: Vec<Detection>, min_score: f64, settings: &Settings) -> Vec<Detection> {
+    let mut told = on_one_road(found, settings.road);
+    told.retain(|detection| detection.score > min_score);
+    bev_nms(told, settings.max_overlap)
+}
