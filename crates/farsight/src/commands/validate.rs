@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use farsight_core::detection::DecodeOptions;
-use farsight_data::{KittiDataset, read_image};
+use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Group, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, Frame};
@@ -16,15 +16,16 @@ use crate::pipeline::Pipeline;
 
 /// AP and distance errors of Moderate cars, by name.
 pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>> {
-    let dataset = KittiDataset::open(&config.root, Some(&config.split))?;
+    let dataset = open_labelled(&config.root, Some(&config.split))?;
     let count = if config.limit == 0 { dataset.len() } else { config.limit.min(dataset.len()) };
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     let (detector, _) = open_detector(&EngineArgs::default(), Some(model))?;
     let mut pipeline = Pipeline::new(Box::new(detector), options);
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
     for index in 0..count {
-        let found = pipeline.detect(&read_image(&dataset.image_path(index))?, &dataset.load_camera(index)?)?;
-        evaluation.add(&Frame::new(dataset.ids()[index].clone(), dataset.load_labels(index)?, found));
+        let found = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
+        let found = found.with_context(|| dataset.origin(index))?;
+        evaluation.add(&Frame::new(dataset.id(index), dataset.labels(index)?, found));
     }
     let report = evaluation.report();
     let ap = |set, metric| {
