@@ -79,10 +79,11 @@ mod tests {
 
     #[test]
     fn a_camera_that_looks_along_the_x_axis_of_the_world() {
-        // The world's x is ahead, y left, z up (nuScenes); the camera's z is ahead, x right, y down, and it stands 1.5 m high.
+        // The world's x is ahead, y left, z up (nuScenes); the camera's z is ahead, x right, y down, and it stands 1.5
+        // m high.
         let world_from_camera =
             Pose { rotation: [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], translation_m: [0.0, 0.0, 1.5] };
-        assert_eq!(world_from_camera.apply([2.0, 1.5, 10.0]), [10.0, -2.0, 0.0]);
+        assert!(is_close(world_from_camera.apply([2.0, 1.5, 10.0]), [10.0, -2.0, 0.0]));
         assert_eq!(Pose::IDENTITY.then(&world_from_camera), world_from_camera);
     }
 }

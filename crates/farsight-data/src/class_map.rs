@@ -53,7 +53,8 @@ impl ClassMap {
         Self(rows.into_iter().map(|(name, class)| (name.to_owned(), class)).collect())
     }
 
-    /// Reads a map: a name and its class on each line, with spaces between. Empty lines and what follows a `#` count for nothing.
+    /// Reads a map: a name and its class on each line, with spaces between. Empty lines and what follows a `#` count
+    /// for nothing.
     ///
     /// # Errors
     /// When the file cannot be read, a line has not two words, or a name is mapped twice.

@@ -6,7 +6,7 @@ use std::{fs, io};
 
 use farsight_core::Label;
 use farsight_data::DatasetError;
-use farsight_data::kitti::{DevkitRow, Oddity, RowKind, rows_as_devkit};
+use farsight_data::kitti::{DevkitRow, Diagnostic, RowKind, rows_as_devkit};
 use rayon::prelude::*;
 use serde::Serialize;
 use thiserror::Error;
@@ -293,8 +293,8 @@ impl FrameFiles {
             if !read.rows.is_empty() {
                 return Ok(false);
             }
-            let lacks_score = |oddity: &Oddity| matches!(oddity, Oddity::DroppedRow { fields: 15, .. });
-            dropped += read.oddities.iter().filter(|(_, oddity)| lacks_score(oddity)).count();
+            let lacks_score = |diagnostic: &Diagnostic| matches!(diagnostic, Diagnostic::DroppedRow { fields: 15, .. });
+            dropped += read.diagnostics.iter().filter(|(_, diagnostic)| lacks_score(diagnostic)).count();
         }
         Ok(dropped > 0)
     }
@@ -339,12 +339,12 @@ fn rows(folder: &Path, id: &str, kind: RowKind, findings: &mut Findings) -> Resu
     let path = PathBuf::from(file(folder, id));
     let bytes = fs::read(&path).map_err(|source| FilesError::Read { path: path.clone(), source })?;
     let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), kind);
-    for (line, oddity) in &read.oddities {
-        let place = || format!("{}:{line}: {oddity}", path.display());
-        if oddity.is_fatal() {
+    for (line, diagnostic) in &read.diagnostics {
+        let place = || format!("{}:{line}: {diagnostic}", path.display());
+        if diagnostic.is_fatal() {
             return Err(FilesError::Fatal { place: place() });
         }
-        findings.add(oddity.kind(), place);
+        findings.add(diagnostic.kind(), place);
     }
     Ok(read.rows)
 }

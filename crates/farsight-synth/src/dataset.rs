@@ -10,7 +10,8 @@ use image::RgbImage;
 use crate::generator::generate_scene;
 use crate::stream::SceneStream;
 
-/// Scenes of a stream: an endless data set, in which every frame of every epoch is a new one, rendered when it is asked for.
+/// Scenes of a stream: an endless data set, in which every frame of every epoch is a new one, rendered when it is asked
+/// for.
 ///
 /// Labels follow from what the image shows, so whatever is asked for but the camera renders the frame.
 #[derive(Debug, Clone, PartialEq)]

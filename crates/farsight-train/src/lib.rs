@@ -14,6 +14,7 @@ pub mod losses;
 pub mod metrics;
 pub mod parts;
 pub mod runner;
+pub mod samplers;
 pub mod schedule;
 pub mod task;
 pub mod training;

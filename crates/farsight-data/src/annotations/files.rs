@@ -1,4 +1,5 @@
-//! Annotations in files: one a frame, called like the frame, in a folder called like the kind, beside the folder of labels.
+//! Annotations in files: one a frame, called like the frame, in a folder called like the kind, beside the folder of
+//! labels.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -6,10 +7,7 @@ use std::path::{Path, PathBuf};
 use farsight_files::write_quickly;
 use thiserror::Error;
 
-use super::{Annotation, Annotations, Plates};
-
-/// The kinds of annotations that data sets in KITTI's layout may keep in files.
-pub const FILE_FORMATS: [FileFormat; 1] = [FileFormat::of::<Plates>()];
+use super::{Annotation, Annotations};
 
 /// A kind of annotation that is kept in text files.
 pub trait FileAnnotation: Annotation + Sized {
@@ -77,7 +75,8 @@ impl FileFormat {
         (self.read)(&self.path(folder, id), into)
     }
 
-    /// Writes the file of the frame called `id`, if it has an annotation of this kind. The file is there whole or not at all.
+    /// Writes the file of the frame called `id`, if it has an annotation of this kind. The file is there whole or not
+    /// at all.
     ///
     /// # Errors
     /// When the file cannot be written.

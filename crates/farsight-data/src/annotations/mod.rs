@@ -1,7 +1,8 @@
 //! What a data set may know of a frame beside its camera and labels: number plates, depth of every pixel.
 //!
-//! An annotation is a type. A [`Frame`](crate::Frame) holds any of them in its [`Annotations`], and nobody but who makes and who uses a kind knows of it.
-//! Kinds that are kept in files are listed in [`FILE_FORMATS`]; a new kind is one file here and, if it has files, one line there.
+//! An annotation is a type. A [`Frame`](crate::Frame) holds any of them in its [`Annotations`], and nobody but who
+//! makes and who uses a kind knows of it. Kinds that are kept in files are listed in [`FILE_FORMATS`]; a new kind is
+//! one file here and, if it has files, one line there.
 
 mod depth_map;
 mod files;
@@ -13,8 +14,11 @@ use std::fmt::{self, Debug};
 use std::sync::Arc;
 
 pub use depth_map::DepthMap;
-pub use files::{AnnotationError, FILE_FORMATS, FileAnnotation, FileFormat};
+pub use files::{AnnotationError, FileAnnotation, FileFormat};
 pub use plates::{Plate, Plates};
+
+/// The kinds of annotations that data sets in KITTI's layout may keep in files.
+pub const FILE_FORMATS: [FileFormat; 1] = [FileFormat::of::<Plates>()];
 
 /// A kind of annotation.
 pub trait Annotation: Any + Debug + PartialEq + Send + Sync {

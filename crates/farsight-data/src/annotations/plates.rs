@@ -1,6 +1,8 @@
-//! Number plates of labelled vehicles: parts of a known size, which say how large a vehicle is. Rendered data sets have them, KITTI does not.
+//! Number plates of labelled vehicles: parts of a known size, which say how large a vehicle is. Rendered data sets have
+//! them, KITTI does not.
 //!
-//! In a file, one line for each plate that the image shows: the place of its vehicle's label in the label file, from 0, and the x, y and z of both ends.
+//! In a file, one line for each plate that the image shows: the place of its vehicle's label in the label file, from 0,
+//! and the x, y and z of both ends.
 
 use super::{Annotation, FileAnnotation};
 

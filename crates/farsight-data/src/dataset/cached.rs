@@ -7,8 +7,8 @@ use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
 use super::{Dataset, DatasetError};
-use crate::Frame;
 use crate::annotations::Annotations;
+use crate::frame::Frame;
 
 /// Another data set, each of whose frames is read once. What is endless is not kept.
 #[derive(Debug)]

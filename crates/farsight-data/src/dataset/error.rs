@@ -5,10 +5,9 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::ImageFolderError;
 use crate::annotations::AnnotationError;
-use crate::kitti::{CalibrationError, KittiError, RowsError};
-use crate::{ClassMapError, ImageError};
+use crate::class_map::ClassMapError;
+use crate::image_io::ImageError;
 
 /// A data set that cannot be opened, or a frame that cannot be read. Messages name the file.
 #[derive(Debug, Error)]
@@ -27,34 +26,22 @@ pub enum DatasetError {
         /// What the data set is called.
         name: String,
     },
-    /// A folder does not have KITTI's layout.
-    #[error(transparent)]
-    Kitti(#[from] KittiError),
-    /// A folder has no images.
-    #[error(transparent)]
-    ImageFolder(#[from] ImageFolderError),
     /// An image cannot be read.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A calibration cannot be read.
-    #[error(transparent)]
-    Calibration(#[from] CalibrationError),
-    /// A label or result file cannot be read.
-    #[error(transparent)]
-    Rows(#[from] RowsError),
     /// A file of annotations cannot be read.
     #[error(transparent)]
     Annotation(#[from] AnnotationError),
     /// A file of class names cannot be read.
     #[error(transparent)]
     Classes(#[from] ClassMapError),
-    /// What a data set of another crate says.
+    /// What is wrong with one kind of data set, in its own words.
     #[error(transparent)]
     Other(Box<dyn Error + Send + Sync>),
 }
 
 impl DatasetError {
-    /// The error of a data set of another crate.
+    /// The error of one kind of data set.
     pub fn other(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Other(error.into())
     }

@@ -62,6 +62,12 @@ pub enum ImageFolderError {
     },
 }
 
+impl From<ImageFolderError> for DatasetError {
+    fn from(error: ImageFolderError) -> Self {
+        Self::other(error)
+    }
+}
+
 impl ImageFolder {
     /// The images in `folder`, all taken by `camera`. A frame has its file's name without the extension.
     ///

@@ -6,8 +6,8 @@ use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
 use super::{Dataset, DatasetError};
-use crate::Frame;
 use crate::annotations::Annotations;
+use crate::frame::Frame;
 
 /// Frames that somebody has made or read already.
 #[derive(Debug, Clone)]

@@ -1,18 +1,19 @@
 //! Data sets: frames with pixels, camera and labels, whatever they come from.
 //!
-//! [`Dataset`] is what training, evaluation and fitting ask for. A folder in KITTI's layout ([`KittiDataset`](crate::KittiDataset)), a folder of images
-//! ([`ImageFolder`]) and frames in memory ([`MemoryDataset`]) are data sets, and so are rendered scenes (`farsight_synth::SceneDataset`). [`CachedDataset`]
+//! [`Dataset`] is what training, evaluation and fitting ask for. A folder in KITTI's layout
+//! ([`KittiDataset`](crate::KittiDataset)), a folder of images ([`ImageFolder`]) and frames in memory
+//! ([`MemoryDataset`]) are data sets, and so are rendered scenes (`farsight_synth::SceneDataset`). [`CachedDataset`]
 //! keeps the frames of another one in memory.
 //!
-//! A new kind of data set is one file with an implementation, and one line in [`FORMATS`], so that [`open_dataset`] knows its folders. [`check_laws`] says
-//! what must hold of it.
+//! A new kind of data set is one file with an implementation, and one line in [`FORMATS`](crate::formats::FORMATS), so
+//! that [`open_dataset`](crate::open_dataset) knows its folders. [`check_laws`] says what must hold of it.
 
 mod cached;
 mod error;
+mod format;
 mod image_folder;
 mod laws;
 mod memory;
-mod open;
 
 use std::fmt::Debug;
 use std::path::PathBuf;
@@ -22,19 +23,20 @@ use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
 use crate::annotations::{Annotation, Annotations};
-use crate::{Frame, ItemKey};
+use crate::frame::Frame;
+use crate::loader::ItemKey;
 
 pub use cached::CachedDataset;
 pub use error::DatasetError;
+pub use format::{DatasetFormat, Opener};
 pub use image_folder::{FolderCamera, ImageFolder, ImageFolderError};
 pub use laws::check_laws;
 pub use memory::MemoryDataset;
-pub use open::{DatasetFormat, FORMATS, open_dataset, open_labelled};
 
 /// Frames by number, each the same whenever it is asked for, on any thread.
 ///
-/// Reading the camera or the labels of a frame does not read its pixels, where they are stored apart. Objects have the classes of [`farsight_core`]; a data set
-/// with names of its own maps them ([`ClassMap`](crate::ClassMap)).
+/// Reading the camera or the labels of a frame does not read its pixels, where they are stored apart. Objects have the
+/// classes of [`farsight_core`]; a data set with names of its own maps them ([`ClassMap`](crate::ClassMap)).
 ///
 /// # Panics
 /// Readers of a frame panic when there is none of that number, as slices do.

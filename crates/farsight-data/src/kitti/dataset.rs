@@ -8,15 +8,15 @@ use farsight_core::{Camera, Label};
 use image::RgbImage;
 use thiserror::Error;
 
-use super::calibration::Calibration;
-use super::rows::read_labels;
+use super::calibration::{Calibration, CalibrationError};
+use super::rows::{RowsError, read_labels};
 use super::split::{SplitError, is_id, read_split};
 use crate::annotations::{Annotations, FILE_FORMATS, FileFormat};
+use crate::class_map::{ClassMap, ClassMapError};
 use crate::dataset::{Dataset, DatasetError, DatasetFormat};
 use crate::image_io::{has_image_extension, image_named, read_image};
-use crate::{ClassMap, ClassMapError};
 
-/// What [`open_dataset`](crate::open_dataset) knows of KITTI's layout.
+/// What [`open_dataset`](crate::formats::open_dataset) knows of KITTI's layout.
 pub const FORMAT: DatasetFormat = DatasetFormat {
     name: "kitti",
     layout: "{image_2,calib,label_2} here or in training/",
@@ -32,9 +32,10 @@ const CLASSES_FILE: &str = "classes.txt";
 
 /// Frames with images, calibrations and labels.
 ///
-/// Either `ROOT/training/{image_2,calib,label_2}` or `ROOT/{image_2,calib,label_2}`; splits lie in `ImageSets` in or beside that folder.
-/// Images are PNG or JPEG. Annotations in files ([`FILE_FORMATS`]) lie beside them, as rendered data sets have them. Class names that are not
-/// KITTI's are mapped by `ROOT/classes.txt` ([`ClassMap::read`]), if there is one.
+/// Either `ROOT/training/{image_2,calib,label_2}` or `ROOT/{image_2,calib,label_2}`; splits lie in `ImageSets` in or
+/// beside that folder. Images are PNG or JPEG. Annotations in files ([`FILE_FORMATS`]) lie beside them, as rendered
+/// data sets have them. Class names that are not KITTI's are mapped by `ROOT/classes.txt` ([`ClassMap::read`]), if
+/// there is one.
 #[derive(Debug, Clone)]
 pub struct KittiDataset {
     root: PathBuf,
@@ -97,6 +98,24 @@ pub enum KittiError {
     /// The file of class names is malformed.
     #[error(transparent)]
     Classes(#[from] ClassMapError),
+}
+
+impl From<KittiError> for DatasetError {
+    fn from(error: KittiError) -> Self {
+        Self::other(error)
+    }
+}
+
+impl From<CalibrationError> for DatasetError {
+    fn from(error: CalibrationError) -> Self {
+        Self::other(error)
+    }
+}
+
+impl From<RowsError> for DatasetError {
+    fn from(error: RowsError) -> Self {
+        Self::other(error)
+    }
 }
 
 impl KittiDataset {
@@ -212,8 +231,8 @@ fn frames_folder(root: &Path) -> Result<PathBuf, KittiError> {
     }
 }
 
-/// A path that is a file is taken as it is; otherwise a name in `ImageSets`, which lies in the root or, for a root that is itself
-/// `training`, beside it.
+/// A path that is a file is taken as it is; otherwise a name in `ImageSets`, which lies in the root or, for a root that
+/// is itself `training`, beside it.
 fn split_path(root: &Path, split: &Path) -> Result<PathBuf, KittiError> {
     let file = format!("{}.txt", split.display());
     let expected = root.join("ImageSets").join(&file);

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use farsight_core::{Camera, Label, ObjectClass, Pose};
 use farsight_data::annotations::{DepthMap, Plate, Plates};
-use farsight_data::dataset::{FORMATS, FolderCamera, ImageFolderError, check_laws};
+use farsight_data::dataset::{FolderCamera, ImageFolderError, check_laws};
+use farsight_data::formats::FORMATS;
 use farsight_data::kitti::{Calibration, RowKind, rows::rows_from_text};
 use farsight_data::{
     CachedDataset, Dataset, DatasetError, Frame, ImageFolder, KittiDataset, MemoryDataset, open_dataset,
@@ -62,9 +63,9 @@ fn write_kitti(root: &Path, dataset: &dyn Dataset, annotation_folder: bool) {
     }
 }
 
-fn assert_lawful(dataset: Arc<dyn Dataset>) {
+fn assert_lawful(dataset: &Arc<dyn Dataset>) {
     let name = dataset.name();
-    assert_eq!(check_laws(&dataset, usize::MAX).unwrap(), None, "{name}");
+    assert_eq!(check_laws(dataset, usize::MAX).unwrap(), None, "{name}");
 }
 
 #[test]
@@ -72,12 +73,12 @@ fn frames_in_memory() {
     let dataset: Arc<dyn Dataset> = Arc::new(in_memory());
     assert!(dataset.has::<Plates>() && dataset.has::<DepthMap>());
     assert_eq!(dataset.frame(2).unwrap().annotation::<Plates>(), Some(&plates(2)));
-    assert_lawful(dataset);
+    assert_lawful(&dataset);
     let some_with_depth = [Frame::new("a", image(0), camera(0), vec![]), (*in_memory().frame(0).unwrap()).clone()];
     let mixed: Arc<dyn Dataset> = Arc::new(MemoryDataset::new("mixed", some_with_depth));
     assert!(!mixed.has::<Plates>(), "not every frame has them");
-    assert_lawful(mixed);
-    assert_lawful(Arc::new(MemoryDataset::new("empty", [])));
+    assert_lawful(&mixed);
+    assert_lawful(&(Arc::new(MemoryDataset::new("empty", [])) as Arc<dyn Dataset>));
 }
 
 #[test]
@@ -100,7 +101,7 @@ fn a_folder_in_kittis_layout() {
     assert_eq!(read.annotation::<Plates>(), Some(&plates(2)));
     assert_eq!(dataset.label_folder(), Some(folder.path().join("training/label_2")));
     assert!(dataset.origin(1).ends_with("000001.png"), "{}", dataset.origin(1));
-    assert_lawful(dataset);
+    assert_lawful(&dataset);
     // A frame may lack its file; a data set without the folder knows nothing of plates.
     fs::remove_file(folder.path().join("training/plates/000002.txt")).unwrap();
     let dataset = open_dataset(folder.path(), None).unwrap();
@@ -108,7 +109,7 @@ fn a_folder_in_kittis_layout() {
     fs::remove_dir_all(folder.path().join("training/plates")).unwrap();
     let dataset = open_dataset(folder.path(), None).unwrap();
     assert!(!dataset.has::<Plates>() && dataset.frame(2).unwrap().annotation::<Plates>().is_none());
-    assert_lawful(dataset);
+    assert_lawful(&dataset);
 }
 
 #[test]
@@ -148,7 +149,7 @@ fn class_names_of_a_folder_are_mapped() {
     assert_eq!(classes(0), [ObjectClass::Car, ObjectClass::Car]);
     let dataset = open_dataset(folder.path(), None).unwrap();
     assert_eq!(dataset.label_folder(), None, "the files say something else than the labels");
-    assert_lawful(dataset);
+    assert_lawful(&dataset);
     fs::write(folder.path().join("classes.txt"), "Bus\n").unwrap();
     let told = open_dataset(folder.path(), None).unwrap_err().to_string();
     assert!(told.contains("classes.txt:1: \"Bus\"; expected a class name"), "{told}");
@@ -169,7 +170,7 @@ fn a_folder_of_images() {
     assert_eq!(dataset.camera(1).unwrap(), Camera::from_hfov(60.0, 12, 5).unwrap());
     assert_eq!(open(FolderCamera::Fixed(camera(7))).unwrap().camera(2).unwrap(), camera(7));
     assert!(dataset.label_folder().is_none() && !dataset.is_labelled());
-    assert_lawful(Arc::new(dataset));
+    assert_lawful(&(Arc::new(dataset) as Arc<dyn Dataset>));
     let wrong = open(FolderCamera::HorizontalFov(190.0)).unwrap().frame(0).unwrap_err().to_string();
     assert!(wrong.contains("a.jpg: ") && wrong.contains("190"), "{wrong}");
     image(0).save(folder.path().join("b.jpg")).unwrap();

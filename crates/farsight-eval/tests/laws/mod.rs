@@ -55,7 +55,7 @@ fn readers_agree(text: &str, kind: RowKind) -> Vec<DevkitRow> {
         assert_eq!(skipped.count, 0);
         assert_eq!(strict, lenient);
         assert!(devkit.rows.iter().map(|read| &read.row).eq(&strict));
-        assert!(devkit.oddities.iter().all(|(_, oddity)| !oddity.is_fatal()));
+        assert!(devkit.diagnostics.iter().all(|(_, diagnostic)| !diagnostic.is_fatal()));
     }
     devkit.rows
 }

@@ -67,8 +67,8 @@ fn transforms_projections_and_both_directions_of_the_code_agree() {
             window: Affine2::window([center_x, center_y], window_width, INPUT_SIZE),
             jitter: None,
             reflections: None,
-            shade: None,
-            detail: None,
+            shadow: None,
+            sharpness: None,
             scaled: false,
             regress: true,
         };

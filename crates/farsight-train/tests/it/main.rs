@@ -10,4 +10,5 @@ mod adam;
 mod golden_layers;
 mod golden_msfe;
 mod golden_support;
+mod samplers;
 mod schedule;

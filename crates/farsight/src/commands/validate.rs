@@ -23,8 +23,9 @@ pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(St
     let pipeline = builder.min_score(MIN_SCORE).open()?;
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
     for index in 0..count {
-        let found = detections(&pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?)?);
-        evaluation.add(&Frame::new(dataset.id(index).to_string(), dataset.labels(index)?, found));
+        let found = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
+        let found = detections(&found.with_context(|| dataset.origin(index))?);
+        evaluation.add(&Frame::new(dataset.id(index), dataset.labels(index)?, found));
     }
     let report = evaluation.report();
     let ap = |set, metric| {
