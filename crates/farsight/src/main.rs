@@ -19,7 +19,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 
 use commands::{Command, Outcome};
-use printer::Printer;
+use printer::{LogLevel, Printer};
 
 /// Finds vehicles in images of one camera and says how far away each is.
 #[derive(Debug, Parser)]
@@ -27,6 +27,12 @@ use printer::Printer;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Print nothing about the results but what failed; the same as --log-level error
+    #[arg(short, long, global = true, conflicts_with = "log_level")]
+    quiet: bool,
+    /// What to print about the results
+    #[arg(long, global = true, value_enum, default_value_t = LogLevel::Info)]
+    log_level: LogLevel,
 }
 
 fn main() -> ExitCode {
@@ -36,6 +42,7 @@ fn main() -> ExitCode {
             .exit();
     }
     let cli = Cli::parse();
+    printer::set_log_level(if cli.quiet { LogLevel::Error } else { cli.log_level });
     report_no_caught_panics();
     let mut printer = Printer::new();
     let ended = cli.command.run(&mut printer).and_then(|outcome| printer.finish().map(|()| outcome));

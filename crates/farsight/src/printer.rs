@@ -2,8 +2,40 @@
 
 use std::env;
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use anyhow::{Context, Result};
+use clap::ValueEnum;
+use indicatif::ProgressBar;
+
+/// What of all that is about the results is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, ValueEnum)]
+pub(crate) enum LogLevel {
+    /// What failed
+    Error,
+    /// And what is probably not as wanted
+    Warn,
+    /// And what is worth knowing: notes, progress, a summary
+    #[default]
+    Info,
+}
+
+/// The level of this process, as its number; bars of progress know it without a printer.
+static LEVEL: AtomicU8 = AtomicU8::new(LogLevel::Info as u8);
+
+/// Sets the level of this process.
+pub(crate) fn set_log_level(level: LogLevel) {
+    LEVEL.store(level as u8, Ordering::Relaxed);
+}
+
+fn is_printed(level: LogLevel) -> bool {
+    level as u8 <= LEVEL.load(Ordering::Relaxed)
+}
+
+/// A bar on the terminal, where progress is told at all.
+pub(crate) fn progress_bar(length: usize) -> ProgressBar {
+    if is_printed(LogLevel::Info) { ProgressBar::new(length as u64) } else { ProgressBar::hidden() }
+}
 
 /// Writes lines; styled on a terminal, plain elsewhere.
 pub(crate) struct Printer {
@@ -65,6 +97,16 @@ impl Printer {
         self.out.line(text);
     }
 
+    /// A piece of the result, as it is.
+    pub(crate) fn text(&mut self, text: &str) {
+        self.out.try_to(|writer| writer.write_all(text.as_bytes()));
+    }
+
+    /// Hands on what was printed, so that whoever reads it can follow.
+    pub(crate) fn flush(&mut self) {
+        self.out.try_to(|writer| writer.flush());
+    }
+
     /// The heading of a result.
     pub(crate) fn heading(&mut self, text: &str) {
         let heading = self.out.styled(text, Style::Bold);
@@ -73,12 +115,16 @@ impl Printer {
 
     /// Something worth knowing.
     pub(crate) fn note(&mut self, text: &str) {
-        self.labelled("note", Style::Cyan, text);
+        if is_printed(LogLevel::Info) {
+            self.labelled("note", Style::Cyan, text);
+        }
     }
 
     /// Something that is probably not as wanted.
     pub(crate) fn warning(&mut self, text: &str) {
-        self.labelled("warning", Style::Yellow, text);
+        if is_printed(LogLevel::Warn) {
+            self.labelled("warning", Style::Yellow, text);
+        }
     }
 
     /// Something that failed.
@@ -93,7 +139,9 @@ impl Printer {
 
     /// What was done.
     pub(crate) fn status(&mut self, text: &str) {
-        self.err.line(text);
+        if is_printed(LogLevel::Info) {
+            self.err.line(text);
+        }
     }
 
     fn labelled(&mut self, label: &str, style: Style, text: &str) {

@@ -1,6 +1,7 @@
 //! One file a command.
 
 mod bench;
+mod completions;
 mod demo;
 mod doctor;
 mod engine;
@@ -8,6 +9,7 @@ mod eval;
 mod export;
 mod import;
 mod info;
+mod man;
 mod parity;
 mod prune;
 mod range;
@@ -52,6 +54,10 @@ pub(crate) enum Command {
     Prune(prune::PruneArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
+    /// Print the script by which a shell completes commands and options
+    Completions(completions::CompletionsArgs),
+    /// Print a manual page
+    Man(man::ManArgs),
 }
 
 /// How a command ended that could run.
@@ -80,6 +86,8 @@ impl Command {
             Self::Bench(args) => bench::run(&args, printer),
             Self::Prune(args) => prune::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),
+            Self::Completions(args) => completions::run(&args, printer),
+            Self::Man(args) => man::run(&args, printer),
         }
     }
 }

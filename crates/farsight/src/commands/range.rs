@@ -1,12 +1,14 @@
 //! `farsight range`: finds vehicles and says how far away they are.
 
+mod answers;
+mod format;
 mod job;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight::builder::MAX_OVERLAP;
 use farsight::{ImageLimits, RangeKind};
@@ -16,6 +18,7 @@ use crate::camera_args::CameraArgs;
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
+use format::Format;
 use job::Job;
 
 /// Arguments of `farsight range`.
@@ -29,9 +32,16 @@ pub(crate) struct RangeArgs {
     /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write everything to FILE: an array with one object for each image that was done
+    /// Write everything to FILE: an array with one object for each image that was done, or one line for each if FILE ends in .jsonl; "-" prints the array
+    /// instead of the table
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// What to print [default: table]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Go on with an interrupted run: images whose answers are in --json FILE, --out and --kitti, as far as these are named, are left as they are
+    #[arg(long)]
+    resume: bool,
     /// Write KITTI result files to DIR/IMAGE.txt, empty where nothing is found
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
@@ -63,6 +73,8 @@ impl RangeArgs {
             pipeline: PipelineArgs::default(),
             out: Some(out),
             json: Some(json),
+            format: None,
+            resume: false,
             kitti: None,
             range: RangeName::Depth,
             min_score: None,
@@ -71,6 +83,32 @@ impl RangeArgs {
             strict: false,
             camera: CameraArgs::default(),
         }
+    }
+}
+
+impl RangeArgs {
+    /// What is printed.
+    fn format(&self) -> Result<Format> {
+        let asked = self.format.unwrap_or_default();
+        if self.json.as_deref() != Some(Path::new("-")) {
+            return Ok(asked);
+        }
+        ensure!(
+            self.format.is_none_or(|asked| asked == Format::Json),
+            "--json - prints an array; expected --format json beside it, or no --format"
+        );
+        Ok(Format::Json)
+    }
+
+    /// The file for all answers.
+    fn json_file(&self) -> Option<&Path> {
+        self.json.as_deref().filter(|path| *path != Path::new("-"))
+    }
+
+    fn check_resume(&self) -> Result<()> {
+        let writes_files = [self.json_file(), self.out.as_deref(), self.kitti.as_deref()].iter().any(Option::is_some);
+        ensure!(writes_files || !self.resume, "--resume goes by the files of an earlier run; expected --json FILE, --out or --kitti beside it");
+        Ok(())
     }
 }
 
@@ -109,6 +147,7 @@ fn pixels(text: &str) -> Result<u64, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
+    args.check_resume()?;
     let found = inputs::find(&args.inputs);
     for problem in &found.problems {
         printer.error(problem);

@@ -15,11 +15,11 @@ use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
-use indicatif::{ParallelProgressIterator, ProgressBar};
+use indicatif::ParallelProgressIterator;
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 use super::Outcome;
-use crate::printer::{Printer, counted};
+use crate::printer::{Printer, counted, progress_bar};
 
 /// Arguments of `farsight synth`.
 #[derive(Debug, Args)]
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     let source = Source::new(args)?;
     let ids = source.ids();
     let folder = Folder::new(&args.out, args.jpeg)?;
-    let bar = ProgressBar::new(ids.len() as u64);
+    let bar = progress_bar(ids.len());
     let failure = Mutex::new(None);
     ids.par_iter()
         .enumerate()

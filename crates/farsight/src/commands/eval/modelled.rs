@@ -11,13 +11,12 @@ use farsight_core::Camera;
 use farsight_data::kitti::{Calibration, read_split, write_results};
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::LabelSource;
-use indicatif::ProgressBar;
 use tempfile::TempDir;
 
 use super::EvalArgs;
 use crate::outputs;
 use crate::pipeline_args;
-use crate::printer::{Printer, counted};
+use crate::printer::{Printer, counted, progress_bar};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
@@ -121,7 +120,7 @@ pub(in crate::commands) fn write_results_of(
     results: &Path,
     printer: &mut Printer,
 ) -> Result<Vec<String>> {
-    let bar = ProgressBar::new(dataset.len() as u64);
+    let bar = progress_bar(dataset.len());
     let (mut done, mut failed) = (Vec::new(), 0);
     for (index, id) in dataset.ids().into_iter().enumerate() {
         let path = results.join(format!("{id}.txt"));

@@ -18,9 +18,8 @@ use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::{DetectorFile, SmokeDetector};
 use farsight_methods::{DetectError, Detector};
 use image::RgbImage;
-use indicatif::ProgressBar;
 
-use crate::printer::Printer;
+use crate::printer::{Printer, progress_bar};
 
 /// A detection of which the labels say whether it is right.
 struct Judged {
@@ -124,7 +123,7 @@ fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &dyn Dataset) -> 
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let mut detector = smoke_detector(&EngineOptions::default(), file, source)?;
     let mut found = Vec::new();
-    let bar = ProgressBar::new(dataset.len() as u64);
+    let bar = progress_bar(dataset.len());
     for index in 0..dataset.len() {
         found.extend(judged_in_frame(&mut detector, &options, dataset, index)?);
         bar.inc(1);

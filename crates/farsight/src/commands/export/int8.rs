@@ -19,14 +19,13 @@ use farsight_methods::smoke::sensitivity::{Answers, Reference, Sensitivity};
 use farsight_methods::smoke::{DetectorFile, LOGITS};
 use farsight_onnx::{Facts, Target, key};
 use farsight_runtime::{Calibration, TensorView};
-use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::{ExportArgs, facts};
 use crate::commands::Outcome;
 use crate::inputs;
 use crate::pipeline_args::EngineArgs;
-use crate::printer::Printer;
+use crate::printer::{Printer, progress_bar};
 use metres::Metres;
 use sweep::{Sweep, Trial};
 
@@ -225,7 +224,7 @@ fn calibrate(
     let file = DetectorFile::from_bytes(farsight_onnx::write(network, facts, Target::Portable)?, &args.model)?;
     let mut answers = Answers::new(&file, &args.model, threads)?;
     let mut references = Vec::new();
-    let bar = ProgressBar::new(images.paths.len() as u64);
+    let bar = progress_bar(images.paths.len());
     let mut input = Vec::new();
     for (index, path) in images.paths.iter().enumerate() {
         let (size, camera) = images.input_into(&mut input, path)?;

@@ -14,11 +14,10 @@ use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::plate_reader::PlateReaderModel;
-use indicatif::ProgressBar;
 
 use super::fit::{fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::printer::Printer;
+use crate::printer::{Printer, progress_bar};
 
 /// Fits the plate reader to `data` and writes it.
 pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
@@ -37,7 +36,7 @@ fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> 
     let builder = Pipeline::builder().plates(StageSource::Off).road(Road::Ignored);
     let pipeline = builder.min_score(LEAST_PEAK).max_overlap(1.0).open()?;
     let mut reader = plate_reader(model, &EngineOptions::default())?;
-    let bar = ProgressBar::new(dataset.len() as u64);
+    let bar = progress_bar(dataset.len());
     let mut pairs = Vec::new();
     for index in 0..dataset.len() {
         pairs.extend(pairs_of_frame(&pipeline, &mut reader, &*dataset, index)?);

@@ -18,11 +18,10 @@ use farsight_methods::refiner::Refiner;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::refiner::geometry::{LooksScores, Refinement, ScoredLooks, TwoLooks};
 use farsight_methods::smoke::{DetectorFile, SmokeDetector};
-use indicatif::ProgressBar;
 
 use super::fit::{first_look, fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
-use crate::printer::Printer;
+use crate::printer::{Printer, progress_bar};
 
 /// Fits the refiner to `data` and writes it.
 pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
@@ -111,7 +110,7 @@ fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<
     );
     let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
     let mut refiner = refiner(model, &engine)?;
-    let bar = ProgressBar::new(dataset.len() as u64);
+    let bar = progress_bar(dataset.len());
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
         seen.push(frame_seen_twice(&mut detector, &options, &mut refiner, &*dataset, index)?);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use farsight::camera_source::file_stem;
-use farsight::json::ImageRecord;
+use farsight::json::{ImageRecord, ModelRecord};
 use farsight::object::detections;
 use farsight::{Camera, CameraSource, DetectedObject, ImageLimits, Pipeline, UnfamiliarCamera, draw, load_image};
 use farsight_data::ImageWarning;
@@ -19,12 +19,13 @@ use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
 use super::RangeArgs;
+use super::answers::{AnswerFile, Records, shown};
+use super::format::{Answers, Format};
 use crate::camera_args::with_hint;
 use crate::inputs::identity;
 use crate::names::output_names;
 use crate::outputs;
-use crate::printer::{Printer, counted};
-use crate::range_table::RangeTable;
+use crate::printer::{Printer, counted, progress_bar};
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
@@ -50,6 +51,7 @@ pub(super) struct Job<'a> {
     /// Names of the outputs, one for each image, all different.
     names: Vec<String>,
     cameras: CameraSource,
+    format: Format,
 }
 
 impl<'a> Job<'a> {
@@ -60,7 +62,7 @@ impl<'a> Job<'a> {
             printer.note("cameras from the calibration files of KITTI's layout (folder calib beside image_2)");
         }
         let names = output_names(&images);
-        let job = Self { args, images, names, cameras };
+        let job = Self { args, images, names, cameras, format: args.format()? };
         let inputs: Vec<PathBuf> = job.images.iter().map(|image| identity(image)).collect();
         job.check_folders(&inputs)?;
         job.check_json(&inputs)?;
@@ -82,8 +84,8 @@ impl<'a> Job<'a> {
     }
 
     fn check_json(&self, inputs: &[PathBuf]) -> Result<()> {
-        let RangeArgs { json, pipeline, camera, .. } = self.args;
-        let Some(json) = json else { return Ok(()) };
+        let RangeArgs { pipeline, camera, .. } = self.args;
+        let Some(json) = self.args.json_file() else { return Ok(()) };
         let others = camera.calib.clone().into_iter().chain(pipeline.files());
         outputs::check_json(json, inputs.iter().cloned().chain(others))
     }
@@ -112,31 +114,31 @@ impl<'a> Job<'a> {
 
     /// Whether anything is left of the work when nobody reads what is printed.
     fn writes_files(&self) -> bool {
-        [&self.args.out, &self.args.kitti, &self.args.json].into_iter().any(Option::is_some)
+        self.args.json_file().is_some() || self.args.out.is_some() || self.args.kitti.is_some()
     }
 
     /// Looks at every image and returns how many failed.
     ///
     /// An error when none could be done, or an output could not be written; the others are done before.
     pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<usize> {
-        let table = RangeTable::new(&self.names);
-        let bar = if self.images.len() < MANY_IMAGES {
-            ProgressBar::hidden()
-        } else {
-            ProgressBar::new(self.images.len() as u64)
-        };
-        let (mut done, mut tally) = (Vec::new(), Tally::default());
-        for (image, name) in self.images.iter().zip(&self.names) {
+        let mut left = self.left_by_earlier_run(pipeline)?;
+        let todo: Vec<bool> = self.images.iter().zip(&self.names).map(|(image, name)| !self.is_done(image, name, &left)).collect();
+        let skipped = todo.iter().filter(|todo| !**todo).count();
+        if skipped > 0 {
+            printer.note(&format!("{} left out, whose answers are there (--resume)", counted(skipped, "image")));
+        }
+        let mut file = self.begin_file(&mut left, &todo)?;
+        let mut answers = Answers::new(self.format, &self.names);
+        let bar = if todo.len() - skipped < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(todo.len() - skipped) };
+        let mut tally = Tally { skipped, ..Tally::default() };
+        for ((image, name), _) in self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo) {
             let looked = self.image(image, name, pipeline);
             bar.suspend(|| match looked {
                 Ok(looked) => {
                     self.tell(&looked, image, &mut tally, printer);
-                    // Where nothing can be done there is no table.
-                    if done.is_empty() {
-                        printer.heading(&table.heading());
-                    }
-                    table.rows(name, &looked.objects).iter().for_each(|row| printer.line(row));
-                    done.push(looked.record);
+                    answers.print(name, &looked.objects, &looked.record, printer)?;
+                    tally.done += 1;
+                    file.as_mut().map_or(Ok(()), |file| file.add(looked.record))
                 }
                 Err(error) => {
                     tally.failed += 1;
@@ -145,8 +147,9 @@ impl<'a> Job<'a> {
                         .into_iter()
                         .flatten()
                         .for_each(|path| remove(&path, printer));
+                    Ok(())
                 }
-            });
+            })?;
             bar.inc(1);
             if printer.reader_is_gone() && !self.writes_files() {
                 break;
@@ -156,7 +159,40 @@ impl<'a> Job<'a> {
         for (warning, images) in &tally.warnings {
             printer.warning(&format!("{warning} ({})", counted(*images, "image")));
         }
-        self.finish(&done, &tally, printer)
+        if tally.done > 0 {
+            answers.finish(printer);
+        }
+        self.finish(file, &tally, printer)
+    }
+
+    /// The answers of an earlier run, where this one goes on with it.
+    fn left_by_earlier_run(&self, pipeline: &Pipeline) -> Result<Records> {
+        match self.args.json_file().filter(|_| self.args.resume) {
+            Some(json) => AnswerFile::left_by_earlier_run(json, &ModelRecord::from(pipeline.info())),
+            None => Ok(Records::new()),
+        }
+    }
+
+    /// Whether all that is asked for of an image is there.
+    fn is_done(&self, image: &Path, name: &str, left: &Records) -> bool {
+        let is_there = |path: Option<PathBuf>| path.is_none_or(|path| path.is_file());
+        self.args.resume
+            && (self.args.json_file().is_none() || left.contains_key(&shown(image)))
+            && is_there(self.picture_path(name))
+            && is_there(self.rows_path(name))
+    }
+
+    /// Begins the file of all answers with those that stay: of images that are done, and of others that are not asked for now.
+    fn begin_file(&self, left: &mut Records, todo: &[bool]) -> Result<Option<AnswerFile>> {
+        let Some(json) = self.args.json_file() else { return Ok(None) };
+        let mut kept = Vec::new();
+        for (image, &todo) in self.images.iter().zip(todo) {
+            kept.extend(left.remove(&shown(image)).filter(|_| !todo));
+        }
+        let mut others: Vec<ImageRecord> = left.drain().map(|(_, record)| record).collect();
+        others.sort_by(|a, b| a.image.cmp(&b.image));
+        others.extend(kept);
+        AnswerFile::begin(json, others).map(Some)
     }
 
     /// What is to be said of an image beside its rows.
@@ -181,19 +217,17 @@ impl<'a> Job<'a> {
         tally.found += looked.objects.len();
     }
 
-    fn finish(&self, done: &[ImageRecord], tally: &Tally, printer: &mut Printer) -> Result<usize> {
-        let Tally { found, failed, unwritten, .. } = *tally;
-        if done.is_empty() {
+    fn finish(&self, file: Option<AnswerFile>, tally: &Tally, printer: &mut Printer) -> Result<usize> {
+        let Tally { done, found, failed, unwritten, skipped, .. } = *tally;
+        if done + skipped == 0 {
+            file.into_iter().for_each(AnswerFile::discard);
             bail!("nothing was done: {} failed", counted(failed, "image"));
         }
-        if let Some(path) = &self.args.json {
-            write_atomically(path, |out| {
-                serde_json::to_writer_pretty(&mut *out, done)?;
-                out.write_all(b"\n")
-            })?;
+        if let Some(file) = file {
+            file.finish(&self.images)?;
         }
         let failures = if failed > 0 { format!("; {} failed", counted(failed, "image")) } else { String::new() };
-        printer.status(&format!("{} found in {}{failures}", counted(found, "object"), counted(done.len(), "image")));
+        printer.status(&format!("{} found in {}{failures}", counted(found, "object"), counted(done, "image")));
         ensure!(unwritten == 0, "{} could not be written", counted(unwritten, "output"));
         Ok(failed)
     }
@@ -240,6 +274,9 @@ impl<'a> Job<'a> {
 /// What is counted over all images.
 #[derive(Default)]
 struct Tally {
+    done: usize,
+    /// Images whose answers were there.
+    skipped: usize,
     found: usize,
     failed: usize,
     unwritten: usize,

@@ -276,6 +276,32 @@ fn nobody_is_waited_for_who_reads_no_more() {
 }
 
 #[test]
+fn lines_are_handed_on_image_by_image() {
+    /// What there was each time that it was to be handed on.
+    #[derive(Clone, Default)]
+    struct Followed(Page, Rc<RefCell<Vec<String>>>);
+    impl Write for Followed {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.write(bytes)
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            self.1.borrow_mut().push(self.0.text());
+            Ok(())
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["1.png", "2.png"] {
+        image_file(folder.path().join(name));
+    }
+    let out = Followed::default();
+    let printer = Printer::to(Box::new(out.clone()), Box::new(Page::default()));
+    run(&[folder.path(), Path::new("--format"), Path::new("jsonl")], printer).unwrap();
+    let seen: Vec<usize> = out.1.borrow().iter().map(|text| text.matches('\n').count()).collect();
+    assert_eq!(seen, [1, 2]);
+    assert!(out.0.text().lines().all(|line| line.starts_with("{\"image\":")), "{}", out.0.text());
+}
+
+#[test]
 fn nothing_done_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let image = folder.path().join("notes.txt");

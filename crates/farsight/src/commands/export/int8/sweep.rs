@@ -10,7 +10,8 @@ use farsight_graph::transform::Network;
 use farsight_methods::smoke::sensitivity::{Answers, Reference, Sensitivity};
 use farsight_methods::smoke::{DetectorFile, LOGITS};
 use farsight_onnx::{Facts, Target, write_quantized};
-use indicatif::ProgressBar;
+
+use crate::printer::progress_bar;
 
 /// Range of each map.
 pub(super) type Ranges = BTreeMap<NodeId, Range>;
@@ -61,7 +62,7 @@ impl<'a> Sweep<'a> {
     /// Tries each layer on its own.
     pub(super) fn harm_of_layers(&self) -> Result<Harm> {
         let layers = layers(&self.network.graph, LOGITS);
-        let bar = ProgressBar::new(layers.len() as u64);
+        let bar = progress_bar(layers.len());
         let mut harm = Vec::new();
         for id in layers {
             let Trial { sensitivity, .. } = self.trial(&BTreeSet::from([id]))?;
