@@ -119,7 +119,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
         (ModelConfig { neck_channels: Some(64), ..base() }, "model.neck_channels is for other backbones than dla34"),
         (
             ModelConfig { norm: NormKind::Group, ..mobile(base()) },
-            "model.norm is group; expected batch with the backbone mobilenet_v2",
+            "model.norm is group; expected batch with this backbone",
         ),
         (
             ModelConfig { level_channels: Some([16; 6]), ..mobile(base()) },

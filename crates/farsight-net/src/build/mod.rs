@@ -10,7 +10,7 @@ mod neck;
 
 pub use builder::{Builder, NormKind};
 pub use dla34::Stem;
-pub(crate) use mobilenet_v2::{PREFIX as MOBILENET_V2_PREFIX, mobilenet_v2};
+pub(crate) use mobilenet_v2::{Convention, INPUT as MOBILENET_V2_INPUT, PREFIX as MOBILENET_V2_PREFIX, mobilenet_v2};
 pub use neck::NeckKind;
 
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,8 @@ pub enum Backbone {
     Dla34,
     /// `MobileNetV2` with a feature pyramid. Weights that have seen photographs can be imported.
     MobilenetV2,
+    /// The same with TensorFlow's padding, and its own scale of the image: for weights that learnt there.
+    MobilenetV2Tensorflow,
 }
 
 impl Backbone {
@@ -35,6 +37,7 @@ impl Backbone {
         match self {
             Self::Dla34 => "dla34",
             Self::MobilenetV2 => "mobilenet_v2",
+            Self::MobilenetV2Tensorflow => "mobilenet_v2_tensorflow",
         }
     }
 }
@@ -46,7 +49,8 @@ pub fn network(config: &ModelConfig) -> Graph {
     let input = b.input(3);
     let mut levels = match config.backbone {
         Backbone::Dla34 => dla34::dla34(&mut b, input, channels, config.stem),
-        Backbone::MobilenetV2 => mobilenet_v2(&mut b, input, config.width),
+        Backbone::MobilenetV2 => mobilenet_v2(&mut b, input, config.width, Convention::Torchvision),
+        Backbone::MobilenetV2Tensorflow => mobilenet_v2(&mut b, input, config.width, Convention::Tensorflow),
     };
     let msfe_width = config.msfe_width();
     let pyramid = [levels[3], levels[4], levels[5]];
@@ -60,7 +64,9 @@ pub fn network(config: &ModelConfig) -> Graph {
     }
     let mut features = match config.backbone {
         Backbone::Dla34 => neck::neck(&mut b, &levels, channels, config.neck),
-        Backbone::MobilenetV2 => fpn::fpn(&mut b, &levels, config.neck_width(), config.neck),
+        Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow => {
+            fpn::fpn(&mut b, &levels, config.neck_width(), config.neck)
+        }
     };
     if config.msfe == Msfe::B {
         features = msfe::concat_fusion(&mut b, msfe::PREFIX, pyramid, features, msfe_width);

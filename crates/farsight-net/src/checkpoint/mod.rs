@@ -13,6 +13,7 @@ mod names;
 mod pickle;
 mod storages;
 mod tensors;
+mod tflite;
 
 use std::collections::BTreeMap;
 use std::path::Path;
