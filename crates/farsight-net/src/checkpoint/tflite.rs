@@ -48,8 +48,8 @@ impl<'a> File<'a> {
         let graph = *root.tables(2)?.first()?;
         let code = |table: &Table<'_>| {
             // Codes above 127 came later and stand in a field of their own; the older one holds 127 then.
-            let old = table.place(0)?.map_or(Some(0), |at| Some(i32::from(*bytes.get(at)? as i8)))?;
-            let new = table.place(3)?.map_or(Some(0), |at| signed(bytes, at))?;
+            let old = table.read(0, 0, |at| Some(i32::from(bytes.get(at)?.cast_signed())))?;
+            let new = table.read(3, 0, |at| signed(bytes, at))?;
             Some(old.max(new))
         };
         Some(Self {
@@ -98,7 +98,7 @@ impl<'a> File<'a> {
     }
 
     fn code(&self, operator: &Table<'_>) -> Option<i32> {
-        let kind = operator.place(0)?.map_or(Some(0), |at| unsigned(operator.bytes, at))?;
+        let kind = operator.read(0, 0, |at| unsigned(operator.bytes, at))?;
         self.codes.get(kind).copied()
     }
 
@@ -113,7 +113,7 @@ impl<'a> File<'a> {
         let broken = || CheckpointProblem::Tflite("a tensor lies outside the file");
         let name = self.name(tensor).ok_or_else(broken)?;
         let table = self.tensors[tensor];
-        let kind = table.place(1).ok_or_else(broken)?.map_or(Some(0), |at| table.bytes.get(at).copied());
+        let kind = table.read(1, 0, |at| table.bytes.get(at).copied());
         let element = match kind {
             Some(0) => Element::F32,
             Some(1) => Element::F16,
@@ -125,7 +125,7 @@ impl<'a> File<'a> {
         let sizes = table.numbers(0).ok_or_else(broken)?;
         let shape: Vec<usize> =
             sizes.iter().map(|size| usize::try_from(*size)).collect::<Result<_, _>>().map_err(|_| broken())?;
-        let buffer = table.place(2).ok_or_else(broken)?.map_or(Some(0), |at| unsigned(table.bytes, at));
+        let buffer = table.read(2, 0, |at| unsigned(table.bytes, at));
         let buffer = buffer.and_then(|id| self.buffers.get(id)).ok_or_else(broken)?;
         let (start, length) = buffer.vector(0).ok_or_else(broken)?;
         let block = start.checked_add(length).and_then(|end| table.bytes.get(start..end)).ok_or_else(broken)?;
@@ -183,24 +183,25 @@ impl<'a> Table<'a> {
         Some(Self { bytes, at, fields: (fields, length) })
     }
 
-    /// Where a field stands; `Some(None)` when the table does not have it.
-    fn place(&self, field: usize) -> Option<Option<usize>> {
+    /// What `present` reads where a field stands; `absent` when the table does not have it.
+    fn read<T>(&self, field: usize, absent: T, present: impl FnOnce(usize) -> Option<T>) -> Option<T> {
         let (start, length) = self.fields;
         let slot = 4 + 2 * field;
         if slot + 2 > length {
-            return Some(None);
+            return Some(absent);
         }
         match short(self.bytes, start.checked_add(slot)?)? {
-            0 => Some(None),
-            offset => Some(Some(self.at.checked_add(offset)?)),
+            0 => Some(absent),
+            offset => present(self.at.checked_add(offset)?),
         }
     }
 
     /// Start and count of a vector; an absent one is empty.
     fn vector(&self, field: usize) -> Option<(usize, usize)> {
-        let Some(place) = self.place(field)? else { return Some((0, 0)) };
-        let start = place.checked_add(unsigned(self.bytes, place)?)?;
-        Some((start.checked_add(4)?, unsigned(self.bytes, start)?))
+        self.read(field, (0, 0), |place| {
+            let start = place.checked_add(unsigned(self.bytes, place)?)?;
+            Some((start.checked_add(4)?, unsigned(self.bytes, start)?))
+        })
     }
 
     /// A vector of four-byte items, all of them inside the file.
