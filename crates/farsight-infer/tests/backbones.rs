@@ -75,7 +75,8 @@ fn differences(network: &Network, model: &Model, stored: &Weights) -> Vec<f32> {
     values.into_iter().zip(&LEVELS).map(difference).collect()
 }
 
-/// Imports `file`, of which `left_over` tensors have no place, and compares its maps with those of `maps`, batch norms as they are and folded.
+/// Imports `file`, of which `left_over` tensors have no place, and compares its maps with those of `maps`, batch norms
+/// as they are and folded.
 fn compare(file: &Path, layout: Layout, left_over: usize, width: f64, maps: &str) -> Imported {
     let imported = import(file, ImportOptions::default()).unwrap();
     assert_eq!((imported.layout, imported.config.is_none()), (layout, true));

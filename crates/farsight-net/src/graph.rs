@@ -144,7 +144,8 @@ impl Window {
         Self { kernel, stride, padding: kernel / 2, end_padding: 0, dilation: 1 }
     }
 
-    /// As [`Window::same`], with the zeros where TensorFlow's `SAME` has them for sizes that `stride` divides: the odd one at the end.
+    /// As [`Window::same`], with the zeros where TensorFlow's `SAME` has them for sizes that `stride` divides: the odd
+    /// one at the end.
     pub const fn tensorflow_same(kernel: usize, stride: usize) -> Self {
         let zeros = kernel.saturating_sub(stride);
         Self { kernel, stride, padding: zeros / 2, end_padding: zeros % 2, dilation: 1 }

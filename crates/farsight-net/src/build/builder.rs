@@ -137,7 +137,8 @@ impl Builder {
         self.push(op, &[x], channels)
     }
 
-    /// A scale and a shift of each channel that nothing moves, as a batch norm: what another program does to the image before its network.
+    /// A scale and a shift of each channel that nothing moves, as a batch norm: what another program does to the image
+    /// before its network.
     pub fn fixed_scale(&mut self, x: NodeId, name: &str) -> NodeId {
         let shape = [self.channels(x)];
         let values = [("weight", 1.0), ("bias", 0.0), ("running_mean", 0.0), ("running_var", 1.0)];

@@ -22,7 +22,8 @@ const GROUPS: [[usize; 4]; 7] =
 pub(crate) enum Convention {
     /// Zeros on all sides; the image as our networks get it.
     Torchvision,
-    /// The odd zero at the end ([`Window::tensorflow_same`]), and a scale of its own for the image, which comes with the weights.
+    /// The odd zero at the end ([`Window::tensorflow_same`]), and a scale of its own for the image, which comes with
+    /// the weights.
     Tensorflow,
 }
 

@@ -1,7 +1,7 @@
 //! Reads the convolutions of a TFLite file.
 //!
-//! Such a file is a flatbuffer: tables of offsets, which are followed here with every step checked, and nothing else of the file is used. The tables are
-//! those of TensorFlow's `schema.fbs`, version 3.
+//! Such a file is a flatbuffer: tables of offsets, which are followed here with every step checked, and nothing else of
+//! the file is used. The tables are those of TensorFlow's `schema.fbs`, version 3.
 
 use std::collections::BTreeMap;
 
@@ -24,8 +24,8 @@ pub(super) fn is_tflite(bytes: &[u8]) -> bool {
     bytes.get(4..8) == Some(IDENTIFIER)
 }
 
-/// Weight and bias of every convolution, as `layer.weight` `[out, in, height, width]` (depthwise: `[channels, 1, height, width]`) and
-/// `layer.bias` `[out]`; the layer is called as TensorFlow called it.
+/// Weight and bias of every convolution, as `layer.weight` `[out, in, height, width]` (depthwise: `[channels, 1,
+/// height, width]`) and `layer.bias` `[out]`; the layer is called as TensorFlow called it.
 pub(super) fn read_convolutions(bytes: &[u8]) -> Result<BTreeMap<String, WeightTensor>, CheckpointProblem> {
     let file = File::open(bytes).ok_or(CheckpointProblem::Tflite("a table lies outside the file"))?;
     file.convolutions()
@@ -139,7 +139,8 @@ impl<'a> File<'a> {
     }
 }
 
-/// The layer whose weight is called so. Where TensorFlow joined several operations, their names stand one after the other; the first is the layer's own.
+/// The layer whose weight is called so. Where TensorFlow joined several operations, their names stand one after the
+/// other; the first is the layer's own.
 fn layer(name: &str) -> &str {
     let first = name.split(';').next().unwrap_or(name);
     PARTS.iter().fold(first, |name, part| name.split(part).next().unwrap_or(name))

@@ -49,8 +49,8 @@ const TENSORFLOW: &str = "FeatureExtractor/MobilenetV2/";
 /// The variance with which a batch norm divides by one.
 const UNIT_VARIANCE: f32 = 1.0 - NORM_EPSILON as f32;
 
-/// What torchvision calls the tensor `name` of TensorFlow's object detection: the weight of a convolution, or its bias, which is that of the norm
-/// folded into it.
+/// What torchvision calls the tensor `name` of TensorFlow's object detection: the weight of a convolution, or its bias,
+/// which is that of the norm folded into it.
 pub(super) fn name_from_tensorflow(name: &str) -> Option<String> {
     let Some(rest) = name.strip_prefix(TENSORFLOW) else { return Some(name.to_owned()) };
     let (layer, tensor) = rest.rsplit_once('.')?;
@@ -73,8 +73,8 @@ pub(super) fn name_from_tensorflow(name: &str) -> Option<String> {
     Some(format!("features.{index}.{place}.{tensor}"))
 }
 
-/// Gives each folded norm, of which `tensors` has the bias alone, what makes it add that bias and nothing else; and the image the scale of TensorFlow's
-/// object detection, -1 to 1.
+/// Gives each folded norm, of which `tensors` has the bias alone, what makes it add that bias and nothing else; and the
+/// image the scale of TensorFlow's object detection, -1 to 1.
 pub(in crate::checkpoint) fn add_norms_and_scale(tensors: &mut BTreeMap<String, WeightTensor>) {
     let biases = tensors.keys().filter_map(|name| name.strip_suffix(".bias")).map(str::to_owned);
     for norm in biases.collect::<Vec<_>>() {
