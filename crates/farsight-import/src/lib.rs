@@ -11,6 +11,7 @@ mod error;
 mod pickle;
 mod storages;
 mod tensors;
+pub mod tflite;
 
 use std::collections::BTreeMap;
 use std::path::Path;

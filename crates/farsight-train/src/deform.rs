@@ -35,7 +35,7 @@ pub fn deformable_samples(x: &Tensor, offset: &Tensor, mask: &Tensor, window: Wi
 
 /// Undisturbed rows `[taps, out height, 1]` and columns `[taps, 1, out width]` of the taps.
 fn tap_positions(window: Window, [out_height, out_width]: [i64; 2], like: &Tensor) -> [Tensor; 2] {
-    let Window { kernel, stride, padding, dilation } = window;
+    let Window { kernel, stride, padding, dilation, .. } = window;
     let options = (like.kind(), like.device());
     let tap = Tensor::arange((kernel * kernel) as i64, options);
     let origin = |size: i64| Tensor::arange(size, options) * stride as i64 - padding as i64;

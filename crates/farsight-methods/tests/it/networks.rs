@@ -99,7 +99,7 @@ fn small(norm: NormKind, neck: NeckKind, msfe: Msfe) -> SmokeConfig {
 fn folding_changes_nothing_but_the_node_count() {
     for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
         for neck in [NeckKind::Plain, NeckKind::Deformable] {
-            for backbone in [Backbone::Dla34, Backbone::MobilenetV2] {
+            for backbone in [Backbone::Dla34, Backbone::MobilenetV2, Backbone::MobilenetV2Tensorflow] {
                 let model = lively(SmokeConfig { backbone, ..small(NormKind::Batch, neck, msfe) });
                 let whole = Network::new(&model).keeping(&[LOGITS, REGRESSION]);
                 let folded = whole.clone().batch_norm_folded().unwrap();
@@ -107,7 +107,9 @@ fn folding_changes_nothing_but_the_node_count() {
                     network.graph.nodes.iter().filter(|node| matches!(node.op, Op::BatchNorm { .. })).count()
                 };
                 assert!(norms(&whole) > 40);
-                assert_eq!(norms(&folded), 0, "{msfe:?} {neck:?}");
+                // The scale of TensorFlow's image has no convolution before it.
+                let left = usize::from(backbone == Backbone::MobilenetV2Tensorflow);
+                assert_eq!(norms(&folded), left, "{backbone:?} {msfe:?} {neck:?}");
                 let image = input([96, 64]);
                 let maps = [&whole, &folded]
                     .map(|network| head_maps(&mut engine(network, &model, Target::Portable), &image, [96, 64]));

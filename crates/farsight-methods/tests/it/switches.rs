@@ -122,7 +122,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
         (SmokeConfig { neck_channels: Some(64), ..base() }, "model.neck_channels is for other backbones than dla34"),
         (
             SmokeConfig { norm: NormKind::Group, ..mobile(base()) },
-            "model.norm is group; expected batch with the backbone mobilenet_v2",
+            "model.norm is group; expected batch with this backbone",
         ),
         (
             SmokeConfig { level_channels: Some([16; 6]), ..mobile(base()) },

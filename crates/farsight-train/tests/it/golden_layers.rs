@@ -16,11 +16,11 @@ const NUDGE: f64 = 1e-9;
 #[test]
 fn deformable_convolution_forward_and_gradients() {
     let cases = [
-        ("deform_k1s1p0", Window { kernel: 1, stride: 1, padding: 0, dilation: 1 }),
-        ("deform_k3s1p1", Window { kernel: 3, stride: 1, padding: 1, dilation: 1 }),
-        ("deform_k3s1p1dg2", Window { kernel: 3, stride: 1, padding: 1, dilation: 1 }),
-        ("deform_k3s1p2d2", Window { kernel: 3, stride: 1, padding: 2, dilation: 2 }),
-        ("deform_k3s2p1", Window { kernel: 3, stride: 2, padding: 1, dilation: 1 }),
+        ("deform_k1s1p0", Window { kernel: 1, stride: 1, padding: 0, end_padding: 0, dilation: 1 }),
+        ("deform_k3s1p1", Window { kernel: 3, stride: 1, padding: 1, end_padding: 0, dilation: 1 }),
+        ("deform_k3s1p1dg2", Window { kernel: 3, stride: 1, padding: 1, end_padding: 0, dilation: 1 }),
+        ("deform_k3s1p2d2", Window { kernel: 3, stride: 1, padding: 2, end_padding: 0, dilation: 2 }),
+        ("deform_k3s2p1", Window { kernel: 3, stride: 2, padding: 1, end_padding: 0, dilation: 1 }),
     ];
     for (name, window) in cases {
         let g = golden(name);

@@ -148,7 +148,7 @@ fn facts(config: &SmokeConfig) -> Vec<(&'static str, String)> {
         Backbone::Dla34 => {
             [("channels", format!("{:?}", config.channels())), ("stem", format!("{:?}", config.stem).to_lowercase())]
         }
-        other @ Backbone::MobilenetV2 => {
+        other @ (Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow) => {
             [("backbone", other.name().to_owned()), ("neck channels", config.neck_width().to_string())]
         }
     };

@@ -3,7 +3,7 @@
 //! Farsight's canonical names are those of official SMOKE. The rules here are those of spec section 13; nothing is looked up in a table of
 //! whole names, so that narrower and wider networks of the same build map too.
 
-mod mobilenet_v2;
+pub(super) mod mobilenet_v2;
 
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -21,6 +21,8 @@ pub enum Layout {
     MobilenetV2,
     /// `MobileNetV2` as torchvision and the repositories before it named it first: the layers of a block in one row, activations counted.
     MobilenetV2InRows,
+    /// `MobileNetV2` in TensorFlow's object detection, batch norms folded, as TFLite files have it.
+    MobilenetV2Tensorflow,
 }
 
 /// How ImageNet's batch norms start the norms of our backbone.
@@ -60,6 +62,7 @@ impl Layout {
             ("backbone.body.base.", Self::OfficialSmoke),
             ("backbone.base_layer.", Self::Mmdet3d),
             ("base_layer.", Self::ImagenetDla34),
+            ("FeatureExtractor/MobilenetV2/", Self::MobilenetV2Tensorflow),
             ("features.1.conv.0.0.", Self::MobilenetV2),
             ("features.1.conv.0.", Self::MobilenetV2InRows),
         ];
@@ -74,6 +77,7 @@ impl Layout {
             Self::ImagenetDla34 => "imagenet-dla34",
             Self::MobilenetV2 => "mobilenet-v2",
             Self::MobilenetV2InRows => "mobilenet-v2-in-rows",
+            Self::MobilenetV2Tensorflow => "mobilenet-v2-tensorflow",
         }
     }
 
@@ -91,6 +95,9 @@ impl Layout {
             Self::ImagenetDla34 => canonical_from_imagenet(name, norms),
             Self::MobilenetV2 => return mobilenet_v2::canonical_name(name),
             Self::MobilenetV2InRows => return mobilenet_v2::canonical_name(&mobilenet_v2::modern_name(name)?),
+            Self::MobilenetV2Tensorflow => {
+                return mobilenet_v2::canonical_name(&mobilenet_v2::name_from_tensorflow(name)?);
+            }
         }
         .filter(|name| is_canonical(name))
     }
@@ -157,11 +164,6 @@ pub fn canonical_names() -> Vec<String> {
     names.extend(biases.map(|module| format!("{module}.bias")));
     names.sort();
     names
-}
-
-/// The tensors of `MobileNetV2` by their canonical names, statistics among them, sorted.
-pub fn mobilenet_v2_names() -> Vec<String> {
-    mobilenet_v2::names().iter().cloned().collect()
 }
 
 /// The running statistics that a batch-norm build has beside [`canonical_names`], sorted.
