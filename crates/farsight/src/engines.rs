@@ -7,8 +7,8 @@ use clap::{Args, ValueEnum};
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_graph::model::{Model, NetworkConfig};
-use farsight_methods::plate_reader::PlateReader;
-use farsight_methods::refiner::Refiner;
+use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
+use farsight_methods::refiner::{Refiner, RefinerModel};
 use farsight_methods::roi::{self, RoiRunner};
 use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxModel, Target, key};
@@ -93,14 +93,12 @@ impl SecondLookArgs {
 
     /// The pipeline with the second stages that there are to be.
     fn beside(&self, Opened { mut pipeline, is_shipped }: Opened, args: &EngineArgs) -> Result<Pipeline> {
-        let refiner = second_stage(self.refiner.as_deref(), is_shipped, shipped::refiner)?;
-        if let Some(model) = refiner {
-            pipeline = pipeline.with_refiner(Refiner::new(roi_runner(args, &model)?, model.config));
+        if let Some(model) = second_stage(self.refiner.as_deref(), is_shipped, shipped::refiner)? {
+            pipeline = pipeline.with_refiner(refiner(args, model)?);
         }
         let has_shipped_refiner = is_shipped && self.refiner.is_none();
-        let plates = second_stage(self.plates.as_deref(), has_shipped_refiner, shipped::plates)?;
-        if let Some(model) = plates {
-            pipeline = pipeline.with_plate_reader(PlateReader::new(roi_runner(args, &model)?, model.config));
+        if let Some(model) = second_stage(self.plates.as_deref(), has_shipped_refiner, shipped::plates)? {
+            pipeline = pipeline.with_plate_reader(plate_reader(args, model)?);
         }
         Ok(pipeline)
     }
@@ -198,8 +196,7 @@ pub(crate) fn open_whole(
 
 /// The refiner that comes with the program, on the engine that is asked for.
 pub(crate) fn shipped_refiner(args: &EngineArgs) -> Result<Refiner> {
-    let model = shipped::refiner()?;
-    Ok(Refiner::new(roi_runner(args, &model)?, model.config))
+    refiner(args, shipped::refiner()?)
 }
 
 /// A pipeline, and what the second stages and the road go by.
@@ -311,6 +308,16 @@ pub(crate) fn open_runner(args: &EngineArgs, path: &Path) -> Result<Box<dyn Runn
         EngineName::Libtorch => libtorch(args, &own_model(Some(path))?),
         engine => start(args, read(engine, Some(path))?.onnx, path),
     }
+}
+
+/// The refiner `model` on the engine that is asked for.
+pub(crate) fn refiner(args: &EngineArgs, model: RefinerModel) -> Result<Refiner> {
+    Ok(Refiner::new(roi_runner(args, &model)?, model.config))
+}
+
+/// The plate reader `model` on the engine that is asked for.
+pub(crate) fn plate_reader(args: &EngineArgs, model: PlateReaderModel) -> Result<PlateReader> {
+    Ok(PlateReader::new(roi_runner(args, &model)?, model.config))
 }
 
 /// The network of a second stage on the engine that is asked for.

@@ -1,30 +1,31 @@
-//! What a model in training is worth: its detector alone looks at held-out frames.
+//! What a model in training is worth on held-out frames: a detector alone, a second stage behind the shipped detector.
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use farsight_core::detection::DecodeOptions;
-use farsight_data::{KittiDataset, read_image};
+use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Group, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, Frame};
+use farsight_methods::plate_reader::PlateReaderModel;
+use farsight_methods::refiner::RefinerModel;
 use farsight_train::config::ValidateConfig;
 
 use super::eval::MIN_SCORE;
-use crate::engines::{EngineArgs, open_detector};
+use crate::engines::{EngineArgs, open_detector, open_shipped, plate_reader, refiner, shipped_refiner};
 use crate::pipeline::Pipeline;
 
 /// AP and distance errors of Moderate cars, by name.
 pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>> {
-    let dataset = KittiDataset::open(&config.root, Some(&config.split))?;
+    let dataset = open_labelled(&config.root, Some(&config.split))?;
     let count = if config.limit == 0 { dataset.len() } else { config.limit.min(dataset.len()) };
-    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
-    let (detector, _) = open_detector(&EngineArgs::default(), Some(model))?;
-    let mut pipeline = Pipeline::new(Box::new(detector), options);
+    let mut pipeline = pipeline_of(model)?;
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
     for index in 0..count {
-        let found = pipeline.detect(&read_image(&dataset.image_path(index))?, &dataset.load_camera(index)?)?;
-        evaluation.add(&Frame::new(dataset.ids()[index].clone(), dataset.load_labels(index)?, found));
+        let found = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
+        let found = found.with_context(|| dataset.origin(index))?;
+        evaluation.add(&Frame::new(dataset.id(index), dataset.labels(index)?, found));
     }
     let report = evaluation.report();
     let ap = |set, metric| {
@@ -41,4 +42,20 @@ pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(St
     ];
     measured.extend(cars.metrics.get(RangingMetric::MaeZ).map(|mae_m| ("mae_m".to_owned(), mae_m)));
     Ok(measured)
+}
+
+/// The model in the file `model` with what it needs in front of it, and nothing behind it.
+fn pipeline_of(model: &Path) -> Result<Pipeline> {
+    let args = EngineArgs::default();
+    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
+    let shipped_detector = || anyhow::Ok(Pipeline::new(Box::new(open_shipped()?), options));
+    if RefinerModel::is_one(model) {
+        return Ok(shipped_detector()?.with_refiner(refiner(&args, RefinerModel::read(model)?)?));
+    }
+    if PlateReaderModel::is_one(model) {
+        let refined = shipped_detector()?.with_refiner(shipped_refiner(&args)?);
+        return Ok(refined.with_plate_reader(plate_reader(&args, PlateReaderModel::read(model)?)?));
+    }
+    let (detector, _) = open_detector(&args, Some(model))?;
+    Ok(Pipeline::new(Box::new(detector), options))
 }
