@@ -9,11 +9,11 @@ use farsight_core::{Box3d, Camera, Dimensions};
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::NetworkConfig;
 use farsight_methods::smoke::targets::{ObjectTarget, Targets, feature_camera};
-use farsight_train::adam::Adam;
 use farsight_methods::smoke::train::SmokeRun;
-use farsight_methods::smoke::{LOGITS, REGRESSION};
-use farsight_train::executor::{Mode, Network};
 use farsight_methods::smoke::train::loss::{BatchTargets, CORNER_DIVISOR_PER_IMAGE, CornerWeights, loss};
+use farsight_methods::smoke::{LOGITS, REGRESSION};
+use farsight_train::adam::Adam;
+use farsight_train::executor::{Mode, Network};
 use tch::{Device, Kind, Tensor};
 
 /// Objects in each image.

@@ -1,9 +1,8 @@
 //! Which methods can be trained: a config file says the method by its tag.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_train::config::{RunConfigError, method_of};
+use farsight_train::config::read_method;
 use farsight_train::training::{Callback, FileOptions, TrainError, fit_file};
 
 use crate::centernet3d::train::CenterNet3dTask;
@@ -27,12 +26,8 @@ pub const METHODS: [(&str, TrainFile); 4] = [
 /// # Errors
 /// When the file names no method that is known here, and as [`farsight_train::training::fit`].
 pub fn train(path: &Path, options: &FileOptions, callback: &mut dyn Callback) -> Result<PathBuf, TrainError> {
-    let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
-    let bad = |problem: String| RunConfigError::Value { path: path.into(), problem };
-    let known = || METHODS.iter().map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
-    let method = method_of(&text).map_err(|problem| bad(format!("{problem}: {}", known())))?;
-    let Some((_, train)) = METHODS.iter().find(|(tag, _)| *tag == method) else {
-        return Err(bad(format!("method is \"{method}\"; expected one of {}", known())).into());
-    };
+    let method = read_method(path, &METHODS.map(|(tag, _)| tag))?;
+    let train = METHODS.iter().find(|(tag, _)| *tag == method).map(|(_, train)| train);
+    let train = train.unwrap_or_else(|| unreachable!("a method that is known"));
     train(path, options, callback)
 }

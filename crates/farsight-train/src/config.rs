@@ -65,17 +65,19 @@ pub struct ValidateConfig {
     pub limit: usize,
 }
 
-/// The tag of the method in the text of a config file.
+/// The tag of the method that the config file at `path` is of, which must be one of `known`.
 ///
 /// # Errors
-/// When the text is no TOML or has no such field.
-pub fn method_of(text: &str) -> Result<String, String> {
-    let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
-    match table.get("method") {
-        Some(toml::Value::String(method)) => Ok(method.clone()),
-        Some(other) => Err(format!("method is {other}; expected the name of one")),
-        None => Err("method is missing; expected the name of one".to_owned()),
-    }
+/// When the file cannot be read, is no TOML, or names no method that is known.
+pub fn read_method(path: &Path, known: &[&str]) -> Result<String, RunConfigError> {
+    let table: toml::Table = parsed(path)?;
+    let found = match table.get("method") {
+        Some(toml::Value::String(method)) if known.contains(&method.as_str()) => return Ok(method.clone()),
+        Some(other) => other.to_string(),
+        None => "missing".to_owned(),
+    };
+    let problem = format!("method is {found}; expected one of {}", known.join(", "));
+    Err(RunConfigError::Value { path: path.into(), problem })
 }
 
 /// Where the frames come from.
@@ -250,17 +252,10 @@ pub enum RunConfigError {
     },
 }
 
-/// Reads a TOML file of which `problem` says what is wrong with its values.
-fn read_checked<T: DeserializeOwned>(
-    path: &Path,
-    problem: impl Fn(&T) -> Option<String>,
-) -> Result<T, RunConfigError> {
+/// What stands in a TOML file.
+fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T, RunConfigError> {
     let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
-    let config: T = toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
-    match problem(&config) {
-        Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
-        None => Ok(config),
-    }
+    toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })
 }
 
 impl<M: NetworkConfig, C: TaskConfig> RunConfig<M, C> {
@@ -269,7 +264,11 @@ impl<M: NetworkConfig, C: TaskConfig> RunConfig<M, C> {
     /// # Errors
     /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
     pub fn read(path: &Path) -> Result<Self, RunConfigError> {
-        read_checked(path, Self::problem)
+        let config: Self = parsed(path)?;
+        match config.problem() {
+            Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
+            None => Ok(config),
+        }
     }
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.

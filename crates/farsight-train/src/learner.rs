@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use farsight_graph::graph::Graph;
 use farsight_graph::init::initial_weights;
-use farsight_graph::weights::Weights;
 use farsight_graph::model::ATTRIBUTION_KEY;
+use farsight_graph::weights::Weights;
 use serde::Serialize;
 use tch::{Device, Tensor};
 
@@ -104,7 +104,7 @@ impl Learner {
         Ok(norm)
     }
 
-    /// A step that teaches nothing: it counts, so that a run that goes on counts as it did.
+    /// A step without a gradient: it counts, so that a run that goes on counts as it did.
     pub fn rest(&mut self) {
         self.adam.rest();
         self.follow();
@@ -124,13 +124,17 @@ impl Learner {
         weights
     }
 
+    /// [`Learner::weights`] as a run that ended here would leave them: the running means, if they are kept.
+    pub fn final_weights(&self) -> Weights {
+        let mut weights = self.weights();
+        if let Some(averages) = &self.averages {
+            averages.replace(&mut weights);
+        }
+        weights
+    }
+
     /// Writes a checkpoint, whole or not at all.
-    pub fn write(
-        &self,
-        path: &Path,
-        progress: Progress,
-        identity: &impl Serialize,
-    ) -> Result<(), CheckpointError> {
+    pub fn write(&self, path: &Path, progress: Progress, identity: &impl Serialize) -> Result<(), CheckpointError> {
         let mut weights = self.weights();
         self.adam.store(&mut weights);
         if let Some(averages) = &self.averages {

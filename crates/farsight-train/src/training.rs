@@ -11,7 +11,7 @@ use farsight_data::{
 };
 use farsight_files::{DurableError, write_atomically};
 use farsight_graph::graph::Graph;
-use farsight_graph::model::ModelError;
+use farsight_graph::model::{Model, ModelError};
 use farsight_graph::weights::{Weights, WeightsError};
 use farsight_onnx::key;
 use farsight_synth::{SceneDataset, SceneStream};
@@ -23,7 +23,7 @@ use crate::config::{DataConfig, RunConfig, RunConfigError, ValidateConfig};
 use crate::executor::{ExecutorError, Mode};
 use crate::learner::Learner;
 use crate::metrics::{Metrics, MetricsWriter, Step, StepSummary, Window};
-use crate::task::{RunOf, StepOutput, Task};
+use crate::task::{RunOf, Sampler, StepOutput, Task};
 
 pub use crate::learner::Loaded;
 
@@ -192,20 +192,24 @@ pub fn fit<T: Task>(job: &Job<RunOf<T>>, callback: &mut dyn Callback) -> Result<
     let Job { run, out, resume } = job;
     let train = &run.train;
     crate::set_threads((train.threads > 0).then_some(train.threads));
+    if let Some(ValidateConfig { root, split, .. }) = &run.validate {
+        // What cannot be measured on is told before the first step.
+        open_labelled(root, Some(split))?;
+    }
     let source = dataset(&run.data, train.seed)?;
     let frames = if run.data.limit == 0 { source.len() } else { run.data.limit.min(source.len()) };
-    let sampler = std::sync::Arc::new(T::sampler(run, source)?);
+    let sampler = Arc::new(T::sampler(run, source)?);
     prepare_folder(out, *resume)?;
     let start = train.start_from.as_deref().map(Weights::read).transpose()?;
     let (task, graph) = T::new(run, start.as_ref())?;
-    let mut trainer = Trainer { job, task, frames, sample: move || sampler.clone() };
+    let trainer = Trainer { job, task, frames, sampler };
     let (mut learner, progress) = trainer.learner(graph)?;
     let progress = trainer.run(&mut learner, progress, callback)?;
     if let Some(count) = train.statistics_batches {
         trainer.gather_statistics(&learner, count)?;
     }
     let path = out.join(T::MODEL_FILE);
-    trainer.model(&learner, progress)?.write(&path)?;
+    trainer.model(learner.weights(), progress)?.write(&path)?;
     Ok(path)
 }
 
@@ -240,16 +244,16 @@ pub fn fit_file<T: Task>(
 }
 
 /// A run whose data are open and whose folder is there.
-struct Trainer<'a, T: Task, F> {
+struct Trainer<'a, T: Task> {
     job: &'a Job<RunOf<T>>,
     task: T,
     /// Frames in an epoch.
     frames: usize,
     /// What makes the samples.
-    sample: F,
+    sampler: Arc<Sampler<T::Sample>>,
 }
 
-impl<T: Task, F: Fn() -> std::sync::Arc<crate::task::Sampler<T::Sample>>> Trainer<'_, T, F> {
+impl<T: Task> Trainer<'_, T> {
     fn checkpoint_path(&self) -> PathBuf {
         self.job.out.join(CHECKPOINT_FILE)
     }
@@ -276,13 +280,13 @@ impl<T: Task, F: Fn() -> std::sync::Arc<crate::task::Sampler<T::Sample>>> Traine
             start,
             epochs,
         };
-        let sampler = (self.sample)();
+        let sampler = Arc::clone(&self.sampler);
         Loader::new(&config, move |key: ItemKey| sampler(key))
     }
 
     /// What is left of the run after `progress`: steps, checkpoints, metrics, validation. In the end the network has the weights that the run is for.
     fn run(
-        &mut self,
+        &self,
         learner: &mut Learner,
         mut progress: Progress,
         callback: &mut dyn Callback,
@@ -360,7 +364,7 @@ impl<T: Task, F: Fn() -> std::sync::Arc<crate::task::Sampler<T::Sample>>> Traine
         callback: &mut dyn Callback,
     ) -> Result<Vec<(String, f64)>, TrainError> {
         let path = self.job.out.join(VALIDATED_FILE);
-        self.model(learner, progress)?.write(&path)?;
+        self.model(learner.final_weights(), progress)?.write(&path)?;
         callback.validate(progress.steps, &path, config).map_err(TrainError::Validate)
     }
 
@@ -380,14 +384,9 @@ impl<T: Task, F: Fn() -> std::sync::Arc<crate::task::Sampler<T::Sample>>> Traine
         Ok(())
     }
 
-    /// The model as it is now.
-    fn model(
-        &self,
-        learner: &Learner,
-        progress: Progress,
-    ) -> Result<farsight_graph::model::Model<T::Model>, ModelError> {
+    /// The model with these weights, and what is known of its training.
+    fn model(&self, mut weights: Weights, progress: Progress) -> Result<Model<T::Model>, ModelError> {
         let RunConfig { train, data, .. } = &self.job.run;
-        let mut weights = learner.weights();
         let facts = serde_json::json!({
             "steps": progress.steps,
             "epochs": train.epochs,

@@ -19,7 +19,7 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RunFile {
-    method: String,
+    method: Option<String>,
     #[serde(default)]
     model: toml::Table,
     #[serde(default, rename = "data")]
@@ -56,12 +56,15 @@ pub(crate) fn is_config(path: &Path) -> bool {
 /// What the config of a training says about what it trains.
 pub(crate) fn read(path: &Path) -> Result<Untrained> {
     let RunFile { method, model, .. } = RunFile::read(path)?;
-    Ok(match method.as_str() {
-        SmokeConfig::METHOD => Untrained::Detector(model_config(model, path)?),
-        RefinerConfig::METHOD => Untrained::Refiner(model_config(model, path)?),
-        PlateReaderConfig::METHOD => Untrained::Plates(model_config(model, path)?),
-        other => bail!("{}: method is \"{other}\"; no such method is known here", path.display()),
-    })
+    let found = match method.as_deref() {
+        Some(SmokeConfig::METHOD) => return Ok(Untrained::Detector(model_config(model, path)?)),
+        Some(RefinerConfig::METHOD) => return Ok(Untrained::Refiner(model_config(model, path)?)),
+        Some(PlateReaderConfig::METHOD) => return Ok(Untrained::Plates(model_config(model, path)?)),
+        Some(other) => format!("\"{other}\""),
+        None => "missing".to_owned(),
+    };
+    let known = [SmokeConfig::METHOD, RefinerConfig::METHOD, PlateReaderConfig::METHOD].join(", ");
+    bail!("{}: method is {found}; expected one of {known}", path.display())
 }
 
 fn model_config<C: NetworkConfig>(table: toml::Table, path: &Path) -> Result<C> {

@@ -99,7 +99,7 @@ fn from_real_frames_to_metres() {
     let [config, run, pictures, rows] =
         ["config.toml", "run", "pictures", "rows"].map(|name| text(&folder.path().join(name)));
     let json = text(&folder.path().join("answer.json"));
-    let small = "[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
+    let small = "method = \"smoke\"\n[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
                  [data]\nlimit = 2\n[train]\nepochs = 2\nbatch_size = 2\n";
     fs::write(&config, small).unwrap();
     let train = farsight(&["train", "--config", &config, "--data", &text(&frames), "--out", &run]);

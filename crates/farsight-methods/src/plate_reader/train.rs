@@ -4,8 +4,8 @@ mod samples;
 
 use std::sync::Arc;
 
-use farsight_data::annotations::Plates;
 use farsight_data::Dataset;
+use farsight_data::annotations::Plates;
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::model::{ModelError, NetworkConfig};
 use farsight_graph::weights::Weights;

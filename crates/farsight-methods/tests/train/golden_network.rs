@@ -9,9 +9,9 @@ use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::Weights;
 use farsight_methods::smoke::import::is_dead;
 use farsight_methods::smoke::targets::ObjectTarget;
+use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, RegressionCell, loss};
 use farsight_methods::smoke::{Codec, LOGITS, REGRESSION, SmokeConfig};
 use farsight_train::executor::{Mode, Network, Precision, doubles_from_tensor, values_from_tensor, weight_from_tensor};
-use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, RegressionCell, loss};
 use farsight_train::losses::focal_loss;
 use tch::{Device, Kind, Tensor, no_grad};
 
@@ -165,12 +165,12 @@ fn gradient_targets(g: &Golden) -> BatchTargets {
 }
 
 /// Names and values of the four losses, and of the gradients of all parameters.
-struct Lesson {
+struct Backward {
     losses: [(&'static str, f64); 4],
     gradients: Vec<(String, Tensor)>,
 }
 
-fn tiny_lesson(g: &Golden, precision: Precision) -> Lesson {
+fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
     let config = tiny_config(NormKind::Group);
     let network = golden_network(&config, &[&golden("net_tiny_weights")], precision);
     let taps = [LOGITS, REGRESSION].map(|name| network.graph().tap(name).unwrap());
@@ -181,9 +181,9 @@ fn tiny_lesson(g: &Golden, precision: Precision) -> Lesson {
         network.learnt().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone())).unzip();
     let gradients = Tensor::run_backward(&[objective], &leaves, false, false);
     // Two projections are in every checkpoint and in no pass: the reference has a gradient of zero for them.
-    let taught = g.keys().filter_map(|name| name.strip_prefix("grad.")).filter(|name| !is_dead(name));
-    assert_eq!(gradients.len(), taught.count());
-    Lesson {
+    let learnt = g.keys().filter_map(|name| name.strip_prefix("grad.")).filter(|name| !is_dead(name));
+    assert_eq!(gradients.len(), learnt.count());
+    Backward {
         losses: [
             ("loss_focal", terms.heat_map),
             ("loss_ori", terms.orientation),
@@ -197,24 +197,24 @@ fn tiny_lesson(g: &Golden, precision: Precision) -> Lesson {
 #[test]
 fn losses_and_gradients_of_the_tiny_network() {
     let g = golden("net_tiny_grad_gn");
-    let lesson = tiny_lesson(&g, Precision::F64);
-    for (name, value) in lesson.losses {
+    let backward = tiny_backward(&g, Precision::F64);
+    for (name, value) in backward.losses {
         assert_exact(name, &Tensor::from(value), &g[name]);
     }
-    for (name, gradient) in &lesson.gradients {
+    for (name, gradient) in &backward.gradients {
         assert_exact(name, gradient, &g[name]);
     }
 }
 
 #[test]
-fn single_precision_teaches_the_same() {
+fn single_precision_gives_the_same_gradients() {
     let g = golden("net_tiny_grad_gn");
-    let lesson = tiny_lesson(&g, Precision::F32);
-    for (name, value) in lesson.losses {
+    let backward = tiny_backward(&g, Precision::F32);
+    for (name, value) in backward.losses {
         assert_close_relative(name, &Tensor::from(value), &g[name], LOSS, 0.0);
     }
     let mut lengths = [0.0; 2];
-    for (name, gradient) in &lesson.gradients {
+    for (name, gradient) in &backward.gradients {
         assert_close_relative(name, gradient, &g[name], GRADIENT, ZERO_GRADIENT);
         let [found, expected] = known(gradient, &g[name]);
         lengths[0] += (found - &expected).square().sum(Kind::Double).double_value(&[]);

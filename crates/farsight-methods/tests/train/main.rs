@@ -17,3 +17,4 @@ mod refiner;
 mod resume;
 mod tiny;
 mod training;
+mod validation;

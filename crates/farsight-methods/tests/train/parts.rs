@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::tiny::{Silent, data_set, run_config};
-use farsight_methods::smoke::network::Backbone;
-use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 use farsight_graph::weights::Weights;
-use farsight_train::config::ValidateConfig;
+use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
-use farsight_train::training::fit;
+use farsight_methods::smoke::{SmokeConfig, SmokeModel};
+use farsight_train::config::ValidateConfig;
 use farsight_train::metrics::StepSummary;
-use farsight_train::training::{Start, Job, Callback};
+use farsight_train::training::fit;
+use farsight_train::training::{Callback, Job, Start};
 
 /// The features, without the pyramid and the heads.
 const BODY: &str = "backbone.body.";

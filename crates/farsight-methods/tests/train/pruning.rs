@@ -1,12 +1,12 @@
 //! Pruning removes the channels that say nothing, and then the network answers as before.
 
-use farsight_graph::layers::{Msfe, NeckKind, NormKind};
-use farsight_graph::model::NetworkConfig;
-use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 use farsight_graph::graph::{Graph, Op, ParameterId};
 use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{Msfe, NeckKind, NormKind};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::prune::prune;
 use farsight_graph::weights::Weights;
+use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 use farsight_onnx::INPUT as IMAGE;
 use farsight_runtime::{Runner, TensorView};
 use farsight_train::runner::TorchRunner;

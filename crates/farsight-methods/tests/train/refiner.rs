@@ -3,24 +3,26 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_methods::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of};
 use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
 use farsight_data::kitti::write_results;
 use farsight_data::{AugmentationConfig, network_input};
-use farsight_methods::refiner::{Refiner, Sides};
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::NetworkConfig;
+use farsight_graph::weights::{WeightTensor, Weights};
+use farsight_methods::refiner::geometry::{
+    Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of,
+};
+use farsight_methods::refiner::train::{RefinerRun, RefinerTask, RefinerTaskConfig};
+use farsight_methods::refiner::{Refiner, Sides};
+use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::roi::runner::onnx;
 use farsight_methods::roi::{ANSWER, RoiRunner};
+use farsight_methods::training::train;
 use farsight_onnx::Target;
 use farsight_runtime::RtenRunner;
-use farsight_methods::refiner::{RefinerConfig, RefinerModel};
-use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_train::config::{DataConfig, TrainConfig, ValidateConfig};
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
 use farsight_train::metrics::StepSummary;
-use farsight_methods::refiner::train::{RefinerRun, RefinerTask, RefinerTaskConfig};
-use farsight_methods::training::train;
 use farsight_train::training::{Callback, FileOptions, Job, Start, TrainError, fit};
 use image::{Rgb, RgbImage};
 use tch::{Device, Tensor, no_grad};
@@ -97,15 +99,14 @@ fn a_small_refiner_learns_a_small_set() {
     let mut run = run(folder.path());
     run.train.epochs = 400;
     let (_, kept) = trained(&run, &folder.path().join("run"), false).unwrap();
-    let mean = |records: &[StepSummary]| {
-        records.iter().map(|r| metric(r, "depth_error")).sum::<f64>() / records.len() as f64
-    };
+    let mean =
+        |records: &[StepSummary]| records.iter().map(|r| metric(r, "depth_error")).sum::<f64>() / records.len() as f64;
     let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
     assert!(last < 0.3 * first, "depths off by {first} to {last}");
 }
 
 #[test]
-fn false_alarms_teach_what_nothing_looks_like() {
+fn false_positives_are_the_background_class() {
     let folder = data_set(4);
     let mut run = run(folder.path());
     run.train.epochs = 300;
@@ -233,11 +234,15 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("method = \"refiner\"\n[model]\nsides = 96", "unknown field `sides`"),
         ("method = \"refiner\"\n[data.rendered]\n[task]\ndetections = \"x\"", "task.detections needs data.root"),
         ("method = \"refiner\"\n[task]\nimage_weight = 1", "unknown field `image_weight`"),
-        ("method = \"refiner\"\n[validate]\nroot = \"x\"\nsplit = \"val\"\nevery_steps = 0", "validate.every_steps is 0"),
+        (
+            "method = \"refiner\"\n[validate]\nroot = \"x\"\nsplit = \"val\"\nevery_steps = 0",
+            "validate.every_steps is 0",
+        ),
         ("method = \"plate_reader\"\n[model]\nside = 70", "model.side is 70; expected a multiple of 8"),
         ("method = \"plate_reader\"\n[task]\ndetections = \"x\"", "unknown field `detections`"),
+        ("method = \"refiner\nepochs = 1", "TOML parse error at line 1"),
         ("method = \"yolo\"", "method is \"yolo\"; expected one of smoke, refiner, plate_reader"),
-        ("[model]\nside = 96", "method is missing; expected the name of one: smoke, refiner, plate_reader"),
+        ("[model]\nside = 96", "method is missing; expected one of smoke, refiner, plate_reader"),
     ] {
         let error = error(text);
         assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");

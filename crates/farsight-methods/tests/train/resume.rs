@@ -9,8 +9,8 @@ use std::time::Duration;
 use crate::tiny::{Silent, data_set, run_config};
 use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
 use farsight_train::task::Task;
-use farsight_train::training::fit;
 use farsight_train::training::Job;
+use farsight_train::training::fit;
 
 /// Where the child finds its data; its presence makes [`child_process`] do something.
 const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";

@@ -3,16 +3,16 @@
 use std::fs;
 use std::path::Path;
 
-use farsight_methods::smoke::targets::Targets;
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_data::AugmentationConfig;
 use farsight_data::kitti::{Calibration, write_labels};
 use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::targets::Targets;
 use farsight_methods::smoke::train::{SmokeRun, SmokeTaskConfig};
 use farsight_train::config::{DataConfig, TrainConfig, ValidateConfig};
 use farsight_train::metrics::StepSummary;
-use farsight_train::training::{Start, Callback};
+use farsight_train::training::{Callback, Start};
 use image::{Rgb, RgbImage};
 
 const IMAGE_SIZE: [u32; 2] = [200, 64];

@@ -5,18 +5,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::tiny::{Silent, data_set, run_config};
-use farsight_methods::smoke::corner_loss::corner_loss;
-use farsight_graph::layers::NormKind;
 use farsight_graph::graph::Role;
-use farsight_methods::smoke::SmokeModel;
+use farsight_graph::layers::NormKind;
 use farsight_graph::weights::Weights;
-use farsight_train::config::{RenderedConfig, ValidateConfig};
-use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
-use farsight_train::training::fit;
-use farsight_train::executor::{Precision, values_from_tensor};
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::corner_loss::corner_loss;
 use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
+use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
+use farsight_train::config::{RenderedConfig, ValidateConfig};
+use farsight_train::executor::{Precision, values_from_tensor};
 use farsight_train::metrics::{Metrics, StepSummary};
-use farsight_train::training::{Start, CHECKPOINT_FILE, Job, Callback, TrainError};
+use farsight_train::training::fit;
+use farsight_train::training::{CHECKPOINT_FILE, Callback, Job, Start, TrainError};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -26,7 +26,10 @@ fn the_same_seed_gives_the_same_weights_for_any_number_of_workers() {
         let mut run = run_config(folder.path());
         run.data.workers = workers;
         let out = folder.path().join(name);
-        SmokeModel::read(&fit::<SmokeTask>(&Job { run, out, resume: false }, &mut Silent::default()).unwrap()).unwrap().weights.tensors
+        SmokeModel::read(&fit::<SmokeTask>(&Job { run, out, resume: false }, &mut Silent::default()).unwrap())
+            .unwrap()
+            .weights
+            .tensors
     };
     assert!(model("one", 1) == model("three", 3));
 }
@@ -51,7 +54,8 @@ fn a_loss_that_is_not_finite_stops_the_run_and_leaves_the_last_checkpoint() {
     run.train.epochs = 50;
     run.train.learning_rate = 1e20;
     let out = folder.path().join("run");
-    let error = fit::<SmokeTask>(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut Silent::default()).unwrap_err();
+    let error = fit::<SmokeTask>(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut Silent::default())
+        .unwrap_err();
     let TrainError::NotFinite { step, what, frames, .. } = &error else { panic!("{error}") };
     assert!(what.contains("loss term") || what.contains("gradient"), "{what}");
     assert_eq!(frames.len(), 2);
@@ -204,7 +208,7 @@ fn the_surface_loss_is_a_relative_error_and_leaves_the_sky_out() {
 }
 
 #[test]
-fn the_surface_is_taught_and_its_head_left_out_of_the_model() {
+fn the_surface_is_learnt_and_its_head_left_out_of_the_model() {
     let folder = tempfile::tempdir().unwrap();
     let mut run = run_config("unused".as_ref());
     run.data.root = None;

@@ -1,7 +1,7 @@
 //! The optimiser's steps against PyTorch's `torch.optim.Adam`, and what decay, bias factor and clipping mean.
 
-use farsight_graph::layers::{Builder, NormKind};
 use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{Builder, NormKind};
 use farsight_graph::weights::Weights;
 use farsight_train::adam::{Adam, AdamSettings};
 use farsight_train::executor::{Network, Precision, doubles_from_tensor};

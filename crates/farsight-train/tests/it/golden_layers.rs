@@ -1,9 +1,9 @@
 //! Single layers and the focal loss against reference tensors, all in double precision.
 
 use crate::golden_support::{Golden, assert_exact, golden, gradients_along, leaf};
-use farsight_graph::layers::{Builder, NormKind};
 use farsight_graph::graph::{Op, Window};
 use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{Builder, NormKind};
 use farsight_train::deform::deformable_samples;
 use farsight_train::executor::{Mode, Network, Precision, weight_from_tensor};
 use farsight_train::losses::focal_loss;

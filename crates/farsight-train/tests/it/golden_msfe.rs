@@ -1,9 +1,9 @@
 //! The three designs of MSFE, each on its own, against reference tensors, in double precision: outputs and gradients.
 
 use crate::golden_support::{assert_exact, golden, gradients_along, leaf};
-use farsight_graph::layers::{Builder, NormKind, msfe};
 use farsight_graph::graph::Graph;
 use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{Builder, NormKind, msfe};
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_train::executor::{Mode, Network, Precision, weight_from_tensor};
 use tch::{Device, Tensor};

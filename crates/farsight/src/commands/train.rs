@@ -105,12 +105,7 @@ mod progress {
             }
         }
 
-        fn validate(
-            &mut self,
-            step: u64,
-            model: &Path,
-            config: &ValidateConfig,
-        ) -> Result<Vec<(String, f64)>, String> {
+        fn validate(&mut self, step: u64, model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
             let measured = validated(model, config).map_err(|error| format!("{error:#}"))?;
             let shown: Vec<String> = measured.iter().map(|(name, value)| format!("{name} {value:.3}")).collect();
             self.printer.status(&format!("step {step}: {}", shown.join("  ")));

@@ -1,4 +1,4 @@
-//! What a model in training is worth: its detector alone looks at held-out frames.
+//! What a model in training is worth on held-out frames: a detector alone, a second stage behind the shipped detector.
 
 use std::path::Path;
 
@@ -9,6 +9,8 @@ use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Group, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, Frame};
+use farsight_methods::plate_reader::PlateReaderModel;
+use farsight_methods::refiner::RefinerModel;
 use farsight_train::config::ValidateConfig;
 
 use super::eval::MIN_SCORE;
@@ -17,10 +19,7 @@ use super::eval::MIN_SCORE;
 pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>> {
     let dataset = open_labelled(&config.root, Some(&config.split))?;
     let count = if config.limit == 0 { dataset.len() } else { config.limit.min(dataset.len()) };
-    // The detector alone.
-    let builder = Pipeline::builder().model(ModelSource::File(model.to_owned()));
-    let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
-    let pipeline = builder.min_score(MIN_SCORE).open()?;
+    let pipeline = pipeline_of(model)?;
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
     for index in 0..count {
         let found = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
@@ -42,4 +41,18 @@ pub(super) fn validated(model: &Path, config: &ValidateConfig) -> Result<Vec<(St
     ];
     measured.extend(cars.metrics.get(RangingMetric::MaeZ).map(|mae_m| ("mae_m".to_owned(), mae_m)));
     Ok(measured)
+}
+
+/// The model in the file `model` with what it needs in front of it, and nothing behind it.
+fn pipeline_of(model: &Path) -> Result<Pipeline> {
+    let file = model.to_owned();
+    let builder = Pipeline::builder().road(Road::Ignored).min_score(MIN_SCORE);
+    let builder = if RefinerModel::is_one(model) {
+        builder.refiner(StageSource::File(file)).plates(StageSource::Off)
+    } else if PlateReaderModel::is_one(model) {
+        builder.plates(StageSource::File(file))
+    } else {
+        builder.model(ModelSource::File(file)).refiner(StageSource::Off).plates(StageSource::Off)
+    };
+    Ok(builder.open()?)
 }

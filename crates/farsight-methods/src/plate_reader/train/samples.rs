@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use farsight_core::Box3d;
 use farsight_data::annotations::Plates;
-use farsight_data::{Dataset, DatasetError, AugmentationConfig, Frame, ItemKey, Transform};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use farsight_core::{Box3d, Label};
-use farsight_data::{Dataset, DatasetError, AugmentationConfig, Frame, ItemKey, Transform};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 

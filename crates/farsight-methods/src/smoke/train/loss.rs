@@ -31,7 +31,7 @@ pub struct LossTerms {
     pub location: f64,
     /// Corner loss of the predicted box as the image shows it.
     pub image: f64,
-    /// Error of the surface's depth; zero where it is not taught.
+    /// Error of the surface's depth; zero where it is not learnt.
     pub surface: f64,
 }
 
@@ -147,18 +147,18 @@ impl BatchTargets {
         let map_size @ [width, height] = images.first().map_or([0, 0], |t| t.map_size);
         let values: Vec<f32> = images.iter().flat_map(|t| &t.heat_map).copied().collect();
         let shape = [images.len() as i64, -1, height as i64, width as i64];
-        let taught = images.iter().enumerate().filter(|&(i, _)| regress[i]);
+        let regressed = images.iter().enumerate().filter(|&(i, _)| regress[i]);
         let whole = |image: usize, object: &ObjectTarget| RegressionCell { image, object: object.clone(), share: 1.0 };
         Self {
             heat_map: Tensor::from_slice(&values).view(shape).to_device(device),
-            cells: taught.flat_map(|(i, t)| t.objects.iter().map(move |object| whole(i, object))).collect(),
+            cells: regressed.flat_map(|(i, t)| t.objects.iter().map(move |object| whole(i, object))).collect(),
             cameras: images.iter().map(|t| t.camera).collect(),
             map_size,
             surface_m: None,
         }
     }
 
-    /// The same objects, each taught at its own cell and at those up to `reach` cells away, which share its weight: a peak that is a cell off then finds
+    /// The same objects, each learnt at its own cell and at those up to `reach` cells away, which share its weight: a peak that is a cell off then finds
     /// an answer too. Cells that are another object's own are left to it.
     pub fn with_neighbours(self, reach: usize) -> Self {
         let own: HashSet<(usize, [usize; 2])> = self.cells.iter().map(|cell| (cell.image, cell.object.cell)).collect();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use farsight_core::input::InputRules;
-use farsight_data::{Dataset, DatasetError, AugmentationConfig, ItemKey};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
 use tch::{Device, Tensor};
 
 use super::loss::BatchTargets;
