@@ -186,7 +186,7 @@ class Objective:
 
 
 def smoke_config(neck, kind, width, size):
-    return f'[model]\ninput = {list(size)}\nwidth = {width}\nnorm = "{kind}"\nneck = "{neck}"\n'
+    return f'method = "smoke"\n[model]\ninput = {list(size)}\nwidth = {width}\nnorm = "{kind}"\nneck = "{neck}"\n'
 
 
 def main():

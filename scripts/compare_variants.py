@@ -20,6 +20,8 @@ DYNAMIC = '{ rule = "dynamic", alpha = 0.12, min_radius = 1.0, max_radius = 16.0
 VARIANTS = [("smoke", "none", CORNER_NET), ("clff", "a", CORNER_NET), ("dgh", "none", DYNAMIC), ("both", "a", DYNAMIC)]
 
 CONFIG = """\
+method = "smoke"
+
 [model]
 input = [{width}, {height}]
 width = {factor}
@@ -41,10 +43,12 @@ learning_rate = 1e-3
 weight_decay = 1e-4
 warm_up_steps = 100
 clip_norm = 35.0
-neighbour_cells = 1
 precision = "{precision}"
 checkpoint_steps = 500
 log_steps = 50
+
+[task]
+neighbour_cells = 1
 """
 AP_ROWS = [("2d", "2D"), ("bev", "BEV"), ("3d", "3D")]
 COLUMNS = "car, AP at 40 points (Easy / Moderate / Hard); overlap 0.7, and 0.5 (loose); ranging of Moderate cars"

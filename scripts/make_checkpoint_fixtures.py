@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the checkpoints that the import tests of farsight-net read.
+"""Writes the checkpoints that the import tests read.
 
     make_checkpoint_fixtures.py                    the committed fixtures, a few tens of kB each
     make_checkpoint_fixtures.py --golden DIR OUT   the golden networks of DIR (net_tiny, net_full) as checkpoints in OUT, 400 MB
@@ -21,7 +21,7 @@ import numpy
 import torch
 
 ROOT = Path(__file__).resolve().parent.parent
-FIXTURES = ROOT / "crates/farsight-net/tests/fixtures"
+FIXTURES = ROOT / "crates/farsight-methods/tests/fixtures"
 WIDTH = 16
 POOL_LENGTH = 4400
 # How many maps the root of a tree joins (spec section 2.3).

@@ -18,6 +18,11 @@ pub enum HeatMapRule {
         /// Overlap that a box moved by the radius must keep.
         min_overlap: f64,
     },
+    /// The CornerNet radius as its authors' code has it, several times larger than what the formula is for, cut to whole cells.
+    CornerNetOriginal {
+        /// Overlap that a box moved by the radius was meant to keep.
+        min_overlap: f64,
+    },
     /// DGH as the paper words it: `alpha * sqrt(w h)`, rounded to whole cells.
     DynamicInteger {
         /// Share of `sqrt(w h)`.
@@ -48,6 +53,9 @@ impl HeatMapRule {
         let radius = match *self {
             Self::Fixed { radius } => radius,
             Self::CornerNet { min_overlap } => cornernet_radius(width, height, min_overlap).trunc().max(0.0),
+            Self::CornerNetOriginal { min_overlap } => {
+                cornernet_original_radius(width, height, min_overlap).trunc().max(0.0)
+            }
             Self::DynamicInteger { alpha, min_radius, max_radius } => {
                 (dynamic(alpha) + 0.5).floor().clamp(min_radius, max_radius)
             }
@@ -65,7 +73,7 @@ impl HeatMapRule {
         match *self {
             Self::Fixed { radius } => (!(0.0..=MOST_CELLS).contains(&radius))
                 .then(|| format!("heat map radius is {radius}; expected 0 to {MOST_CELLS} cells")),
-            Self::CornerNet { min_overlap } => (!(min_overlap > 0.0 && min_overlap < 1.0))
+            Self::CornerNet { min_overlap } | Self::CornerNetOriginal { min_overlap } => (!(min_overlap > 0.0 && min_overlap < 1.0))
                 .then(|| format!("heat map min_overlap is {min_overlap}; expected a number between 0 and 1")),
             Self::DynamicInteger { alpha, min_radius, max_radius }
             | Self::Dynamic { alpha, min_radius, max_radius } => positive("alpha", alpha).or_else(|| {
@@ -86,6 +94,16 @@ pub fn cornernet_radius(width: f64, height: f64, t: f64) -> f64 {
     let r1 = (sum - (sum * sum - 4.0 * area * (1.0 - t) / (1.0 + t)).sqrt()) / 2.0;
     let r2 = (2.0 * sum - (4.0 * sum * sum - 16.0 * (1.0 - t) * area).sqrt()) / 8.0;
     let r3 = (-2.0 * t * sum + (4.0 * t * t * sum * sum + 16.0 * t * (1.0 - t) * area).sqrt()) / (8.0 * t);
+    r1.min(r2).min(r3)
+}
+
+/// The radius of the authors' code: of each quadratic equation the larger root, divided by two instead of twice its leading factor, cells.
+pub fn cornernet_original_radius(width: f64, height: f64, t: f64) -> f64 {
+    let (sum, area) = (width + height, width * height);
+    let root = |a: f64, b: f64, c: f64| f64::midpoint(b, (b * b - 4.0 * a * c).sqrt());
+    let r1 = root(1.0, sum, area * (1.0 - t) / (1.0 + t));
+    let r2 = root(4.0, 2.0 * sum, (1.0 - t) * area);
+    let r3 = root(4.0 * t, -2.0 * t * sum, (t - 1.0) * area);
     r1.min(r2).min(r3)
 }
 

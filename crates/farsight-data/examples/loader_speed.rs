@@ -1,4 +1,4 @@
-//! How many augmented training samples a second the loader prepares from a KITTI folder, and what they spend their time on.
+//! How many augmented training samples a second the loader prepares from a data set, and what they spend their time on.
 //!
 //! `cargo run --release -p farsight-data --example loader_speed -- --data DIR [--size 1280x384] [--workers 2] [--seconds 10]`
 #![allow(clippy::print_stdout)]
@@ -9,9 +9,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::{
-    AugmentationConfig, ItemKey, KittiDataset, Loader, LoaderConfig, Position, Sample, Transform, read_image,
+    AugmentationConfig, Dataset, DatasetError, ItemKey, Loader, LoaderConfig, Position, Sample, Transform, open_dataset,
 };
 
 /// Frames of which each stage is timed alone.
@@ -26,27 +25,27 @@ struct Arguments {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
-    let dataset = KittiDataset::open(Path::new(&arguments.data), None)?;
+    let dataset = open_dataset(Path::new(&arguments.data), None)?;
     let rules = InputRules { size: arguments.size, channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
     let policy = AugmentationConfig::default();
 
     println!("{} frames, input {}x{}", dataset.len(), rules.size[0], rules.size[1]);
-    breakdown(&dataset, &policy, &rules)?;
+    breakdown(&*dataset, &policy, &rules)?;
     let rate = samples_per_second(dataset, policy, rules, &arguments)?;
     println!("loader, {} workers: {rate:.1} samples/s", arguments.workers);
     Ok(())
 }
 
 /// Each stage on one thread, mean milliseconds a frame.
-fn breakdown(dataset: &KittiDataset, policy: &AugmentationConfig, rules: &InputRules) -> Result<(), DatasetError> {
+fn breakdown(dataset: &dyn Dataset, policy: &AugmentationConfig, rules: &InputRules) -> Result<(), DatasetError> {
     let frames = dataset.len().min(BREAKDOWN_FRAMES);
     let mean_ms = |total: Duration| total.as_secs_f64() * 1e3 / frames as f64;
     let [mut decode, mut text, mut augmented, mut plain] = [Duration::ZERO; 4];
     for index in 0..frames {
-        let (image, time) = timed(|| read_image(&dataset.image_path(index)));
+        let (image, time) = timed(|| dataset.image(index));
         let image = image?;
         decode += time;
-        text += timed(|| dataset.load_camera(index).and_then(|_| dataset.load_labels(index))).1;
+        text += timed(|| dataset.camera(index).and_then(|_| dataset.labels(index))).1;
         let size = [image.width() as usize, image.height() as usize];
         let mut rng = ItemKey { epoch: 0, index, seed: 0 }.rng();
         augmented += timed(|| policy.draw(&mut rng, size, rules).input(&image, rules)).1;
@@ -60,7 +59,7 @@ fn breakdown(dataset: &KittiDataset, policy: &AugmentationConfig, rules: &InputR
 }
 
 fn samples_per_second(
-    dataset: KittiDataset,
+    dataset: Arc<dyn Dataset>,
     policy: AugmentationConfig,
     rules: InputRules,
     arguments: &Arguments,
@@ -76,8 +75,7 @@ fn samples_per_second(
         start: Position::default(),
         epochs: None,
     };
-    let dataset = Arc::new(dataset);
-    let mut loader = Loader::new(&config, move |key| sample(&dataset, &policy, &rules, key))?;
+    let mut loader = Loader::new(&config, move |key| sample(&*dataset, &policy, &rules, key))?;
 
     let start = Instant::now();
     let mut samples = 0;
@@ -89,14 +87,13 @@ fn samples_per_second(
 }
 
 fn sample(
-    dataset: &KittiDataset,
+    dataset: &dyn Dataset,
     policy: &AugmentationConfig,
     rules: &InputRules,
     key: ItemKey,
 ) -> Result<Sample, DatasetError> {
-    let frame = dataset.load(key.index)?;
-    let size = [frame.image.width() as usize, frame.image.height() as usize];
-    Ok(policy.draw(&mut key.rng(), size, rules).apply(&frame, rules))
+    let frame = dataset.item(key)?;
+    Ok(policy.draw(&mut key.rng(), frame.image_size(), rules).apply(&frame, rules))
 }
 
 fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
@@ -122,7 +119,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
         }
     }
     if arguments.data.is_empty() {
-        return Err("--data is missing; expected a folder in KITTI's layout".into());
+        return Err("--data is missing; expected the folder of a data set".into());
     }
     Ok(arguments)
 }

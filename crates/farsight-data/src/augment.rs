@@ -6,19 +6,20 @@ use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::{ColorJitter, Detail, Reflections, Shade, Transform};
+use crate::{ColorJitter, Reflections, Shadow, Sharpness, Transform};
 
 /// How training images are varied.
 ///
-/// The default is the target paper's "flip, scale, colour jitter" with official SMOKE's numbers for the first two (spec section 8,
-/// items 2 and 3). The paper gives none for the jitter; those are ours.
+/// The default is the target paper's "flip, scale, colour jitter" with official SMOKE's numbers for the first two (spec
+/// section 8, items 2 and 3). The paper gives none for the jitter; those are ours.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AugmentationConfig {
     /// Share of images that are mirrored left to right.
     pub flip_probability: f64,
     /// Share of images of which another window is taken, shifted and scaled.
-    pub window_probability: f64,
+    #[serde(alias = "window_probability")]
+    pub shift_scale_probability: f64,
     /// Shifts of the window's centre, shares of the image's width and height; drawn for each axis.
     pub shift_steps: Vec<f64>,
     /// Widths of the window, shares of the image's width.
@@ -37,14 +38,18 @@ pub struct AugmentationConfig {
     pub reflection_probability: f64,
     /// How strong reflections get at most, 0 to 1.
     pub reflection_strength: f64,
-    /// Share of images with shade on anything ([`Shade`]); for rendered images.
-    pub shade_probability: f64,
-    /// Share of images with more or less fine detail ([`Detail`]); for rendered images, which have less than photographs.
-    pub detail_probability: f64,
-    /// Largest factor on fine detail, at least 1; the smallest is one over it.
-    pub detail_factor: f64,
-    /// Whether shifted and scaled images teach only the heat map, as in official SMOKE, whose camera does not follow its window
-    /// (spec 7.3). Ours follows, so nothing has to be masked.
+    /// Share of images with shadows on anything ([`Shadow`]); for rendered images.
+    #[serde(alias = "shade_probability")]
+    pub shadow_probability: f64,
+    /// Share of images that are made sharper or softer ([`Sharpness`]); for rendered images, which have less fine
+    /// detail than photographs.
+    #[serde(alias = "detail_probability")]
+    pub sharpness_probability: f64,
+    /// Largest factor of [`Sharpness`], at least 1; the smallest is one over it.
+    #[serde(alias = "detail_factor")]
+    pub sharpness_factor: f64,
+    /// Whether shifted and scaled images teach only the heat map, as in official SMOKE, whose camera does not follow
+    /// its window (spec 7.3). Ours follows, so nothing has to be masked.
     pub mask_scaled_regression: bool,
 }
 
@@ -52,7 +57,7 @@ impl Default for AugmentationConfig {
     fn default() -> Self {
         Self {
             flip_probability: 0.5,
-            window_probability: 0.3,
+            shift_scale_probability: 0.3,
             shift_steps: vec![-0.2, -0.1, 0.0, 0.1, 0.2],
             scale_steps: vec![0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4],
             jitter_probability: 0.5,
@@ -62,9 +67,9 @@ impl Default for AugmentationConfig {
             hue_rad: 0.0,
             reflection_probability: 0.0,
             reflection_strength: 0.5,
-            shade_probability: 0.0,
-            detail_probability: 0.0,
-            detail_factor: 3.0,
+            shadow_probability: 0.0,
+            sharpness_probability: 0.0,
+            sharpness_factor: 3.0,
             mask_scaled_regression: false,
         }
     }
@@ -76,11 +81,11 @@ impl AugmentationConfig {
         let never = 0.0;
         Self {
             flip_probability: never,
-            window_probability: never,
+            shift_scale_probability: never,
             jitter_probability: never,
             reflection_probability: never,
-            shade_probability: never,
-            detail_probability: never,
+            shadow_probability: never,
+            sharpness_probability: never,
             ..Self::default()
         }
     }
@@ -96,19 +101,19 @@ impl AugmentationConfig {
             _ => values.iter().find(|v| !fits(**v)).map(|v| format!("{name} has {v}; expected {expected}")),
         };
         share("flip_probability", self.flip_probability)
-            .or_else(|| share("window_probability", self.window_probability))
+            .or_else(|| share("shift_scale_probability", self.shift_scale_probability))
             .or_else(|| share("jitter_probability", self.jitter_probability))
             .or_else(|| share("brightness", self.brightness))
             .or_else(|| share("contrast", self.contrast))
             .or_else(|| share("saturation", self.saturation))
             .or_else(|| share("reflection_probability", self.reflection_probability))
             .or_else(|| share("reflection_strength", self.reflection_strength))
-            .or_else(|| share("shade_probability", self.shade_probability))
-            .or_else(|| share("detail_probability", self.detail_probability))
+            .or_else(|| share("shadow_probability", self.shadow_probability))
+            .or_else(|| share("sharpness_probability", self.sharpness_probability))
             .or_else(|| {
-                let factor = self.detail_factor;
+                let factor = self.sharpness_factor;
                 let in_range = (1.0..=100.0).contains(&factor);
-                (!in_range).then(|| format!("detail_factor is {factor}; expected a number from 1 to 100"))
+                (!in_range).then(|| format!("sharpness_factor is {factor}; expected a number from 1 to 100"))
             })
             .or_else(|| steps("shift_steps", &self.shift_steps, |v| v.abs() <= 1.0, "number from -1 to 1"))
             .or_else(|| steps("scale_steps", &self.scale_steps, |v| v.is_finite() && v > 0.0, "positive number"))
@@ -124,7 +129,7 @@ impl AugmentationConfig {
     /// A configuration with a [`problem`](Self::problem) draws what it can: empty steps change nothing.
     pub fn draw(&self, rng: &mut impl Rng, image_size: [usize; 2], rules: &InputRules) -> Transform {
         let mirror = happens(rng, self.flip_probability);
-        let scaled = happens(rng, self.window_probability);
+        let scaled = happens(rng, self.shift_scale_probability);
         let [width, height] = image_size.map(|side| side as f64);
         let mut center = [width / 2.0, height / 2.0];
         let mut window_width = width;
@@ -142,8 +147,8 @@ impl AugmentationConfig {
             window: Affine2::window(center, window_width, rules.size),
             jitter: self.draw_jitter(rng),
             reflections: self.draw_reflections(rng, rules.size),
-            shade: self.draw_shade(rng),
-            detail: self.draw_detail(rng),
+            shadow: self.draw_shadow(rng),
+            sharpness: self.draw_sharpness(rng),
             scaled,
             regress: !(scaled && self.mask_scaled_regression),
         }
@@ -162,12 +167,12 @@ impl AugmentationConfig {
         happens(rng, self.reflection_probability).then(|| Reflections::draw(rng, size, self.reflection_strength))
     }
 
-    fn draw_shade(&self, rng: &mut impl Rng) -> Option<Shade> {
-        happens(rng, self.shade_probability).then(|| Shade::draw(rng))
+    fn draw_shadow(&self, rng: &mut impl Rng) -> Option<Shadow> {
+        happens(rng, self.shadow_probability).then(|| Shadow::draw(rng))
     }
 
-    fn draw_detail(&self, rng: &mut impl Rng) -> Option<Detail> {
-        happens(rng, self.detail_probability).then(|| Detail::draw(rng, self.detail_factor))
+    fn draw_sharpness(&self, rng: &mut impl Rng) -> Option<Sharpness> {
+        happens(rng, self.sharpness_probability).then(|| Sharpness::draw(rng, self.sharpness_factor))
     }
 }
 

@@ -1,11 +1,11 @@
 //! One labelled image.
 
-use farsight_core::{Camera, Label};
+use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
-use crate::Plate;
+use crate::annotations::{Annotation, Annotations};
 
-/// An image with the camera that took it and the objects in it.
+/// An image with the camera that took it, the objects in it, and what else is known of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// Name of the frame, KITTI's six digits for instance.
@@ -16,8 +16,34 @@ pub struct Frame {
     pub camera: Camera,
     /// What is in it, in the order of the label file.
     pub labels: Vec<Label>,
-    /// z of what each pixel shows, metres, row by row, infinite for the sky; known for rendered frames.
-    pub depth_m: Option<Vec<f32>>,
-    /// Number plates that the image shows; known for rendered frames.
-    pub plates: Vec<Plate>,
+    /// When it was taken, nanoseconds from a zero that the frames of one sequence share.
+    pub timestamp_ns: Option<i64>,
+    /// Where the camera was, in a world that the frames of one sequence share.
+    pub world_from_camera: Option<Pose>,
+    /// What else a data set knows.
+    pub annotations: Annotations,
+}
+
+impl Frame {
+    /// A frame of which nothing else is known.
+    pub fn new(id: impl Into<String>, image: RgbImage, camera: Camera, labels: Vec<Label>) -> Self {
+        let (timestamp_ns, world_from_camera, annotations) = (None, None, Annotations::default());
+        Self { id: id.into(), image, camera, labels, timestamp_ns, world_from_camera, annotations }
+    }
+
+    /// The same frame with one more annotation.
+    pub fn with<A: Annotation>(mut self, annotation: A) -> Self {
+        self.annotations.insert(annotation);
+        self
+    }
+
+    /// The annotation of this kind, if there is one.
+    pub fn annotation<A: Annotation>(&self) -> Option<&A> {
+        self.annotations.get()
+    }
+
+    /// Width and height of the image, pixels.
+    pub fn image_size(&self) -> [usize; 2] {
+        [self.image.width() as usize, self.image.height() as usize]
+    }
 }

@@ -1,38 +1,45 @@
-//! KITTI readers and writers, image loading, warping, augmentation and a prefetching loader.
+//! Data sets, image loading, warping, augmentation and a prefetching loader.
 //!
-//! A [`Frame`] is an image with its camera and labels. A random policy ([`AugmentationConfig`]) draws a fixed [`Transform`], which
-//! moves all three together and makes a [`Sample`] of them: the network's input with its own camera and labels. A [`Loader`] prepares
-//! samples on several threads, in the same order and with the same content for any number of threads.
+//! A [`Dataset`] gives [`Frame`]s: images with camera, labels and [`annotations`]. A random policy
+//! ([`AugmentationConfig`]) draws a fixed [`Transform`], which moves image, camera and labels together and makes a
+//! [`Sample`] of them: the network's input with its own camera and labels. A [`Loader`] prepares samples on several
+//! threads, in the same order and with the same content for any number of threads. KITTI's files are read and written
+//! in [`kitti`].
 
+pub mod annotations;
 pub mod augment;
-pub mod detail;
+pub mod class_map;
+pub mod color_jitter;
+pub mod dataset;
 pub mod exif;
+pub mod formats;
 pub mod frame;
 pub mod image_io;
-pub mod jitter;
 pub mod kitti;
 pub mod loader;
-pub mod patches;
-pub mod plates;
+pub mod noise_mask;
 pub mod reflections;
-pub mod shade;
+pub mod shadow;
+pub mod sharpness;
 pub mod transform;
 pub mod warp;
 
 pub use augment::AugmentationConfig;
-pub use detail::Detail;
+pub use class_map::{ClassMap, ClassMapError};
+pub use color_jitter::ColorJitter;
+pub use dataset::{CachedDataset, Dataset, DatasetError, ImageFolder, MemoryDataset};
 pub use exif::{Exif, FocalFromExif, FocalProblem, focal};
+pub use formats::{open_dataset, open_labelled};
 pub use frame::Frame;
 pub use image_io::{
     Foreign, IMAGE_FORMATS, ImageError, ImageHeader, ImageLimits, ImageWarning, LoadedImage, decode_image,
     has_image_extension, image_named, load_image, read_header, read_image,
 };
-pub use jitter::ColorJitter;
 pub use kitti::KittiDataset;
 pub use loader::{Batch, ItemError, ItemKey, Loader, LoaderConfig, LoaderError, Position};
-pub use patches::Patches;
-pub use plates::{Plate, PlatesError, read_plates, write_plates};
+pub use noise_mask::NoiseMask;
 pub use reflections::Reflections;
-pub use shade::Shade;
+pub use shadow::Shadow;
+pub use sharpness::Sharpness;
 pub use transform::{Sample, Transform};
 pub use warp::{network_input, network_input_into, warp};

@@ -1,7 +1,8 @@
 //! A loader that prepares items ahead on several threads and hands out batches in one fixed order.
 //!
-//! Order and content depend on the seed alone: not on the number of threads, not on which of them is faster, and not on whether the
-//! loader was started at this place or ran up to it. So a training continues bit for bit from a saved [`Position`].
+//! Order and content depend on the seed alone: not on the number of threads, not on which of them is faster, and not on
+//! whether the loader was started at this place or ran up to it. So a training continues bit for bit from a saved
+//! [`Position`].
 
 mod order;
 mod queue;
@@ -201,7 +202,8 @@ where
 {
     type Item = Result<Batch<T>, ItemError<E>>;
 
-    /// Waits for the next batch. A batch with a bad item is that item's error; the batch after it can be had all the same.
+    /// Waits for the next batch. A batch with a bad item is that item's error; the batch after it can be had all the
+    /// same.
     fn next(&mut self) -> Option<Self::Item> {
         let position = self.position;
         if self.epochs.is_some_and(|epochs| position.epoch >= epochs) {

@@ -1,19 +1,22 @@
-//! Patches in which another place of the same image shines through, as in paint and glass.
+//! Reflections: regions in which another place of the same image shines through, as in paint and glass.
 //!
-//! Rendered surfaces are plainer than photographed ones, and a network that has only seen plain ones sees photographed cars near by too far away, as if it
-//! took their detail for that of smaller cars. This puts more than any mirror would on everything, so that shapes are what is left to go by.
+//! An image mixed with itself, as `MixUp` mixes two, under a random mask.
+//!
+//! Rendered surfaces are plainer than photographed ones, and a network that has only seen plain ones sees photographed
+//! cars near by too far away, as if it took their detail for that of smaller cars. This puts more than any mirror would
+//! on everything, so that shapes are what is left to go by.
 
 use rand::{Rng, RngExt};
 
-use crate::patches::Patches;
+use crate::noise_mask::NoiseMask;
 
 /// What shines through where.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reflections {
-    /// Share of the other place in the middle of a patch, 0 to 1.
+    /// Share of the other place where the mask is 1, from 0 to 1.
     pub strength: f32,
     /// Where.
-    pub patches: Patches,
+    pub mask: NoiseMask,
     /// The place that shines through the first pixel, pixels of the input.
     pub from: [f32; 2],
     /// Pixels there for one pixel here, along x and y; negative ones mirror.
@@ -23,12 +26,12 @@ pub struct Reflections {
 impl Reflections {
     /// Draws reflections for an input of `size` (width, height, pixels), at most this strong.
     pub fn draw(rng: &mut impl Rng, size: [usize; 2], strongest: f64) -> Self {
-        let patches = Patches::draw(rng, [0.35, 0.65], [4.0, 60.0]);
+        let mask = NoiseMask::draw(rng, [0.35, 0.65], [4.0, 60.0]);
         let mut between = |low: f64, high: f64| (low + (high - low) * rng.random::<f64>()) as f32;
         let scale = [0, 1].map(|_| between(-0.7, 1.4).exp2());
         Self {
             strength: between(0.2, 1.0) * strongest as f32,
-            patches,
+            mask,
             from: size.map(|side| between(0.0, side as f64)),
             scale: [scale[0].copysign(between(-1.0, 1.0)), scale[1].copysign(between(-1.0, 1.0))],
         }
@@ -36,13 +39,13 @@ impl Reflections {
 
     /// Lays them over the planes of `input` (width, height, pixels).
     pub fn apply(&self, input: &mut [f32], [width, height]: [usize; 2]) {
-        let patches = self.patches.over([width, height]);
+        let mask = self.mask.render([width, height]);
         let there: [Vec<usize>; 2] = [0, 1].map(|axis| self.places(axis, [width, height][axis]));
         let area = width * height;
         let before = input.to_vec();
         for y in 0..height {
             for x in 0..width {
-                let share = self.strength * patches.at(x, y);
+                let share = self.strength * mask.at(x, y);
                 if share > 0.0 {
                     let (here, there) = (y * width + x, there[1][y] * width + there[0][x]);
                     for plane in 0..3 {
@@ -75,8 +78,8 @@ mod tests {
     }
 
     fn reflections() -> Reflections {
-        let patches = Patches { level: 0.5, size_px: 8.0, seed: 3 };
-        Reflections { strength: 0.5, patches, from: [10.0, 31.0], scale: [1.0, -1.0] }
+        let mask = NoiseMask { threshold: 0.5, scale_px: 8.0, seed: 3 };
+        Reflections { strength: 0.5, mask, from: [10.0, 31.0], scale: [1.0, -1.0] }
     }
 
     #[test]

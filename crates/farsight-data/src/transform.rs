@@ -6,7 +6,8 @@ use farsight_core::input::InputRules;
 use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
 
-use crate::{ColorJitter, Detail, Frame, Reflections, Shade, network_input};
+use crate::annotations::DepthMap;
+use crate::{ColorJitter, Frame, Reflections, Shadow, Sharpness, network_input};
 
 /// Input pixels per cell of the map of surface depths.
 pub const SURFACE_STRIDE: usize = 4;
@@ -22,10 +23,10 @@ pub struct Transform {
     pub jitter: Option<ColorJitter>,
     /// What shines through what.
     pub reflections: Option<Reflections>,
-    /// What lies in the shade.
-    pub shade: Option<Shade>,
+    /// What lies in a shadow.
+    pub shadow: Option<Shadow>,
     /// More or less fine detail.
-    pub detail: Option<Detail>,
+    pub sharpness: Option<Sharpness>,
     /// Whether the window is shifted or scaled, not the whole image.
     pub scaled: bool,
     /// Whether the regression head may learn from the result.
@@ -47,7 +48,8 @@ pub struct Sample {
     pub labels: Vec<Label>,
     /// Whether the regression head may learn from it.
     pub regress: bool,
-    /// z of what is seen amid each cell of the feature map, metres, row by row; infinite where nothing is. Only where the frame knows it.
+    /// z of what is seen amid each cell of the feature map, metres, row by row; infinite where nothing is. Only where
+    /// the frame knows it.
     pub surface_m: Option<Vec<f32>>,
 }
 
@@ -59,8 +61,8 @@ impl Transform {
             window: rules.whole_image(image_size),
             jitter: None,
             reflections: None,
-            shade: None,
-            detail: None,
+            shadow: None,
+            sharpness: None,
             scaled: false,
             regress: true,
         }
@@ -79,8 +81,8 @@ impl Transform {
 
     /// A label as the camera of the input sees it.
     ///
-    /// The 2D box is moved and clipped to the centres of the input's outermost pixels, as KITTI clips its own; one that lies outside
-    /// becomes empty. Truncation and occlusion stay as annotated. `DontCare` has no 3D box to be mirrored.
+    /// The 2D box is moved and clipped to the centres of the input's outermost pixels, as KITTI clips its own; one that
+    /// lies outside becomes empty. Truncation and occlusion stay as annotated. `DontCare` has no 3D box to be mirrored.
     pub fn label(&self, label: &Label, image_width: usize, input_size: [usize; 2]) -> Label {
         let [max_x, max_y] = input_size.map(|side| side as f64 - 1.0);
         let box2d = label.box2d.transformed(&self.input_from_image(image_width)).clamped(max_x, max_y);
@@ -99,11 +101,11 @@ impl Transform {
         if let Some(reflections) = &self.reflections {
             reflections.apply(&mut input, rules.size);
         }
-        if let Some(shade) = &self.shade {
-            shade.apply(&mut input, rules.size);
+        if let Some(shadow) = &self.shadow {
+            shadow.apply(&mut input, rules.size);
         }
-        if let Some(detail) = &self.detail {
-            detail.apply(&mut input, rules.size);
+        if let Some(sharpness) = &self.sharpness {
+            sharpness.apply(&mut input, rules.size);
         }
         input
     }
@@ -118,7 +120,9 @@ impl Transform {
             camera: self.camera(&frame.camera, width),
             labels: frame.labels.iter().map(|label| self.label(label, width, rules.size)).collect(),
             regress: self.regress,
-            surface_m: frame.depth_m.as_ref().map(|depth_m| self.surface(depth_m, frame.image.dimensions(), rules)),
+            surface_m: frame
+                .annotation::<DepthMap>()
+                .map(|DepthMap { depth_m }| self.surface(depth_m, frame.image.dimensions(), rules)),
         }
     }
 

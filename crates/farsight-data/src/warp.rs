@@ -16,14 +16,16 @@ use paint::Paint;
 /// `affine` takes pixels of `image` to pixels of the input; mirror, crop, scale and rotation are all allowed. What lies outside the
 /// image is black, before and after the jitter. A singular `affine` gives a black input.
 ///
-/// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with [`Sampling::PixelExact`] they stay as they are.
+/// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with [`Sampling::PixelExact`] they stay
+/// as they are.
 pub fn network_input(image: &RgbImage, affine: &Affine2, rules: &InputRules, jitter: Option<&ColorJitter>) -> Vec<f32> {
     let mut input = Vec::new();
     network_input_into(&mut input, image, affine, rules, jitter);
     input
 }
 
-/// As [`network_input`], into a vector that is there already: for one image after the other, because fresh memory costs time.
+/// As [`network_input`], into a vector that is there already: for one image after the other, because fresh memory costs
+/// time.
 pub fn network_input_into(
     input: &mut Vec<f32>,
     image: &RgbImage,
@@ -53,7 +55,8 @@ pub fn network_input_into(
 
 /// The image after `affine`, `size` (width, height) pixels large, bilinear, black outside.
 ///
-/// Values are cut to whole numbers with [`Sampling::HalfPixel`] (Pillow) and rounded with [`Sampling::PixelExact`] (OpenCV).
+/// Values are cut to whole numbers with [`Sampling::HalfPixel`] (Pillow) and rounded with [`Sampling::PixelExact`]
+/// (OpenCV).
 ///
 /// # Panics
 /// When a side of `size` does not fit `u32`.
@@ -78,8 +81,8 @@ pub fn warp(image: &RgbImage, affine: &Affine2, size: [usize; 2], sampling: Samp
 
 /// Where each output pixel looks in the source; `None` when `affine` is singular.
 ///
-/// The half-pixel rule takes pixels for squares and turns about their corners. An axis that is mirrored is mirrored about pixel
-/// centres all the same, as official SMOKE flips pixels first and warps afterwards.
+/// The half-pixel rule takes pixels for squares and turns about their corners. An axis that is mirrored is mirrored
+/// about pixel centres all the same, as official SMOKE flips pixels first and warps afterwards.
 fn source_from_output(affine: &Affine2, sampling: Sampling) -> Option<Affine2> {
     let mut inverse = affine.inverse()?;
     if sampling == Sampling::HalfPixel {

@@ -1,7 +1,8 @@
 //! Writes a made-up result set as large as KITTI's val split, to measure the evaluator on.
 //!
-//! `make_eval_set OUT [FRAMES] [SEED]` fills `OUT/label_2` and `OUT/results` with as many objects and detections a frame as the set on which
-//! the official devkit was timed: 7 objects, 1.5 `DontCare` regions and 53 weak detections (spec kitti-eval.md, section 3).
+//! `make_eval_set OUT [FRAMES] [SEED]` fills `OUT/label_2` and `OUT/results` with as many objects and detections a
+//! frame as the set on which the official devkit was timed: 7 objects, 1.5 `DontCare` regions and 53 weak detections
+//! (spec kitti-eval.md, section 3).
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;

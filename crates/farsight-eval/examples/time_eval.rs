@@ -1,4 +1,5 @@
-//! Times the evaluation of a result set: `time_eval LABELS RESULTS [REPEATS]`, seconds, reading included, without intervals.
+//! Times the evaluation of a result set: `time_eval LABELS RESULTS [REPEATS]`, seconds, reading included, without
+//! intervals.
 #![allow(clippy::print_stdout)] // An example is its own command line.
 
 use std::error::Error;

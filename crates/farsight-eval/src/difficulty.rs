@@ -56,7 +56,8 @@ impl Difficulty {
         }
     }
 
-    /// Why `label` does not count at this level, or `None` when it does (spec rule 7: the height is strict, the others are not).
+    /// Why `label` does not count at this level, or `None` when it does (spec rule 7: the height is strict, the others
+    /// are not).
     pub fn reason_to_ignore(self, label: &Label) -> Option<DifficultyLimit> {
         if label.occlusion > self.max_occlusion() {
             Some(DifficultyLimit::Occluded)

@@ -11,9 +11,9 @@ use crate::ranging::{
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
 ///
-/// A frame is reduced at once and need not be kept. Two evaluations join into one, so frames can be evaluated on many threads:
-/// the report depends on the order of the frames only. It holds about 6 kB a frame
-/// of 7 objects and 53 detections (docs/evaluation.md has the measurement).
+/// A frame is reduced at once and need not be kept. Two evaluations join into one, so frames can be evaluated on many
+/// threads: the report depends on the order of the frames only. It holds about 6 kB a frame of 7 objects and 53
+/// detections (docs/evaluation.md has the measurement).
 ///
 /// ```
 /// use farsight_eval::{Evaluation, Frame, ranging::RangingOptions};

@@ -4,11 +4,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use farsight_data::kitti::{DevkitRow, Oddity, RowKind, rows_as_devkit};
+use farsight_core::Label;
+use farsight_data::DatasetError;
+use farsight_data::kitti::{DevkitRow, Diagnostic, RowKind, rows_as_devkit};
 use rayon::prelude::*;
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::label_source::{LabelSource, LabelledDataset};
 use crate::ranging::RangingOptions;
 use crate::{EvaluatedClass, Evaluation, Findings, Frame, Prediction};
 
@@ -28,10 +31,10 @@ const WITHOUT_LABELS: &str = "result files without a label file, left out";
 const WITHOUT_RESULTS: &str =
     "frames without a result file, left out (their objects do not count as missed; give --split to demand all)";
 
-/// A folder of labels and a folder of results with the frames to evaluate.
+/// Labels and a folder of results with the frames to evaluate.
 #[derive(Debug, Clone)]
 pub struct FrameFiles {
-    labels: PathBuf,
+    labels: LabelSource,
     results: PathBuf,
     ids: Vec<String>,
     /// Frames that have files but take no part.
@@ -50,7 +53,8 @@ pub enum Scores {
     /// What the files say.
     #[default]
     AsGiven,
-    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks detections for AP in space.
+    /// The probability that the place is right as well, [`farsight_core::Detection::place_score`]: what ranks
+    /// detections for AP in space.
     Place,
 }
 
@@ -129,6 +133,9 @@ pub enum FilesError {
         /// File and line.
         place: String,
     },
+    /// Labels of a data set that cannot be read.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
     /// A row that no figure should be made from.
     #[error("{place}")]
     Fatal {
@@ -146,17 +153,22 @@ fn remedy(what: &str) -> &'static str {
 }
 
 impl FrameFiles {
-    /// Looks at the folders; `split` names the frames to evaluate, otherwise all that have a result file.
+    /// Looks at labels and results; `split` names the frames to evaluate, otherwise all that have a result file.
     ///
     /// # Errors
-    /// When a folder is not there or holds something else, or a frame of the split lacks a file.
-    pub fn open(labels: &Path, results: &Path, split: Option<Vec<String>>) -> Result<Self, FilesError> {
-        let label_ids = ids_in(labels, "label")?;
+    /// When a folder is not there or holds something else, a frame of the split lacks a file, or a data set has no labels.
+    pub fn open(
+        labels: impl Into<LabelSource>,
+        results: &Path,
+        split: Option<Vec<String>>,
+    ) -> Result<Self, FilesError> {
+        let labels = labels.into();
+        let label_ids = label_ids(&labels)?;
         let result_ids = ids_in(results, "result")?;
-        let (labels, results) = (labels.to_owned(), results.to_owned());
+        let results = results.to_owned();
         let mut left_out = Findings::default();
         let ids: Vec<String> = if let Some(ids) = split {
-            require_all(&ids, &label_ids, ["split", "label"], &labels)?;
+            require_all(&ids, &label_ids, ["split", "label"], &labels.place())?;
             require_all(&ids, &result_ids, ["split", "result"], &results)?;
             left_out = others(NOT_IN_SPLIT, &result_ids, &ids, &results);
             ids
@@ -165,12 +177,12 @@ impl FrameFiles {
                 left_out.add_file(WITHOUT_LABELS, || file(&results, id));
             }
             for id in label_ids.difference(&result_ids) {
-                left_out.add_file(WITHOUT_RESULTS, || file(&labels, id));
+                left_out.add_file(WITHOUT_RESULTS, || file(&labels.place(), id));
             }
             label_ids.intersection(&result_ids).cloned().collect()
         };
         if ids.is_empty() {
-            return Err(FilesError::NothingInCommon { labels, results });
+            return Err(FilesError::NothingInCommon { labels: labels.place(), results });
         }
         Self { labels, results, ids, left_out, report_labels: true, report_classes: true, scores: Scores::AsGiven }
             .checked()
@@ -182,7 +194,8 @@ impl FrameFiles {
         Self { scores, ..self }
     }
 
-    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it has learnt to.
+    /// The same files, detections of classes that KITTI does not evaluate being nothing to tell: a model says what it
+    /// has learnt to.
     #[must_use]
     pub fn with_any_classes(self) -> Self {
         Self { report_classes: false, ..self }
@@ -215,7 +228,7 @@ impl FrameFiles {
     /// When a file cannot be read or holds a row that the devkit would misread.
     pub fn read(&self, id: &str) -> Result<(Frame, Findings), FilesError> {
         let mut findings = Findings::default();
-        let labels = rows(&self.labels, id, RowKind::Label, &mut findings)?;
+        let labels = labels_of(&self.labels, id, &mut findings)?;
         if !self.report_labels {
             findings = Findings::default();
         }
@@ -228,7 +241,7 @@ impl FrameFiles {
         }
         let frame = Frame {
             id: id.to_owned(),
-            labels: labels.into_iter().map(|read| read.row.label).collect(),
+            labels,
             predictions: predictions.into_iter().map(|read| self.prediction(id, read)).collect::<Result<_, _>>()?,
         };
         Ok((frame, findings))
@@ -244,7 +257,8 @@ impl FrameFiles {
         Ok(prediction)
     }
 
-    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps of a frame.
+    /// Reads and evaluates all frames, on all threads. No file is kept: memory grows with what an [`Evaluation`] keeps
+    /// of a frame.
     ///
     /// # Errors
     /// As [`FrameFiles::read`].
@@ -279,8 +293,8 @@ impl FrameFiles {
             if !read.rows.is_empty() {
                 return Ok(false);
             }
-            let lacks_score = |oddity: &Oddity| matches!(oddity, Oddity::DroppedRow { fields: 15, .. });
-            dropped += read.oddities.iter().filter(|(_, oddity)| lacks_score(oddity)).count();
+            let lacks_score = |diagnostic: &Diagnostic| matches!(diagnostic, Diagnostic::DroppedRow { fields: 15, .. });
+            dropped += read.diagnostics.iter().filter(|(_, diagnostic)| lacks_score(diagnostic)).count();
         }
         Ok(dropped > 0)
     }
@@ -296,17 +310,41 @@ fn others(kind: &'static str, there: &BTreeSet<String>, wanted: &[String], resul
     left_out
 }
 
+/// Names of the frames that have labels.
+fn label_ids(labels: &LabelSource) -> Result<BTreeSet<String>, FilesError> {
+    match labels {
+        LabelSource::Folder(folder) => ids_in(folder, "label"),
+        LabelSource::Dataset(LabelledDataset { dataset, .. }) if !dataset.is_labelled() => {
+            Err(DatasetError::Unlabelled { name: dataset.name() }.into())
+        }
+        LabelSource::Dataset(LabelledDataset { indices, .. }) => Ok(indices.keys().cloned().collect()),
+    }
+}
+
+/// The labels of one frame; what is odd about their file goes to `findings`.
+fn labels_of(labels: &LabelSource, id: &str, findings: &mut Findings) -> Result<Vec<Label>, FilesError> {
+    match labels {
+        LabelSource::Folder(folder) => {
+            Ok(rows(folder, id, RowKind::Label, findings)?.into_iter().map(|read| read.row.label).collect())
+        }
+        LabelSource::Dataset(LabelledDataset { dataset, indices }) => {
+            let index = indices.get(id).copied();
+            Ok(index.map(|index| dataset.labels(index)).transpose()?.unwrap_or_default())
+        }
+    }
+}
+
 /// Reads one file; what is odd about it goes to `findings`.
 fn rows(folder: &Path, id: &str, kind: RowKind, findings: &mut Findings) -> Result<Vec<DevkitRow>, FilesError> {
     let path = PathBuf::from(file(folder, id));
     let bytes = fs::read(&path).map_err(|source| FilesError::Read { path: path.clone(), source })?;
     let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), kind);
-    for (line, oddity) in &read.oddities {
-        let place = || format!("{}:{line}: {oddity}", path.display());
-        if oddity.is_fatal() {
+    for (line, diagnostic) in &read.diagnostics {
+        let place = || format!("{}:{line}: {diagnostic}", path.display());
+        if diagnostic.is_fatal() {
             return Err(FilesError::Fatal { place: place() });
         }
-        findings.add(oddity.kind(), place);
+        findings.add(diagnostic.kind(), place);
     }
     Ok(read.rows)
 }

@@ -14,7 +14,7 @@ pub struct Findings {
     kinds: Vec<Finding>,
 }
 
-/// One kind of oddity.
+/// One kind of diagnostic.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
     /// What all of them have in common.

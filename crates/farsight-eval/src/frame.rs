@@ -26,7 +26,8 @@ impl Frame {
 pub struct Prediction {
     /// Class, score and boxes.
     pub detection: Detection,
-    /// Observation angle as handed in, radians; -10 says that the detector knows none, which turns AOS off for the whole set.
+    /// Observation angle as handed in, radians; -10 says that the detector knows none, which turns AOS off for the
+    /// whole set.
     pub alpha_rad: f64,
 }
 

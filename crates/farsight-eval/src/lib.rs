@@ -45,11 +45,15 @@
 //! # Ok::<(), &str>(())
 //! ```
 //!
-//! | module | question |
+//! | module | what it is for |
 //! |---|---|
 //! | [`ap`] | how good is the detector by KITTI's average precision? |
-//! | [`explain`] | what became of each object and detection of one frame? |
 //! | [`ranging`] | how far off are the distances, and of how many objects? |
+//! | [`evaluation`] | frames in, report out: both of the above |
+//! | [`explain`] | what became of each object and detection of one frame? |
+//! | [`frame`], [`class`], [`difficulty`] | what is evaluated, and the devkit's rules of what counts |
+//! | [`files`], [`findings`] | folders of label and result files, and what is odd about them |
+//! | [`text`], `page` | the report for people: tables and notes, HTML and charts |
 
 pub mod ap;
 pub mod class;
@@ -59,6 +63,7 @@ pub mod explain;
 pub mod files;
 pub mod findings;
 pub mod frame;
+mod label_source;
 #[cfg(feature = "page")]
 pub mod page;
 pub mod ranging;
@@ -70,3 +75,4 @@ pub use evaluation::{Evaluation, Report};
 pub use files::{FilesError, FrameFiles, Scores};
 pub use findings::{Finding, Findings};
 pub use frame::{Frame, Prediction};
+pub use label_source::LabelSource;

@@ -46,7 +46,9 @@ pub fn notes(report: &Report) -> Vec<String> {
     for class in EvaluatedClass::ALL {
         let metrics = evaluated(class);
         if metrics == [false; 3] {
-            notes.push(format!("{class}: not evaluated, as there is no usable detection of the class (the devkit writes nothing either)"));
+            notes.push(format!(
+                "{class}: not evaluated, as there is no usable detection of the class (the devkit writes nothing either)"
+            ));
         } else if !metrics[1] || !metrics[2] {
             notes.push(format!("{class}: no detection has a 3D box; bev and 3d are not evaluated where that is so"));
         }
@@ -191,7 +193,8 @@ fn operating_line(row: &OperatingPoint) -> String {
     )
 }
 
-/// The errors of one class at moderate difficulty, as a whole and by distance; nothing for a class without such objects.
+/// The errors of one class at moderate difficulty, as a whole and by distance; nothing for a class without such
+/// objects.
 pub fn moderate_lines(report: &RangingReport, class: EvaluatedClass) -> Vec<String> {
     let classes = report.classes.iter().filter(|of_class| of_class.class == class);
     let groups = classes.flat_map(|of_class| &of_class.groups);
@@ -214,7 +217,8 @@ fn distance_lines(group: &GroupRanging) -> Vec<String> {
     let mut lines: Vec<_> = filled.map(|(bin, errors)| slice_line(&format!("  moderate {bin} m"), errors)).collect();
     for row in group.calibration.iter().flat_map(|calibration| &calibration.rows) {
         lines.push(format!(
-            "  error bars {:<8} {:>6} objects, mean {:.2} m; truth within 1 sigma {:.1}% (normal: 68.3%), 2 sigma {:.1}% (95.4%)",
+            "  error bars {:<8} {:>6} objects, mean {:.2} m; truth within 1 sigma {:.1}% (normal: 68.3%), \
+             2 sigma {:.1}% (95.4%)",
             row.distance,
             row.count,
             row.mean_sigma_m,

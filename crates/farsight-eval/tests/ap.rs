@@ -35,7 +35,7 @@ fn frames_of_case(case: &Path) -> Vec<Frame> {
 
 #[test]
 fn every_case_equals_the_devkit() {
-    let Some(cases) = common::folder("FARSIGHT_EVAL_CASES", "../shared/kitti-eval") else { return };
+    let Some(cases) = farsight_testing::folder("FARSIGHT_EVAL_CASES", "../shared/kitti-eval", "") else { return };
     let mut cells = 0;
     for case in std::fs::read_dir(cases).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir()) {
         let expected = std::fs::read_to_string(case.join("expected.json")).unwrap();

@@ -4,7 +4,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use farsight_core::Camera;
+use farsight_data::kitti::read_labels;
+use farsight_data::{Dataset, Frame, MemoryDataset};
 use farsight_eval::{FilesError, Findings, FrameFiles, Scores, ranging::RangingOptions, text};
 
 const LABEL: &str = "Car 0.00 0 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 -1.62\n";
@@ -120,8 +124,8 @@ fn a_split_chooses_frames_and_demands_their_files() {
 
 #[test]
 fn place_scores_need_an_error_bar_in_every_row() {
-    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first error bar the rest, 3/17, is one scale of
-    // Laplace's distribution.
+    // Straight ahead, seen from behind: 4.07 m long, of which 14/17 are shared at an overlap of 0.7. With the first
+    // error bar the rest, 3/17, is one scale of Laplace's distribution.
     let row = RESULT.trim_end().replace("0.80 1.71 13.60 -1.62", "0.00 1.71 13.60 -1.5707963");
     let one_scale = 4.07 * 3.0 / 17.0 * 2.0_f64.sqrt();
     let results = format!("{row} {one_scale}\n{row} 1000000\n{row} 0\n");
@@ -135,4 +139,28 @@ fn place_scores_need_an_error_bar_in_every_row() {
     }
     let told = files.read("000001").unwrap_err().to_string();
     assert!(told.contains("000001.txt:2: no error bar; place scores need one in every row"), "{told}");
+}
+
+/// A data set without label files is evaluated as one with them.
+#[test]
+fn labels_of_a_data_set_in_memory_count_as_those_of_files() {
+    let farther = LABEL.replace("13.60", "23.60");
+    let (_kept, labels, results) =
+        folders(&[("000000.txt", LABEL), ("000001.txt", &farther)], &[("000000.txt", RESULT), ("000001.txt", RESULT)]);
+    let frame = |id: &str| {
+        let labels = read_labels(&labels.join(format!("{id}.txt"))).unwrap();
+        Frame::new(id, image::RgbImage::new(4, 2), Camera::from_intrinsics(9.0, 9.0, 2.0, 1.0).unwrap(), labels)
+    };
+    let memory = MemoryDataset::new("memory", ["000000", "000001"].map(frame));
+    let dataset: Arc<dyn Dataset> = Arc::new(memory.clone());
+    let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
+    let report = |files: FrameFiles| files.evaluate(&options).unwrap().0.report();
+    let found = report(FrameFiles::open(&dataset, &results, None).unwrap());
+    let expected = report(FrameFiles::open(&labels, &results, None).unwrap());
+    assert_eq!(serde_json::to_value(found).unwrap(), serde_json::to_value(expected).unwrap());
+
+    let unlabelled: Arc<dyn Dataset> = Arc::new(memory.unlabelled());
+    let told = FrameFiles::open(&unlabelled, &results, None).err();
+    // Nobody has said what these frames show: every detection would be a false alarm.
+    assert_eq!(told.unwrap().to_string(), "memory: no labels; expected a data set that has some");
 }

@@ -215,7 +215,7 @@ fn a_comparison_finds_a_real_difference_and_no_other() {
 #[test]
 fn real_results_agree_with_an_independent_implementation() {
     let Some(sets) = RealSets::unpacked() else { return };
-    let shared = common::folder("FARSIGHT_KITTI", "../shared/kitti").unwrap();
+    let shared = farsight_testing::kitti("").unwrap();
     let expected = std::fs::read_to_string(shared.join("ranging_expected.json")).unwrap();
     let expected: serde_json::Value = serde_json::from_str(&expected).unwrap();
     for name in RealSets::NAMES {

@@ -47,7 +47,8 @@ fn curve(report: &ApReport, metric: Metric, difficulty: Difficulty) -> &Curve {
     report.curve(OverlapSet::Strict, metric, CAR, difficulty).unwrap()
 }
 
-/// Objects, true positives, false positives and misses at the lowest threshold of the moderate car curve; no threshold: no counts.
+/// Objects, true positives, false positives and misses at the lowest threshold of the moderate car curve; no
+/// threshold: no counts.
 fn counts(labels: Vec<Label>, predictions: Vec<Prediction>, metric: Metric) -> (usize, usize, usize, usize) {
     let report = report(labels, predictions);
     let curve = curve(&report, metric, Difficulty::Moderate);
@@ -225,8 +226,9 @@ fn quirk_2_detections_without_3d_box_are_excused_from_above_by_any_dont_care() {
 
 #[test]
 fn rule_17_the_limits_are_the_scores_that_the_devkit_chooses() {
-    /// Objects, how many of them are found, and the places of the chosen scores, best first, as the devkit's own `getThresholds` gives
-    /// them. With the aim at k / 40 instead of the sum of fortieths, the first two rows differ from the fourth score on.
+    /// Objects, how many of them are found, and the places of the chosen scores, best first, as the devkit's own
+    /// `getThresholds` gives them. With the aim at k / 40 instead of the sum of fortieths, the first two rows differ
+    /// from the fourth score on.
     const CHOSEN: [(usize, usize, &[usize]); 5] = [
         (
             60,
@@ -271,7 +273,8 @@ fn rule_18_precision_and_orientation_fall_and_end_in_zeros() {
     let report =
         report(cars.clone(), vec![prediction(&cars[0], 0.9), nothing_there, turned, prediction(&cars[2], 0.7)]);
     let curve = curve(&report, Metric::Image, Difficulty::Easy);
-    // True of claimed at the three thresholds: 1/1, 2/3, 3/4. A false positive adds no similarity, nor does a car that faces the other way.
+    // True of claimed at the three thresholds: 1/1, 2/3, 3/4. A false positive adds no similarity, nor does a car that
+    // faces the other way.
     let (mut precision, mut orientation) = ([0.0; 41], [0.0; 41]);
     precision[..3].copy_from_slice(&[1.0, 0.75, 0.75]);
     orientation[..3].copy_from_slice(&[1.0, 0.5, 0.5]);
@@ -304,8 +307,9 @@ fn rule_20_few_objects_cannot_reach_100() {
 
 #[test]
 fn rule_21_nothing_of_nothing_counts_as_zero_and_spoils_no_other_point() {
-    // First pass: the small detection has the better score and goes to the van, so the car's own gives the threshold 0.9. Second pass: the van
-    // takes the larger one, the car is left with the small one, and nothing is right, wrong or missed.
+    // First pass: the small detection has the better score and goes to the van, so the car's own gives the threshold
+    // 0.9. Second pass: the van takes the larger one, the car is left with the small one, and nothing is right, wrong
+    // or missed.
     let (van, car, other) = (label("Van", 0.0), label("Car", 0.0), label("Car", 1.0));
     let mut small = prediction(&high(car.clone(), 20.0), 0.95);
     small.detection.box3d = car.box3d;

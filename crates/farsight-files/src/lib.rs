@@ -1,4 +1,8 @@
 //! Writing a file so that nobody ever sees half of it.
+//!
+//! Every crate that writes files uses this one. The bytes go to a scratch file beside the target, which then takes its
+//! name: [`write_atomically`] also asks the disk to keep it, [`write_quickly`] does not, for files that can be made
+//! again.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -31,7 +35,8 @@ pub struct DurableError {
 /// then the folder is synced. An existing target is replaced only when all of it went well; after an error it is
 /// unchanged and the scratch file is gone.
 ///
-/// A link stays, and what it points to is replaced. Pipes and devices cannot be replaced: they are written to as they are.
+/// A link stays, and what it points to is replaced. Pipes and devices cannot be replaced: they are written to as they
+/// are.
 ///
 /// # Errors
 /// [`DurableError`] names the target, the step and the system's answer; an error of `write` is passed on in it.
@@ -39,7 +44,8 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
     write_through(path, true, write)
 }
 
-/// As [`write_atomically`], without waiting for the disk: for label and result files, which come by the thousand and can be made again.
+/// As [`write_atomically`], without waiting for the disk: for label and result files, which come by the thousand and
+/// can be made again.
 ///
 /// # Errors
 /// As [`write_atomically`].

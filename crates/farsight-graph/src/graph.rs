@@ -67,6 +67,8 @@ pub enum Op {
     },
     /// `max(x, 0)`.
     Relu,
+    /// `min(max(x, 0), 6)`.
+    Relu6,
     /// Logistic function.
     Sigmoid,
     /// Maximum over `size` x `size` cells, stride `size`.
@@ -109,6 +111,7 @@ impl Op {
             Self::UpConv { weight, .. } | Self::WeightedSum { weight } => vec![weight],
             Self::Input
             | Self::Relu
+            | Self::Relu6
             | Self::Sigmoid
             | Self::MaxPool { .. }
             | Self::GlobalAveragePool
@@ -129,6 +132,8 @@ pub struct Window {
     pub stride: usize,
     /// Zeros on every side.
     pub padding: usize,
+    /// So many more zeros at the right and at the bottom.
+    pub end_padding: usize,
     /// Distance between taps.
     pub dilation: usize,
 }
@@ -136,12 +141,21 @@ pub struct Window {
 impl Window {
     /// A window whose output has the input's size divided by `stride`.
     pub const fn same(kernel: usize, stride: usize) -> Self {
-        Self { kernel, stride, padding: kernel / 2, dilation: 1 }
+        Self { kernel, stride, padding: kernel / 2, end_padding: 0, dilation: 1 }
+    }
+
+    /// As [`Window::same`], with the zeros where TensorFlow's `SAME` has them for sizes that `stride` divides: the odd
+    /// one at the end.
+    pub const fn tensorflow_same(kernel: usize, stride: usize) -> Self {
+        let zeros = kernel.saturating_sub(stride);
+        Self { kernel, stride, padding: zeros / 2, end_padding: zeros % 2, dilation: 1 }
     }
 
     /// Size of the output along an axis of `size` cells; `None` when the window does not fit.
     pub fn output_size(&self, size: usize) -> Option<usize> {
-        (size + 2 * self.padding).checked_sub(self.dilation * (self.kernel - 1) + 1).map(|room| room / self.stride + 1)
+        (size + 2 * self.padding + self.end_padding)
+            .checked_sub(self.dilation * (self.kernel - 1) + 1)
+            .map(|room| room / self.stride + 1)
     }
 }
 
@@ -193,6 +207,8 @@ pub enum Role {
     Learnt,
     /// Running statistics: updated by the forward pass, not by the optimiser.
     Statistic,
+    /// As it is: neither the optimiser nor the forward pass moves it.
+    Frozen,
     /// In every public checkpoint but never used: the outer projections of levels 3 and 4 (spec 2.3).
     Unused,
 }

@@ -1,5 +1,6 @@
 //! A model in one file: weights, and in the header the method that they belong to and its config.
 
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -19,11 +20,14 @@ pub const CONFIG_KEY: &str = "farsight.model";
 /// Key of the header that says that the tensors, not the config, decide how wide the layers are.
 pub const NARROWED_KEY: &str = "farsight.narrowed";
 
+/// Key of the header that says whose weights a model was made from, and under which licence.
+pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
+
 /// The method of files that have no tag: there was no other when they were written.
 const FIRST_METHOD: &str = "smoke";
 
 /// Config of a network: it stands in the header of the network's file, as JSON.
-pub trait NetworkConfig: Clone + Serialize + DeserializeOwned {
+pub trait NetworkConfig: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {
     /// Tag of the method, as it stands in files and configs.
     const METHOD: &'static str;
     /// What such a network is called, with its article.
@@ -187,7 +191,11 @@ impl<C: NetworkConfig> Model<C> {
         Self::from_weights(Weights::from_safetensors(bytes, source)?, source)
     }
 
-    fn from_weights(weights: Weights, path: &Path) -> Result<Self, ModelError> {
+    /// The model whose weights, with method and config in their header, are in memory; `path` is only what errors call it.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn from_weights(weights: Weights, path: &Path) -> Result<Self, ModelError> {
         let Some(text) = weights.metadata.get(CONFIG_KEY) else {
             return Err(ModelError::NoConfig { path: path.into(), expected: C::NAME });
         };

@@ -254,11 +254,7 @@ impl Weights {
             hash.update(format!("{name} {:?}\n", tensor.shape));
             tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
-        hash.finalize().iter().fold(String::new(), |mut text, byte| {
-            // Writing to a string cannot fail.
-            let _ = write!(text, "{byte:02x}");
-            text
-        })
+        hexadecimal(&hash.finalize())
     }
 
     /// The header as JSON, padded with spaces so that the data starts at a multiple of eight bytes.
@@ -284,6 +280,15 @@ impl Weights {
         header.resize(header.len().next_multiple_of(LENGTH_BYTES), b' ');
         Ok(header)
     }
+}
+
+/// Two digits a byte, as programs print a checksum.
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }
 
 /// Whether this is the name of a step counter of batch norm, which no forward pass uses.

@@ -31,7 +31,9 @@ pub enum CheckpointProblem {
     #[error("{0}")]
     Read(#[from] io::Error),
     /// Neither of the two layouts that PyTorch writes.
-    #[error("not a PyTorch checkpoint: starts with {found:02x?}; expected a zip archive or a pickle")]
+    #[error(
+        "not a PyTorch checkpoint: starts with {found:02x?}; expected a zip archive or a pickle (or a TFLite file)"
+    )]
     Format {
         /// The first bytes.
         found: Vec<u8>,
@@ -108,9 +110,22 @@ pub enum CheckpointProblem {
     /// The tensors together have more values than the file has bytes: they share storages in a way that no network does.
     #[error("its tensors unfold to more values than the file has bytes")]
     TooMuch,
+    /// A TFLite file is damaged.
+    #[error("TFLite file: {0}")]
+    Tflite(&'static str),
+    /// A tensor of a TFLite file has a shape that a convolution has not, or another than its numbers.
+    #[error(
+        "TFLite file: tensor \"{name}\" has the shape {shape:?}; expected that of a convolution and of its numbers"
+    )]
+    TfliteShape {
+        /// The tensor.
+        name: String,
+        /// Its shape.
+        shape: Vec<usize>,
+    },
     /// The names fit none of the known networks.
     #[error(
-        "unknown network: a tensor is called \"{example}\"; expected the names of SMOKE, mmdetection3d's SMOKE or DLA-34"
+        "unknown network: a tensor is called \"{example}\"; expected the names of SMOKE, mmdetection3d's SMOKE, DLA-34 or MobileNetV2"
     )]
     Layout {
         /// One of the names.
@@ -132,4 +147,10 @@ pub enum CheckpointProblem {
         /// Its shape.
         found: Vec<usize>,
     },
+}
+
+impl CheckpointProblem {
+    pub(super) fn tflite_shape(name: &str, shape: &[usize]) -> Self {
+        Self::TfliteShape { name: name.to_owned(), shape: shape.to_vec() }
+    }
 }

@@ -6,16 +6,19 @@
 //! Such files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`] and the module
 //! behind it. A hostile file gives an error; it cannot make the program panic or take memory out of proportion to its own size.
 
+mod attribution;
 mod error;
 mod pickle;
 mod storages;
 mod tensors;
+pub mod tflite;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use farsight_graph::weights::WeightTensor;
 
+pub use attribution::attribution;
 pub use error::{CheckpointError, CheckpointProblem};
 pub use pickle::PickleError;
 

@@ -6,14 +6,14 @@ use std::io::{BufRead, stdin};
 use std::time::Instant;
 
 use farsight_core::{Box3d, Camera, Dimensions};
-use farsight_graph::graph::{LOGITS, REGRESSION};
 use farsight_graph::init::initial_weights;
-use farsight_graph::layers::network;
+use farsight_graph::model::NetworkConfig;
 use farsight_methods::smoke::targets::{ObjectTarget, Targets, feature_camera};
+use farsight_methods::smoke::train::SmokeRun;
+use farsight_methods::smoke::train::loss::{BatchTargets, CORNER_DIVISOR_PER_IMAGE, CornerWeights, loss};
+use farsight_methods::smoke::{LOGITS, REGRESSION};
 use farsight_train::adam::Adam;
-use farsight_train::config::RunConfig;
 use farsight_train::executor::{Mode, Network};
-use farsight_train::loss::{BatchTargets, CORNER_DIVISOR_PER_IMAGE, CornerWeights, loss};
 use tch::{Device, Kind, Tensor};
 
 /// Objects in each image.
@@ -22,10 +22,10 @@ const OBJECTS: usize = 5;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [config, batch_size] = arguments.as_slice() else { return Err("usage: step_speed CONFIG BATCH".into()) };
-    let run = RunConfig::read(config.as_ref())?;
+    let run = SmokeRun::read(config.as_ref())?;
     let batch_size: usize = batch_size.parse()?;
     let device = Device::cuda_if_available();
-    let graph = network(&run.model);
+    let graph = run.model.graph();
     let output = |name: &str| graph.tap(name).ok_or("the network has no such output");
     let outputs = [output(LOGITS)?, output(REGRESSION)?];
     let weights = initial_weights(&graph, 0);
@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// The same few cars in every image.
-fn targets(run: &RunConfig, batch_size: usize, device: Device) -> Result<BatchTargets, Box<dyn std::error::Error>> {
+fn targets(run: &SmokeRun, batch_size: usize, device: Device) -> Result<BatchTargets, Box<dyn std::error::Error>> {
     let [width, height] = run.model.input;
     let focal = 0.58 * width as f64;
     let camera = Camera::from_intrinsics(focal, focal, width as f64 / 2.0, height as f64 / 2.0)?;

@@ -5,12 +5,16 @@
 //! stands in [`detector`].
 
 mod batch;
+pub mod centernet3d;
 pub mod detector;
+pub mod detectors;
 pub mod input_spec;
 pub mod plate_reader;
 pub mod refiner;
 pub mod roi;
 pub mod smoke;
+#[cfg(feature = "train")]
+pub mod training;
 
 pub use detector::{DetectError, Detector, UnfamiliarCamera};
 pub use input_spec::InputSpec;

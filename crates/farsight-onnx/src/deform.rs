@@ -105,7 +105,7 @@ fn group_samples(parts: &mut Parts, [x, offsets]: [&str; 2], group: i64, sizes: 
 /// With corners not aligned, cell `p` of `n` has the coordinate `(2 p + 1) / n - 1`.
 fn axis(parts: &mut Parts, [x, offsets]: [&str; 2], axis: i64, group: i64, window: Window, name: &str) -> String {
     let step = |part: &str| format!("{name}/{part}");
-    let Window { kernel, stride, padding, dilation } = window;
+    let Window { kernel, stride, padding, dilation, .. } = window;
     let taps = kernel * kernel;
     let group_offsets = 2 * taps as i64;
     let range = [group_offsets * group + axis, group_offsets * (group + 1), 2];

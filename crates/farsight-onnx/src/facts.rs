@@ -43,6 +43,8 @@ pub mod key {
     pub const TRAINING_DATA: &str = "farsight.training_data";
     /// The licence of what it was trained on.
     pub const TRAINING_DATA_LICENCE: &str = "farsight.training_data_licence";
+    /// Whose weights it was made from, and under which licence they are.
+    pub const ATTRIBUTION: &str = farsight_graph::model::ATTRIBUTION_KEY;
     /// How well it did, on what, JSON.
     pub const EVALUATION: &str = "farsight.evaluation";
 }

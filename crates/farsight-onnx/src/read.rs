@@ -12,10 +12,11 @@ use farsight_graph::transform::Network;
 use farsight_graph::weights::WeightsError;
 
 /// Every operator that files of ours have.
-const OPERATORS: [&str; 27] = [
+const OPERATORS: [&str; 28] = [
     "Add",
     "BatchNormalization",
     "Cast",
+    "Clip",
     "Concat",
     "Conv",
     "ConvTranspose",

@@ -172,7 +172,8 @@ impl Writer<'_> {
             }
             Op::UpConv { weight, factor } => {
                 let weight = self.parameter(*weight)?;
-                let window = Window { kernel: 2 * factor, stride: *factor, padding: factor / 2, dilation: 1 };
+                let window =
+                    Window { kernel: 2 * factor, stride: *factor, padding: factor / 2, end_padding: 0, dilation: 1 };
                 self.parts.node("ConvTranspose", &[x, &weight], out, convolution(window, node.channels))
             }
             Op::GroupNorm { groups, weight, bias } => self.group_norm(x, *groups, [*weight, *bias], out)?,
@@ -182,6 +183,10 @@ impl Writer<'_> {
                 self.parts.node("BatchNormalization", &operands, out, vec![float("epsilon", NORM_EPSILON as f32)])
             }
             Op::Relu => self.parts.node("Relu", &all, out, Vec::new()),
+            Op::Relu6 => {
+                let [low, high] = [0.0, 6.0].map(|limit| self.parts.float(limit));
+                self.parts.node("Clip", &[x, &low, &high], out, Vec::new())
+            }
             Op::Sigmoid => self.parts.node("Sigmoid", &all, out, Vec::new()),
             Op::MaxPool { size } => {
                 let size = [*size as i64; 2];
@@ -301,13 +306,14 @@ impl Writer<'_> {
 
 /// The settings of a convolution, transposed or not.
 pub(super) fn convolution(window: Window, groups: usize) -> Vec<crate::proto::AttributeProto> {
-    let Window { kernel, stride, padding, dilation } = window;
+    let Window { kernel, stride, padding, end_padding, dilation } = window;
     let [kernel, stride, padding, dilation] = [kernel, stride, padding, dilation].map(|value| value as i64);
+    let end = padding + end_padding as i64;
     vec![
         ints("dilations", &[dilation; 2]),
         int("group", groups as i64),
         ints("kernel_shape", &[kernel; 2]),
-        ints("pads", &[padding; 4]),
+        ints("pads", &[padding, padding, end, end]),
         ints("strides", &[stride; 2]),
     ]
 }

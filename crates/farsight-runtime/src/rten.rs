@@ -56,6 +56,7 @@ fn load(bytes: Vec<u8>) -> Result<Model, Failure> {
         Add,
         BatchNormalization,
         Cast,
+        Clip,
         Concat,
         Conv,
         ConvTranspose,

@@ -1,6 +1,7 @@
 //! Renders a number of random scenes into one picture, smaller, in rows and columns.
 //!
-//! `cargo run --release -p farsight-synth --example contact_sheet -- sheet.png SEED FIRST COLUMNS ROWS [WIDTH] [generic]`
+//! `cargo run --release -p farsight-synth --example contact_sheet -- sheet.png SEED FIRST COLUMNS ROWS [WIDTH]
+//! [generic]`
 #![allow(missing_docs, clippy::print_stdout)]
 
 use std::time::Instant;

@@ -1,7 +1,8 @@
-//! What `sizes.rs` and the traffic are made from: sizes, distances, directions and numbers of the objects in a folder of KITTI label files.
+//! What `sizes.rs` and the traffic are made from: sizes, distances, directions and numbers of the objects in a folder
+//! of KITTI label files.
 //!
-//! `cargo run --release -p farsight-synth --example label_statistics -- LABEL_DIR`, or `drawn:COUNT` for the labels of that many random scenes,
-//! to compare.
+//! `cargo run --release -p farsight-synth --example label_statistics -- LABEL_DIR`, or `drawn:COUNT` for the labels of
+//! that many random scenes, to compare.
 #![allow(missing_docs, clippy::print_stdout)]
 
 use std::path::Path;

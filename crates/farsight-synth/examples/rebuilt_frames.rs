@@ -1,4 +1,5 @@
-//! Rebuilds every frame of a KITTI folder from its labels and says how it went; pairs of photograph and rebuilt frame go into a picture.
+//! Rebuilds every frame of a KITTI folder from its labels and says how it went; pairs of photograph and rebuilt frame
+//! go into a picture.
 //!
 //! `cargo run --release -p farsight-synth --example rebuilt_frames -- KITTI_ROOT [pairs.png COUNT]`
 #![allow(missing_docs, clippy::print_stdout)]

@@ -1,8 +1,9 @@
-//! What a finished frame costs, step by step, on one thread: the world, its picture, the photograph, the labels.
+//! What a finished frame costs, step by step, on one thread: the scene, its picture, the sensor, the labels.
 //!
-//! `cargo run --release -p farsight-synth --example render_speed -- [FRAMES] [SEED] [FOLDER for the photographs]`
+//! `cargo run --release -p farsight-synth --example render_speed -- [FRAMES] [SEED] [FOLDER for the images]`
 //!
-//! Times are of the processor, not of the clock, where the system tells them (Linux): other programs do not spoil them much.
+//! Times are of the processor, not of the clock, where the system tells them (Linux): other programs do not spoil them
+//! much.
 #![allow(missing_docs, clippy::print_stdout)]
 
 use std::path::PathBuf;
@@ -50,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             photo.save(folder.join(format!("{index:06}.png")))?;
         }
     }
-    for (name, mut all) in ["world", "render", "photo", "labels", "in all"].into_iter().zip(times) {
+    for (name, mut all) in ["scene", "render", "sensor", "labels", "in all"].into_iter().zip(times) {
         all.sort_by(f64::total_cmp);
         let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
         println!("{name}: median {:.1} ms, mean {mean:.1} ms, most {:.1} ms", all[all.len() / 2], all[all.len() - 1]);

@@ -1,10 +1,11 @@
 //! KITTI labels from the scene and from what the image shows of it.
 //!
-//! The 3D box is the object's own, the 2D box is the one around its projection, truncation is the share of the 2D box outside the image, and occlusion
-//! follows from counted samples.
+//! The 3D box is the object's own, the 2D box is the one around its projection, truncation is the share of the 2D box
+//! outside the image, and occlusion follows from counted samples.
 //!
-//! KITTI's 2D boxes are projections too, corrected by hand: on 18 cars in full view their mean overlap with the projected 3D box is 0.97, with the box
-//! around the outline of a car built into the same 3D box 0.90, because outlines are round where boxes have corners.
+//! KITTI's 2D boxes are projections too, corrected by hand: on 18 cars in full view their mean overlap with the
+//! projected 3D box is 0.97, with the box around the outline of a car built into the same 3D box 0.90, because
+//! outlines are round where boxes have corners.
 
 use farsight_core::{Box2d, Box3d, Dimensions, Label, ObjectClass};
 
@@ -20,7 +21,8 @@ pub struct LabelRules {
     pub min_dont_care_px: f64,
     /// Objects farther than this are `DontCare`, metres of depth.
     pub farthest_m: f64,
-    /// Visible shares from which on an object is not occluded (0), partly (1) and largely (2); `DontCare` below the last.
+    /// Visible shares from which on an object is not occluded (0), partly (1) and largely (2); `DontCare` below the
+    /// last.
     pub visible_shares: [f64; 3],
 }
 

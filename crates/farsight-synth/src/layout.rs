@@ -1,4 +1,5 @@
-//! Real frames rebuilt: the labelled objects exactly where they are, in a random world that hides them no more than the label says.
+//! Real frames rebuilt: the labelled objects exactly where they are, in a random scene that hides them no more than
+//! the label says.
 
 use farsight_core::linear::{dot, solved};
 use farsight_core::{Box3d, Camera, Label, ObjectClass};
@@ -19,11 +20,12 @@ const CAMERA_HEIGHT_M: f64 = 1.65;
 /// Vehicles whose axis is less askew to the camera's than this lie along its road, radians.
 const ALONG_ROAD_RAD: f64 = 0.45;
 
-/// Rebuilds a frame: the same camera, a labelled object with the class and box of each label (in their order, `DontCare` left out), and a world
-/// drawn from `seed` around them.
+/// Rebuilds a frame: the same camera, a labelled object with the class and box of each label (in their order,
+/// `DontCare` left out), and a scene drawn from `seed` around them.
 ///
-/// The ground is fitted to the bottoms of the boxes, and the road runs along the vehicles that stand along the camera's direction. Houses,
-/// trees and posts are left out where they would hide a labelled object more than its label says. Any labels will do, none too.
+/// The ground is fitted to the bottoms of the boxes, and the road runs along the vehicles that stand along the
+/// camera's direction. Houses, trees and posts are left out where they would hide a labelled object more than its
+/// label says. Any labels will do, none too.
 pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64) -> LabelledScene {
     let objects: Vec<&Label> = labels.iter().filter(|label| label.class != ObjectClass::DontCare).collect();
     let mut rng = SceneRng::new(seed, 0, 1);
@@ -105,8 +107,8 @@ fn sightline(label: &Label) -> Option<Sightline> {
     (kept > 0.0 && high >= low).then_some(Sightline { tangents: [middle - half, middle + half], depth_m: farthest })
 }
 
-/// A ground through the bottoms of the boxes: least squares towards a flat one, weighted so that few strays do not bend it
-/// (Huber 1964, by repeated weighting).
+/// A ground through the bottoms of the boxes: least squares towards a flat one, weighted so that few strays do not
+/// bend it (Huber 1964, by repeated weighting).
 fn fitted_ground(objects: &[&Label]) -> Ground {
     // Deviations that the ground's parameters are expected to have, and the noise of a label's bottom, metres.
     const EXPECTED: [f64; 4] = [0.08, 0.02, 0.02, 2e-4];

@@ -1,8 +1,26 @@
 //! Procedural traffic scenes rendered to frames with exact labels.
 //!
-//! A [`scene::Scene`] is triangles, materials, light and atmosphere, seen by one camera. The renderer turns it into pixels, depth and instances; the world
-//! builder draws scenes at random.
+//! A [`Scene`](scene::Scene) is triangles, materials, light and atmosphere, seen by one camera. [`generate_scene`]
+//! makes random ones, [`scene_from_labels`] rebuilds labelled frames, [`render()`](render::render) turns a scene into
+//! light, depth and instances, [`SensorModel`](sensor::SensorModel) turns light into an image, and
+//! [`LabelRules`](labels::LabelRules) says what a label file would hold. [`SceneStream`] does all of it. The bytes are
+//! the same on every machine.
+//!
+//! | module | what it is for |
+//! |---|---|
+//! | [`scene`] | the data: what the renderer is given. It knows nothing of how scenes are made |
+//! | [`generator`] | random scenes from a [`SceneConfig`]: camera, light, streets, traffic, surroundings |
+//! | [`layout`] | scenes around the objects of a label file |
+//! | `objects` | meshes of vehicles and people, of a given size |
+//! | `mesh_builder`, `palette`, `vector`, `rng` | what meshes, materials and random scenes are built with |
+//! | [`sizes`] | how large objects are: statistics of KITTI's labels |
+//! | [`render`] | the rasteriser |
+//! | [`sensor`] | what a camera does to light: exposure, blur, noise, tone curve, JPEG |
+//! | [`labels`], `plates` | labels and number plates from what the image shows |
+//! | `stream` | finished frames, by number |
+//! | `dataset` | these frames as a data set |
 
+mod dataset;
 pub mod generator;
 pub mod labels;
 pub mod layout;
@@ -18,6 +36,7 @@ pub mod sizes;
 mod stream;
 pub(crate) mod vector;
 
+pub use dataset::SceneDataset;
 pub use generator::{CameraRanges, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
 pub use scene::LabelledScene;

@@ -24,7 +24,8 @@ impl MeshBuilder {
         self.mesh.triangles.push(Triangle { vertices, material, layer });
     }
 
-    /// A flat four-cornered face, corners in order around it; the pattern runs along its first side from its first corner.
+    /// A flat four-cornered face, corners in order around it; the pattern runs along its first side from its first
+    /// corner.
     pub(crate) fn quad(&mut self, points: [Vec3; 4], material: MaterialId, layer: u8) {
         let along = length(sub(points[1], points[0]));
         let up = length(sub(points[3], points[0]));
@@ -129,7 +130,8 @@ impl MeshBuilder {
         self.project_patterns(first);
     }
 
-    /// Lays the patterns of the four-cornered faces from vertex `first` on straight, along the axes that each face looks least along.
+    /// Lays the patterns of the four-cornered faces from vertex `first` on straight, along the axes that each face
+    /// looks least along.
     ///
     /// Wrapped around a ball a pattern would be drawn out into streaks.
     pub(crate) fn project_patterns(&mut self, first: usize) {

@@ -10,7 +10,8 @@ pub(crate) struct Palette {
 }
 
 impl Palette {
-    /// The number of a new material. A scene needs a few hundred; past the last number there is, the last is used again.
+    /// The number of a new material. A scene needs a few hundred; past the last number there is, the last is used
+    /// again.
     pub(crate) fn add(&mut self, material: Material) -> MaterialId {
         if self.materials.len() < usize::from(MaterialId::MAX) {
             self.materials.push(material);

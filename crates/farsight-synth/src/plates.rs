@@ -1,7 +1,7 @@
 //! Where the number plates of labelled vehicles are, as far as the image shows them.
 
 use farsight_core::{Box3d, Label, ObjectClass};
-use farsight_data::Plate;
+use farsight_data::annotations::{Plate, Plates};
 
 use crate::render::Rendered;
 use crate::scene::{LabelledObject, MaterialId, Mesh, Scene, Vec3};
@@ -13,7 +13,7 @@ const APART_M: f64 = 0.1;
 const LOOKED_AT: [f64; 3] = [0.15, 0.5, 0.85];
 
 /// The plates that the image shows of those who have a label, in the order of the labels.
-pub(crate) fn plates(scene: &Scene, objects: &[LabelledObject], rendered: &Rendered, labels: &[Label]) -> Vec<Plate> {
+pub(crate) fn plates(scene: &Scene, objects: &[LabelledObject], rendered: &Rendered, labels: &[Label]) -> Plates {
     let labelled = labels.iter().enumerate().filter(|(_, label)| label.class != ObjectClass::DontCare);
     let plates = labelled.filter_map(|(place, label)| {
         let labelled = objects.iter().find(|labelled| labelled.box3d == label.box3d)?;
@@ -22,11 +22,11 @@ pub(crate) fn plates(scene: &Scene, objects: &[LabelledObject], rendered: &Rende
         let mut seen = ends.filter(|ends| is_seen(scene, rendered, ends));
         seen.next().map(|ends| Plate { label: place, ends })
     });
-    plates.collect()
+    Plates(plates.collect())
 }
 
-/// The middles of the right and the left edge of the plate at the front (1) or the rear (-1), as seen by somebody who stands before it; none when the camera
-/// is behind it.
+/// The middles of the right and the left edge of the plate at the front (1) or the rear (-1), as seen by somebody who
+/// stands before it; none when the camera is behind it.
 fn ends_of(mesh: &Mesh, plate: MaterialId, box3d: &Box3d, end: f64) -> Option<[[f64; 3]; 2]> {
     let (sin, cos) = (libm::sin(box3d.yaw), libm::cos(box3d.yaw));
     let ahead = [end * cos, -end * sin];

@@ -1,4 +1,4 @@
-//! Random draws: everything the world is made of comes from one of these.
+//! Random draws: everything in a scene comes from one of these.
 
 use rand::RngExt;
 use rand_pcg::Pcg64;

@@ -1,7 +1,8 @@
 //! What the renderer is given: triangles, materials, light and atmosphere, and the camera that looks at them.
 //!
-//! Coordinates are KITTI's, of a level camera: x right, y **down**, z forward, metres, origin at the camera. The ground of a flat world lies at
-//! `y = camera height`. A pitched or rolled camera is a [`Camera`] whose 3x4 projection contains the rotation, so boxes stay upright and labels exact.
+//! Coordinates are KITTI's, of a level camera: x right, y **down**, z forward, metres, origin at the camera. The
+//! ground of a flat scene lies at `y = camera height`. A pitched or rolled camera is a [`Camera`] whose 3x4 projection
+//! contains the rotation, so boxes stay upright and labels exact.
 
 use farsight_core::{Box3d, Camera, ObjectClass};
 
@@ -14,7 +15,8 @@ pub type Vec3 = [f32; 3];
 /// Index of a material in [`Scene::materials`].
 pub type MaterialId = u16;
 
-/// Who a triangle belongs to: 0 is the world, others are objects numbered from 1 in the order of their labels.
+/// Who a triangle belongs to: 0 is the background, others are labelled objects numbered from 1 in the order of their
+/// labels.
 pub type InstanceId = u16;
 
 /// One corner of a mesh.
@@ -35,7 +37,8 @@ pub struct Triangle {
     pub vertices: [u32; 3],
     /// What it is made of.
     pub material: MaterialId,
-    /// Paint on a surface in the same plane: a higher layer wins over a lower one (road 0, marking 1, contact shadow 2).
+    /// Paint on a surface in the same plane: a higher layer wins over a lower one (road 0, marking 1, contact shadow
+    /// 2).
     pub layer: u8,
 }
 
@@ -140,7 +143,8 @@ pub enum Pattern {
     },
     /// Glass: in each pixel so many of the samples show it, the others what is behind.
     Transparent {
-        /// Share of the samples that show the glass, 0 to 1. What the whole pane mirrors, these have to: divide the material's `specular` and `reflectivity` by it.
+        /// Share of the samples that show the glass, 0 to 1. What the whole pane mirrors, these have to: divide the
+        /// material's `specular` and `reflectivity` by it.
         share: f32,
     },
     /// Worn paint: `color` with holes of noise that show what is below; `wear` 0 has none.

@@ -23,7 +23,8 @@ pub struct Distribution {
 }
 
 impl Distribution {
-    /// The value, metres, that is as far from the median as `score`, in standard deviations, is from that of a normal distribution.
+    /// The value, metres, that is as far from the median as `score`, in standard deviations, is from that of a normal
+    /// distribution.
     pub fn at_z_score(&self, score: f64) -> f64 {
         let end = NORMAL_SCORES.iter().position(|&above| score < above);
         match end {
@@ -52,7 +53,8 @@ pub struct SizeStatistics {
     pub width: Distribution,
     /// Extent along the heading.
     pub length: Distribution,
-    /// Share of the deviations that height, width and length have in common (long ones are wide): square root of the mean correlation.
+    /// Share of the deviations that height, width and length have in common (long ones are wide): square root of the
+    /// mean correlation.
     pub shared: f64,
 }
 

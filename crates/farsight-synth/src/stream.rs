@@ -2,6 +2,7 @@
 
 use farsight_core::{Camera, Label};
 use farsight_data::Frame;
+use farsight_data::annotations::DepthMap;
 
 use crate::generator::{SceneConfig, generate_scene};
 use crate::labels::LabelRules;
@@ -12,7 +13,7 @@ use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
 use crate::sensor::SensorModel;
 
-/// The stream of draws that decides about the photograph; scenes and layouts have 0 and 1.
+/// The stream of draws that decides about the sensor; scenes and layouts have 0 and 1.
 const SENSOR_STREAM: u64 = 2;
 
 /// Fowler, Noll and Vo's prime, for 64 bits.
@@ -28,28 +29,34 @@ pub struct SceneStream {
 }
 
 impl SceneStream {
+    /// Name of the frame of scene number `index`.
+    pub fn id(index: u64) -> String {
+        format!("{index:06}")
+    }
+
     /// Scene number `index`, rendered and captured: the same bytes for any number of threads.
     pub fn frame(&self, index: u64) -> Frame {
         let labelled = generate_scene(&self.config, self.seed, index);
-        captured(&labelled, format!("{index:06}"), &mut SceneRng::new(self.seed, index, SENSOR_STREAM))
+        captured(&labelled, Self::id(index), &mut SceneRng::new(self.seed, index, SENSOR_STREAM))
     }
 }
 
 /// A frame with the objects of `labels` at their own positions under their own `camera`, in a random scene around them.
 ///
-/// The world follows from `seed` and the frame's name `id`. Truncation and occlusion are those of the picture, which need not be those of `labels`.
+/// The scene follows from `seed` and the frame's name `id`. Truncation and occlusion are those of the picture, which
+/// need not be those of `labels`.
 pub fn frame_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64, id: &str) -> Frame {
     let seed = id.bytes().fold(seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
     let labelled = scene_from_labels(labels, camera, image_size, seed);
     captured(&labelled, id.to_owned(), &mut SceneRng::new(seed, 0, SENSOR_STREAM))
 }
 
-/// The photograph of a scene, with its camera and labels.
+/// The image of a scene, with its camera and labels.
 fn captured(labelled: &LabelledScene, id: String, rng: &mut SceneRng) -> Frame {
     let LabelledScene { scene, objects } = labelled;
     let rendered = render(scene);
     let image = SensorModel::sample(&scene.atmosphere, rng.inner()).capture(&rendered);
     let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, objects, &rendered);
     let plates = plates(scene, objects, &rendered, &labels);
-    Frame { id, image, camera: scene.camera, labels, depth_m: Some(rendered.depth_m), plates }
+    Frame::new(id, image, scene.camera, labels).with(plates).with(DepthMap { depth_m: rendered.depth_m })
 }

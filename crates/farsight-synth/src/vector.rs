@@ -1,4 +1,5 @@
-//! Arithmetic of vectors and a few functions, exact to the bit on every machine: only `+ - * /`, square roots and whole numbers.
+//! Arithmetic of vectors and a few functions, exact to the bit on every machine: only `+ - * /`, square roots and
+//! whole numbers.
 //!
 //! The standard library's `exp` and `powf` are the system's, and differ from machine to machine.
 
@@ -73,7 +74,8 @@ pub(crate) fn float(count: usize) -> f32 {
 
 /// The largest whole number not above `x`, for numbers between minus and plus four million.
 ///
-/// The standard library's is a function call on processors without SSE 4.1, and its casts check for numbers that do not fit.
+/// The standard library's is a function call on processors without SSE 4.1, and its casts check for numbers that do
+/// not fit.
 #[inline]
 pub(crate) fn floor(x: f32) -> i32 {
     // 1.5 * 2^23: the sum has no bits left for a fraction, and its lowest bits are the nearest whole number.

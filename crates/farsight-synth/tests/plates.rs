@@ -4,11 +4,16 @@
 
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_data::Frame;
+use farsight_data::annotations::{Plate, Plates};
 use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
 
 /// Width of a plate, metres, and how far a mesh's fit to its box may stretch it.
 const WIDTH_M: f64 = 0.52;
 const STRETCH: f64 = 0.02;
+
+fn plates_in(frame: &Frame) -> &[Plate] {
+    &frame.annotation::<Plates>().unwrap().0
+}
 
 fn distance([a, b]: [[f64; 3]; 2]) -> f64 {
     (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
@@ -21,7 +26,7 @@ fn plates_of_random_scenes_are_as_wide_as_plates_and_lie_on_their_vehicles() {
     for index in 0..12 {
         let frame = stream.frame(index);
         let mut before = None;
-        for plate in &frame.plates {
+        for plate in plates_in(&frame) {
             let label = &frame.labels[plate.label];
             assert!(before < Some(plate.label), "one plate for a label, in their order");
             before = Some(plate.label);
@@ -64,10 +69,10 @@ fn a_plate_is_told_of_the_end_that_is_seen_and_of_none_that_is_hidden() {
     let away = -std::f64::consts::FRAC_PI_2;
     for (yaw, depth_m) in [(away, 18.0), (-away, 18.0)] {
         let frame = plates_of(&[car([0.3, 20.0], yaw)]);
-        let [plate] = &frame.plates[..] else { panic!("{:?}", frame.plates) };
+        let [plate] = plates_in(&frame) else { panic!("{:?}", plates_in(&frame)) };
         assert!(plate.ends.iter().all(|end| (end[2] - depth_m).abs() < 0.1), "{:?}", plate.ends);
     }
     let hidden = plates_of(&[car([0.0, 8.0], away), car([0.0, 14.0], away)]);
-    assert_eq!(hidden.plates.len(), 1, "{:?}", hidden.plates);
-    assert!(plates_of(&[car([0.0, 20.0], 0.0)]).plates.is_empty(), "seen from its side");
+    assert_eq!(plates_in(&hidden).len(), 1, "{:?}", plates_in(&hidden));
+    assert!(plates_in(&plates_of(&[car([0.0, 20.0], 0.0)])).is_empty(), "seen from its side");
 }

@@ -13,18 +13,6 @@ use farsight_synth::scene_from_labels;
 /// Frames compared.
 const FRAMES: usize = 42;
 
-/// Where the real frames are, if they are.
-fn training() -> Option<PathBuf> {
-    let root = std::env::var_os("FARSIGHT_KITTI")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/kitti"), PathBuf::from);
-    let training = root.join("frames/training");
-    if !training.is_dir() {
-        println!("skipped: no {} (set FARSIGHT_KITTI)", training.display());
-        return None;
-    }
-    Some(training)
-}
-
 /// Real labels of cars, each with the label of the same car in the rebuilt frame, if that has one.
 fn pairs(training: &Path) -> Vec<(Label, Option<Label>)> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(training.join("label_2"))
@@ -50,7 +38,7 @@ fn pairs(training: &Path) -> Vec<(Label, Option<Label>)> {
 
 #[test]
 fn made_labels_agree_with_those_that_people_drew() {
-    let Some(training) = training() else { return };
+    let Some(training) = farsight_testing::kitti("frames/training") else { return };
     let pairs = pairs(&training);
     let clear: Vec<_> = pairs.iter().filter(|(real, _)| real.occlusion == 0 && real.truncation < 0.01).collect();
     let made: Vec<_> = clear.iter().filter_map(|(real, made)| made.as_ref().map(|made| (real, made))).collect();

@@ -46,7 +46,8 @@ fn hash_of(bytes: impl Iterator<Item = u8>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Made once, on x86-64 Linux. Another number on another machine or with other optimisations is a bug; after a change of the looks it has to be new.
+/// Made once, on x86-64 Linux. Another number on another machine or with other optimisations is a bug; after a change
+/// of the looks it has to be new.
 #[test]
 fn the_bytes_are_those_of_other_machines() {
     let mut scene = street();

@@ -1,4 +1,4 @@
-//! Laws of drawn worlds and rebuilt frames.
+//! Laws of random scenes and rebuilt frames.
 
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
@@ -260,13 +260,8 @@ fn nothing_is_built_in_front_of_what_must_be_seen() {
 
 #[test]
 fn real_label_files_can_be_rebuilt() {
-    let root = std::env::var("FARSIGHT_KITTI").unwrap_or_else(|_| "../../../shared/kitti".to_owned());
-    let labels = std::path::Path::new(&root).join("frames/training/label_2");
-    let Ok(entries) = std::fs::read_dir(&labels) else {
-        println!("skipped: no real labels in {}", labels.display());
-        return;
-    };
-    for entry in entries {
+    let Some(labels) = farsight_testing::kitti("frames/training/label_2") else { return };
+    for entry in std::fs::read_dir(labels).unwrap() {
         let path = entry.unwrap().path();
         let labels = farsight_data::kitti::read_labels(&path).unwrap();
         let generated = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 1);

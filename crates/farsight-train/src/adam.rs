@@ -1,12 +1,14 @@
 //! Adam with L2 weight decay; its state is plain tensors, so a checkpoint can hold all of it.
 
+use std::collections::BTreeMap;
+
 use farsight_graph::weights::Weights;
 use tch::{Tensor, no_grad};
 
 use crate::executor::{Network, fill, weight_from_tensor};
 
 /// Settings of the optimiser that do not change during a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct AdamSettings {
     /// Decay of the mean of gradients.
     pub beta1: f64,
@@ -18,12 +20,21 @@ pub struct AdamSettings {
     pub weight_decay: f64,
     /// Factor on the learning rate of biases (official SMOKE: 2).
     pub bias_rate_factor: f64,
+    /// Factors on the learning rate of parameters whose names start so; of several the longest start counts.
+    pub rate_factors: BTreeMap<String, f64>,
 }
 
 impl AdamSettings {
     /// Adam's usual numbers.
     pub fn new(weight_decay: f64, bias_rate_factor: f64) -> Self {
-        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay, bias_rate_factor }
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay, bias_rate_factor, rate_factors: BTreeMap::new() }
+    }
+
+    /// The factor on the learning rate of the parameter called `name`.
+    fn rate_factor(&self, name: &str) -> f64 {
+        let named = self.rate_factors.iter().filter(|(prefix, _)| name.starts_with(prefix.as_str()));
+        let of_part = named.max_by_key(|(prefix, _)| prefix.len()).map_or(1.0, |(_, factor)| *factor);
+        if name.contains("bias") { of_part * self.bias_rate_factor } else { of_part }
     }
 }
 
@@ -38,7 +49,7 @@ pub struct BadGradient {
 
 impl BadGradient {
     /// What it is that is not finite.
-    pub(crate) fn what(&self) -> String {
+    pub fn what(&self) -> String {
         format!("the norm of the gradient of {}", self.parameter)
     }
 }
@@ -49,6 +60,8 @@ struct Moments {
     name: String,
     mean: Tensor,
     square: Tensor,
+    /// Factor on the learning rate.
+    rate_factor: f64,
 }
 
 /// The optimiser with its state.
@@ -70,13 +83,15 @@ impl Adam {
             name: name.to_owned(),
             mean: tensor.zeros_like().set_requires_grad(false),
             square: tensor.zeros_like().set_requires_grad(false),
+            rate_factor: settings.rate_factor(name),
         });
-        Self { settings, moments: moments.collect(), steps: 0 }
+        let moments = moments.collect();
+        Self { settings, moments, steps: 0 }
     }
 
     /// Moves `parameters` against `gradients`, both in the order given to [`Adam::new`].
     pub fn step(&mut self, parameters: &[Tensor], gradients: &[Tensor], rate: f64) {
-        let AdamSettings { beta1, beta2, epsilon, weight_decay, bias_rate_factor } = self.settings;
+        let AdamSettings { beta1, beta2, epsilon, weight_decay, .. } = self.settings;
         self.steps += 1;
         let steps = self.steps as f64;
         let mean_correction = 1.0 - beta1.powf(steps);
@@ -87,7 +102,7 @@ impl Adam {
                     if weight_decay == 0.0 { gradient.shallow_clone() } else { gradient + parameter * weight_decay };
                 let _ = moments.mean.lerp_(&gradient, 1.0 - beta1);
                 let _ = moments.square.lerp_(&gradient.square(), 1.0 - beta2);
-                let rate = if moments.name.contains("bias") { rate * bias_rate_factor } else { rate };
+                let rate = rate * moments.rate_factor;
                 let root = moments.square.sqrt().g_mul_scalar_(1.0 / square_correction).g_add_scalar_(epsilon);
                 let update = (&moments.mean / root).g_mul_scalar_(rate / mean_correction);
                 let _ = parameter.shallow_clone().g_sub_(&update);
@@ -126,7 +141,7 @@ impl Adam {
     }
 
     /// Counts a step without a gradient.
-    pub(crate) fn rest(&mut self) {
+    pub fn rest(&mut self) {
         self.steps += 1;
     }
 

@@ -50,6 +50,12 @@ impl Averages {
         weights.tensors.extend(means);
     }
 
+    /// Puts the means in the place of the parameters in `weights`; the network keeps what it has.
+    pub(crate) fn replace(&self, weights: &mut Weights) {
+        let means = self.means.iter().map(|(name, mean)| (name.clone(), weight_from_tensor(mean)));
+        weights.tensors.extend(means);
+    }
+
     /// Takes the means out of `weights`, as [`Averages::store`] put them there after `steps` steps.
     ///
     /// # Errors

@@ -1,10 +1,12 @@
-//! A training run in one TOML file.
+//! A training run in one TOML file: what every method's training has in common.
 
+use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
-use farsight_methods::smoke::config::SmokeConfig;
+use farsight_graph::model::NetworkConfig;
 use farsight_synth::SceneConfig;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -13,20 +15,69 @@ use thiserror::Error;
 use crate::adam::AdamSettings;
 use crate::executor::Precision;
 use crate::learner::LearnerSettings;
+use crate::parts::Parts;
 use crate::schedule::Schedule;
 
-/// A run: what to train, on what, how. Every field has a default; the defaults are the paper's recipe.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RunConfig {
+/// What a method alone says about its training: the table `[task]`.
+pub trait TaskConfig: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {
+    /// The field that cannot be used, what was found and what was expected; `data` is where the frames come from.
+    fn problem(&self, data: &DataConfig) -> Option<String>;
+}
+
+/// A run: what to train, on what, how. Every table has defaults; those of `[train]` are the paper's recipe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, bound = "")]
+pub struct RunConfig<M: NetworkConfig, C: TaskConfig> {
+    /// Tag of the method.
+    pub method: String,
     /// The network.
-    pub model: SmokeConfig,
+    #[serde(default)]
+    pub model: M,
     /// Where the frames come from.
+    #[serde(default)]
     pub data: DataConfig,
     /// How they vary.
+    #[serde(default)]
     pub augmentation: AugmentationConfig,
     /// How the network learns.
+    #[serde(default)]
     pub train: TrainConfig,
+    /// What the method alone says.
+    #[serde(default)]
+    pub task: C,
+    /// What is measured while it learns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validate: Option<ValidateConfig>,
+}
+
+/// What is measured while a network learns: the model so far looks at frames that it does not learn from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValidateConfig {
+    /// Folder in KITTI's layout.
+    pub root: PathBuf,
+    /// Split: a name under `ImageSets` or a file of frame names.
+    pub split: PathBuf,
+    /// Steps between two measurements.
+    pub every_steps: u64,
+    /// The first so many frames of the split only; 0 for all.
+    #[serde(default)]
+    pub limit: usize,
+}
+
+/// The tag of the method that the config file at `path` is of, which must be one of `known`.
+///
+/// # Errors
+/// When the file cannot be read, is no TOML, or names no method that is known.
+pub fn read_method(path: &Path, known: &[&str]) -> Result<String, RunConfigError> {
+    let table: toml::Table = parsed(path)?;
+    let found = match table.get("method") {
+        Some(toml::Value::String(method)) if known.contains(&method.as_str()) => return Ok(method.clone()),
+        Some(other) => other.to_string(),
+        None => "missing".to_owned(),
+    };
+    let problem = format!("method is {found}; expected one of {}", known.join(", "));
+    Err(RunConfigError::Value { path: path.into(), problem })
 }
 
 /// Where the frames come from.
@@ -59,13 +110,13 @@ impl Default for DataConfig {
 
 impl DataConfig {
     /// What of it changes the steps of a run.
-    pub(crate) fn identity(&self) -> Self {
+    pub fn identity(&self) -> Self {
         let Self { rendered, split, limit, .. } = self.clone();
         Self { rendered, split, limit, ..Self::default() }
     }
 
     /// Why frames cannot be had from it, if they cannot.
-    pub(crate) fn problem(&self) -> Option<String> {
+    pub fn problem(&self) -> Option<String> {
         if let Some(rendered) = &self.rendered {
             if self.root.is_some() {
                 return Some("data has both root and rendered; expected one of them".to_owned());
@@ -96,13 +147,13 @@ impl Default for RenderedConfig {
     }
 }
 
-/// How the network learns. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140 epochs, batch 8.
+/// How a network learns, whatever its method. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140 epochs, batch 8.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
     /// Passes over the data.
     pub epochs: u64,
-    /// Images a step.
+    /// Frames a step.
     pub batch_size: usize,
     /// Initial learning rate. The paper gives none; 2.5e-4 is official SMOKE's.
     pub learning_rate: f64,
@@ -116,19 +167,6 @@ pub struct TrainConfig {
     pub bias_rate_factor: f64,
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
-    /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that relative errors are learnt rather
-    /// than the guesses of the horizon; 0: all count the same, as in SMOKE.
-    pub full_weight_m: f64,
-    /// Factor on the orientation's part of the corner loss; 1 in SMOKE.
-    pub orientation_weight: f64,
-    /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
-    pub dimensions_weight: f64,
-    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which judges apparent sizes; 0 for none, as in SMOKE.
-    pub image_weight: f64,
-    /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
-    pub neighbour_cells: usize,
-    /// Weight of a second lesson, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
-    pub surface_weight: f64,
     /// Numbers of the convolutions.
     pub precision: Precision,
     /// Seed of the weights, the order and the augmentation.
@@ -136,6 +174,15 @@ pub struct TrainConfig {
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
+    /// Starts of the names of tensors that start anew although `start_from` has them. With it, even empty, `start_from` must have all others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_without: Option<Vec<String>>,
+    /// Starts of the names of tensors that nothing moves; batch norms among them use their running statistics as they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub freeze: Vec<String>,
+    /// Factors on the learning rate of tensors by how their names start; of several the longest start counts.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub rate_factors: BTreeMap<String, f64>,
     /// Decay of the exponential running means of the weights (EMA), which the model gets in the end; without it those of the last step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ema_decay: Option<f64>,
@@ -161,15 +208,12 @@ impl Default for TrainConfig {
             warm_up_steps: 0,
             bias_rate_factor: 1.0,
             clip_norm: 0.0,
-            full_weight_m: 0.0,
-            orientation_weight: 1.0,
-            dimensions_weight: 1.0,
-            image_weight: 0.0,
-            neighbour_cells: 0,
-            surface_weight: 0.0,
             precision: Precision::F32,
             seed: 0,
             start_from: None,
+            start_without: None,
+            freeze: Vec::new(),
+            rate_factors: BTreeMap::new(),
             ema_decay: None,
             statistics_batches: None,
             checkpoint_steps: 200,
@@ -208,39 +252,32 @@ pub enum RunConfigError {
     },
 }
 
-/// Reads a TOML file of which `problem` says what is wrong with its values.
-pub(crate) fn read_checked<T: DeserializeOwned>(
-    path: &Path,
-    problem: impl Fn(&T) -> Option<String>,
-) -> Result<T, RunConfigError> {
+/// What stands in a TOML file.
+fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T, RunConfigError> {
     let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
-    let config: T = toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })?;
-    match problem(&config) {
-        Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
-        None => Ok(config),
-    }
+    toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })
 }
 
-/// Why the weights' running means cannot have this decay, if they cannot.
-pub(crate) fn problem_of_decay(ema_decay: Option<f64>) -> Option<String> {
-    let wrong = ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
-    wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
-}
-
-impl RunConfig {
+impl<M: NetworkConfig, C: TaskConfig> RunConfig<M, C> {
     /// Reads and checks a config file.
     ///
     /// # Errors
     /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
     pub fn read(path: &Path) -> Result<Self, RunConfigError> {
-        read_checked(path, Self::problem)
+        let config: Self = parsed(path)?;
+        match config.problem() {
+            Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
+            None => Ok(config),
+        }
     }
 
     /// This run without what does not change its steps: a checkpoint belongs to every run that has the same identity.
+    #[must_use]
     pub fn identity(&self) -> Self {
         let train = TrainConfig::default();
         let mut identity = self.clone();
         identity.data = self.data.identity();
+        identity.validate = None;
         identity.train.checkpoint_steps = train.checkpoint_steps;
         identity.train.log_steps = train.log_steps;
         identity.train.statistics_batches = train.statistics_batches;
@@ -249,52 +286,77 @@ impl RunConfig {
 
     /// Why this run cannot be started, if it cannot.
     pub fn problem(&self) -> Option<String> {
-        if let Err(error) = self.model.validate() {
-            return Some(error.to_string());
+        if self.method != M::METHOD {
+            return Some(format!("method is \"{}\"; expected \"{}\"", self.method, M::METHOD));
         }
-        if let Some(problem) = self.augmentation.problem() {
-            return Some(format!("augmentation.{problem}"));
-        }
-        if let Some(problem) = self.data.problem() {
-            return Some(problem);
-        }
-        let train = &self.train;
-        let positive = [
-            ("train.epochs", train.epochs as f64),
-            ("train.batch_size", train.batch_size as f64),
-            ("train.learning_rate", train.learning_rate),
-            ("train.bias_rate_factor", train.bias_rate_factor),
-            ("train.checkpoint_steps", train.checkpoint_steps as f64),
-            ("train.log_steps", train.log_steps as f64),
-        ];
-        let not_negative = [
-            ("train.weight_decay", train.weight_decay),
-            ("train.clip_norm", train.clip_norm),
-            ("train.full_weight_m", train.full_weight_m),
-            ("train.orientation_weight", train.orientation_weight),
-            ("train.dimensions_weight", train.dimensions_weight),
-            ("train.image_weight", train.image_weight),
-            ("train.surface_weight", train.surface_weight),
-        ];
-        if train.surface_weight > 0.0 && self.data.rendered.is_none() {
-            return Some("train.surface_weight needs data.rendered; other frames have no depth".to_owned());
-        }
-        let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
-        let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
-        bad_positive
-            .map(|(name, v)| format!("{name} is {v}; expected a positive number"))
-            .or_else(|| bad_other.map(|(name, v)| format!("{name} is {v}; expected 0 or a positive number")))
-            .or_else(|| problem_of_decay(train.ema_decay))
+        let augmentation = || self.augmentation.problem().map(|problem| format!("augmentation.{problem}"));
+        let validate = || {
+            let every_steps = self.validate.as_ref()?.every_steps;
+            (every_steps == 0).then(|| "validate.every_steps is 0; expected at least 1".to_owned())
+        };
+        self.model
+            .problem()
+            .or_else(augmentation)
+            .or_else(|| self.data.problem())
+            .or_else(|| self.task.problem(&self.data).map(|problem| format!("task.{problem}")))
+            .or_else(|| self.train.problem())
+            .or_else(validate)
     }
 }
 
 impl TrainConfig {
-    /// Settings of the optimiser.
-    pub fn adam(&self) -> AdamSettings {
-        AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+    /// Why a network cannot learn like this, if it cannot.
+    pub fn problem(&self) -> Option<String> {
+        let positive = [
+            ("epochs", self.epochs as f64),
+            ("batch_size", self.batch_size as f64),
+            ("learning_rate", self.learning_rate),
+            ("bias_rate_factor", self.bias_rate_factor),
+            ("checkpoint_steps", self.checkpoint_steps as f64),
+            ("log_steps", self.log_steps as f64),
+        ];
+        let not_negative = [("weight_decay", self.weight_decay), ("clip_norm", self.clip_norm)];
+        let bad_positive = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));
+        let bad_other = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0));
+        bad_positive
+            .map(|(name, v)| format!("train.{name} is {v}; expected a positive number"))
+            .or_else(|| bad_other.map(|(name, v)| format!("train.{name} is {v}; expected 0 or a positive number")))
+            .or_else(|| self.problem_of_decay())
+            .or_else(|| self.problem_of_parts())
     }
 
-    pub(crate) fn learner(&self) -> LearnerSettings {
+    /// Why the weights' running means cannot have this decay, if they cannot.
+    fn problem_of_decay(&self) -> Option<String> {
+        let wrong = self.ema_decay.filter(|decay| !(*decay > 0.0 && *decay < 1.0));
+        wrong.map(|decay| format!("train.ema_decay is {decay}; expected a number between 0 and 1"))
+    }
+
+    /// The learning rate of a step, of so many in all.
+    pub fn rate(&self, step: u64, total: u64) -> f64 {
+        self.learning_rate * self.schedule.factor(step, total, self.warm_up_steps)
+    }
+
+    /// Settings of the optimiser.
+    pub fn adam(&self) -> AdamSettings {
+        AdamSettings {
+            rate_factors: self.rate_factors.clone(),
+            ..AdamSettings::new(self.weight_decay, self.bias_rate_factor)
+        }
+    }
+
+    /// What is said about parts of the network that cannot be.
+    fn problem_of_parts(&self) -> Option<String> {
+        if self.start_without.is_some() && self.start_from.is_none() {
+            return Some("train.start_without needs train.start_from; without it everything starts anew".to_owned());
+        }
+        let wrong = self.rate_factors.iter().find(|(_, factor)| !(factor.is_finite() && **factor > 0.0));
+        wrong.map(|(prefix, factor)| {
+            format!("train.rate_factors has {factor} for \"{prefix}\"; expected a positive number (train.freeze stops a part)")
+        })
+    }
+
+    /// How a network starts and learns.
+    pub fn learner(&self) -> LearnerSettings {
         LearnerSettings {
             adam: self.adam(),
             clip_norm: self.clip_norm,
@@ -302,6 +364,11 @@ impl TrainConfig {
             precision: self.precision,
             seed: self.seed,
             start_from: self.start_from.clone(),
+            parts: Parts {
+                freeze: self.freeze.clone(),
+                start_without: self.start_without.clone(),
+                rate_factors: self.rate_factors.clone(),
+            },
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Modulated deformable convolution (`DCNv2`) from libtorch's own operations: no extension to build, CPU and CUDA, with gradients.
 
 use farsight_graph::graph::Window;
-use tch::{Kind, Tensor};
+use tch::Tensor;
 
 /// libtorch's numbers for bilinear interpolation and zero padding in `grid_sampler`.
 const BILINEAR: i64 = 0;
@@ -35,8 +35,8 @@ pub fn deformable_samples(x: &Tensor, offset: &Tensor, mask: &Tensor, window: Wi
 
 /// Undisturbed rows `[taps, out height, 1]` and columns `[taps, 1, out width]` of the taps.
 fn tap_positions(window: Window, [out_height, out_width]: [i64; 2], like: &Tensor) -> [Tensor; 2] {
-    let Window { kernel, stride, padding, dilation } = window;
-    let options = (Kind::Float, like.device());
+    let Window { kernel, stride, padding, dilation, .. } = window;
+    let options = (like.kind(), like.device());
     let tap = Tensor::arange((kernel * kernel) as i64, options);
     let origin = |size: i64| Tensor::arange(size, options) * stride as i64 - padding as i64;
     let tap_row = tap.divide_scalar_mode(kernel as i64, "floor") * dilation as i64;

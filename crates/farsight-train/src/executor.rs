@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use farsight_graph::graph::{FUSION_EPSILON, Graph, NORM_EPSILON, Node, NodeId, Op, ParameterId, Role, Window};
 use farsight_graph::weights::{WeightTensor, Weights};
 use serde::{Deserialize, Serialize};
+use tch::kind::Element;
 use tch::{Device, Kind, Tensor, no_grad};
 use thiserror::Error;
 
@@ -16,7 +17,7 @@ const BATCH_NORM_MOMENTUM: f64 = 0.1;
 /// What a pass is for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mode {
-    /// Batch norm uses the batch and updates its running statistics.
+    /// Batch norm uses the batch and updates its running statistics, unless those are frozen: then they are used as they are.
     Train,
     /// The same, with the batch counting for this share of the statistics.
     Gather {
@@ -27,7 +28,9 @@ pub enum Mode {
     Evaluate,
 }
 
-/// In which numbers the maps between the layers are computed. Weights, sums of norms, outputs and losses stay in single precision.
+/// In which numbers the maps between the layers are computed.
+///
+/// Weights, norms, outputs and losses are in single precision, or in double where the maps are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
@@ -36,6 +39,11 @@ pub enum Precision {
     F32,
     /// bfloat16 (mixed precision), with the channels of a pixel side by side: what the matrix units of CPUs and GPUs are made for.
     Bf16,
+    /// Double precision throughout, for tests: they test formulas, not rounding.
+    ///
+    /// No config can ask for it: files hold weights in single precision, so a run could not go on where it stopped.
+    #[serde(skip)]
+    F64,
 }
 
 impl Precision {
@@ -44,7 +52,13 @@ impl Precision {
         match self {
             Self::F32 => Kind::Float,
             Self::Bf16 => Kind::BFloat16,
+            Self::F64 => Kind::Double,
         }
+    }
+
+    /// The kind of weights, norms and outputs.
+    fn wide_kind(self) -> Kind {
+        wide_kind(self.kind())
     }
 
     /// An input or a parameter in the order in which the layers want its numbers; they hand that order on to what they compute, gradients too.
@@ -54,6 +68,11 @@ impl Precision {
             _ => tensor.shallow_clone(),
         }
     }
+}
+
+/// What numbers of this kind are summed in: double precision stays, all else becomes single.
+pub fn wide_kind(kind: Kind) -> Kind {
+    if kind == Kind::Double { Kind::Double } else { Kind::Float }
 }
 
 /// Weights that do not fit the network.
@@ -96,12 +115,20 @@ impl Network {
                 return Err(ExecutorError::Shape { name: p.name.clone(), found, expected });
             }
             let shape: Vec<i64> = p.shape.iter().map(|&s| s as i64).collect();
-            let tensor = Tensor::from_slice(&tensor.values).view(shape.as_slice()).to_device(device);
+            let tensor = Tensor::from_slice(&tensor.values).view(shape.as_slice()).to_kind(precision.wide_kind());
+            let tensor = tensor.to_device(device);
             Ok(precision.arranged(&tensor).set_requires_grad(p.role == Role::Learnt))
         };
         let parameters = graph.parameters.iter().map(parameter).collect::<Result<_, _>>()?;
         let consumers = graph.consumers();
         Ok(Self { graph, parameters, consumers, precision })
+    }
+
+    /// The same network on the same tensors.
+    #[must_use]
+    pub fn share(&self) -> Self {
+        let parameters = self.parameters.iter().map(Tensor::shallow_clone).collect();
+        Self { graph: self.graph.clone(), parameters, consumers: self.consumers.clone(), precision: self.precision }
     }
 
     /// The graph.
@@ -148,7 +175,7 @@ impl Network {
         let last = wanted.iter().copied().max().unwrap_or(0);
         let mut maps: Vec<Option<Tensor>> = Vec::with_capacity(last + 1);
         for (id, node) in self.graph.nodes[..=last].iter().enumerate() {
-            let kind = if wanted.contains(&id) { Kind::Float } else { self.precision.kind() };
+            let kind = if wanted.contains(&id) { self.precision.wide_kind() } else { self.precision.kind() };
             let output = match node.op {
                 Op::Input => inputs.next().map(|input| self.precision.arranged(&input.to_kind(kind))),
                 _ => Some(self.compute(node, kind, &maps, &pending, mode)),
@@ -161,7 +188,7 @@ impl Network {
                 }
             }
         }
-        wanted.iter().filter_map(|&id| maps[id].as_ref().map(|map| map.to_kind(Kind::Float))).collect()
+        wanted.iter().filter_map(|&id| maps[id].as_ref().map(|map| map.to_kind(self.precision.wide_kind()))).collect()
     }
 
     /// Computes one node; convolutions in numbers of this kind.
@@ -177,7 +204,8 @@ impl Network {
                 let (stride, padding) = ([window.stride as i64; 2], [window.padding as i64; 2]);
                 let dilation = [window.dilation as i64; 2];
                 let bias = bias.map(operand);
-                x.to_kind(kind).conv2d(&operand(*weight), bias, stride, padding, dilation, *groups as i64)
+                let x = window_ended(x, *window).to_kind(kind);
+                x.conv2d(&operand(*weight), bias, stride, padding, dilation, *groups as i64)
             }
             Op::DeformConv { weight, bias, window } => {
                 let samples = Self::deformed(x, input(1), *window).to_kind(kind);
@@ -193,18 +221,23 @@ impl Network {
                 x.conv_transpose2d(&operand(*weight), no_bias, stride, padding, [0; 2], groups, [1; 2])
             }
             Op::GroupNorm { groups, weight, bias } => {
-                let x = x.to_kind(Kind::Float);
+                let x = x.to_kind(self.precision.wide_kind());
                 x.group_norm(*groups as i64, Some(self.tensor(*weight)), Some(self.tensor(*bias)), NORM_EPSILON, true)
             }
             Op::BatchNorm { weight, bias, mean, variance } => {
+                let is_frozen = self.graph.parameters[*mean].role == Role::Frozen;
                 let [weight, bias, mean, variance] = [weight, bias, mean, variance].map(|id| Some(self.tensor(*id)));
-                let training = mode != Mode::Evaluate;
+                let training = mode != Mode::Evaluate && !is_frozen;
                 let momentum = if let Mode::Gather { share } = mode { share } else { BATCH_NORM_MOMENTUM };
                 x.batch_norm(weight, bias, mean, variance, training, momentum, NORM_EPSILON, true)
             }
             // Nobody else reads this map and nothing that makes it needs its own output for the gradient: no second copy.
             Op::Relu if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => x.shallow_clone().relu_(),
             Op::Relu => x.relu(),
+            Op::Relu6 if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => {
+                x.shallow_clone().relu6_()
+            }
+            Op::Relu6 => x.relu6(),
             Op::Sigmoid => x.sigmoid(),
             Op::MaxPool { size } => {
                 let size = [*size as i64; 2];
@@ -221,7 +254,7 @@ impl Network {
             Op::Concat => Tensor::cat(&(0..node.inputs.len()).map(input).collect::<Vec<_>>(), 1),
             Op::WeightedSum { weight } => {
                 let weights = self.tensor(*weight).relu();
-                let weights = &weights / (weights.sum(Kind::Float) + FUSION_EPSILON);
+                let weights = &weights / (weights.sum(self.precision.wide_kind()) + FUSION_EPSILON);
                 let term = |i: usize| input(i) * weights.select(0, i as i64);
                 (1..node.inputs.len()).fold(term(0), |sum, i| sum + term(i))
             }
@@ -230,7 +263,7 @@ impl Network {
 
     /// The samples at the displaced taps, which a 1x1 convolution over channels and taps makes a deformable convolution.
     fn deformed(x: &Tensor, offsets: &Tensor, window: Window) -> Tensor {
-        let [x, offsets] = [x, offsets].map(|map| map.to_kind(Kind::Float).contiguous());
+        let [x, offsets] = [x, offsets].map(|map| map.to_kind(wide_kind(map.kind())).contiguous());
         let taps = offsets.size()[1] / 3;
         let offset = offsets.narrow(1, 0, 2 * taps);
         let mask = offsets.narrow(1, 2 * taps, taps).sigmoid();
@@ -243,6 +276,14 @@ impl Network {
 
     fn tensor(&self, id: ParameterId) -> &Tensor {
         &self.parameters[id]
+    }
+}
+
+/// `x` with the zeros at its right and bottom that a convolution does not add by itself.
+fn window_ended(x: &Tensor, window: Window) -> Tensor {
+    match window.end_padding as i64 {
+        0 => x.shallow_clone(),
+        zeros => x.constant_pad_nd([0, zeros, 0, zeros]),
     }
 }
 
@@ -265,8 +306,18 @@ pub fn fill(place: &mut Tensor, weights: &Weights, name: &str) -> Result<(), Str
 
 /// A tensor's values, last axis fastest.
 pub fn values_from_tensor(tensor: &Tensor) -> Vec<f32> {
-    let flat = no_grad(|| tensor.to_kind(Kind::Float).to_device(Device::Cpu).contiguous().view(-1));
-    let mut values = vec![0.0; flat.numel()];
+    copied(tensor, Kind::Float)
+}
+
+/// A tensor's values in double precision, last axis fastest.
+pub fn doubles_from_tensor(tensor: &Tensor) -> Vec<f64> {
+    copied(tensor, Kind::Double)
+}
+
+/// The values of `tensor` as numbers of `kind`, which is that of `T`.
+fn copied<T: Element + Default + Clone>(tensor: &Tensor, kind: Kind) -> Vec<T> {
+    let flat = no_grad(|| tensor.to_kind(kind).to_device(Device::Cpu).contiguous().view(-1));
+    let mut values = vec![T::default(); flat.numel()];
     flat.copy_data(&mut values, flat.numel());
     values
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use farsight_graph::graph::Graph;
 use farsight_graph::init::initial_weights;
+use farsight_graph::model::ATTRIBUTION_KEY;
 use farsight_graph::weights::Weights;
 use serde::Serialize;
 use tch::{Device, Tensor};
@@ -12,37 +13,45 @@ use crate::adam::{Adam, AdamSettings, BadGradient};
 use crate::average::Averages;
 use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::executor::{Network, Precision};
-use crate::trainer::TrainError;
+use crate::parts::Parts;
+use crate::training::TrainError;
 
 /// How a network starts and learns.
 #[derive(Debug, Clone)]
-pub(crate) struct LearnerSettings {
-    pub(crate) adam: AdamSettings,
+pub struct LearnerSettings {
+    /// The optimiser.
+    pub adam: AdamSettings,
     /// Largest norm of the gradient; 0 for no limit.
-    pub(crate) clip_norm: f64,
+    pub clip_norm: f64,
     /// Decay of the running means of the weights; none keeps none.
-    pub(crate) ema_decay: Option<f64>,
-    pub(crate) precision: Precision,
+    pub ema_decay: Option<f64>,
+    /// Numbers of the convolutions.
+    pub precision: Precision,
     /// Seed of what starts at random.
-    pub(crate) seed: u64,
+    pub seed: u64,
     /// Weights to start from; what they lack starts at random.
-    pub(crate) start_from: Option<PathBuf>,
+    pub start_from: Option<PathBuf>,
+    /// What does not learn like the rest.
+    pub parts: Parts,
 }
 
 /// A network that learns.
 #[derive(Debug)]
-pub(crate) struct Learner {
-    pub(crate) network: Network,
+pub struct Learner {
+    /// The network.
+    pub network: Network,
     adam: Adam,
     averages: Option<Averages>,
     clip_norm: f64,
+    /// Whose weights it started from, where that must be told.
+    attribution: Option<String>,
     /// What it started from, when that was a file.
-    pub(crate) taken: Option<Taken>,
+    pub loaded: Option<Loaded>,
 }
 
 /// How much of a network came from the file that it started from; the rest starts at random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Taken {
+pub struct Loaded {
     /// Tensors that had a place in the network.
     pub tensors: usize,
     /// Tensors that the network has.
@@ -51,29 +60,29 @@ pub struct Taken {
 
 impl Learner {
     /// Fresh, or as the checkpoint of the run with this `identity` has it, and how far that run has come.
-    pub(crate) fn start(
+    pub fn start(
         graph: Graph,
         settings: &LearnerSettings,
         checkpoint: Option<&Path>,
         identity: &impl Serialize,
         device: Device,
     ) -> Result<(Self, Progress), TrainError> {
+        let graph = settings.parts.marked(graph)?;
         let stored = checkpoint.map(|path| checkpoint::read(path, identity)).transpose()?;
-        let (start, taken) = match (&stored, &settings.start_from) {
+        let (start, loaded) = match (&stored, &settings.start_from) {
             (Some((weights, _)), _) => (weights.clone(), None),
             (None, Some(path)) => {
-                let (weights, taken) = overlaid(initial_weights(&graph, settings.seed), Weights::read(path)?);
-                if taken.tensors == 0 {
-                    return Err(TrainError::NothingFits(path.clone()));
-                }
-                (weights, Some(taken))
+                let (fresh, loaded) = (initial_weights(&graph, settings.seed), Weights::read(path)?);
+                let (weights, loaded) = settings.parts.overlaid(&graph, fresh, loaded, path)?;
+                (weights, Some(loaded))
             }
             (None, None) => (initial_weights(&graph, settings.seed), None),
         };
         let network = Network::new(graph, &start, device, settings.precision)?;
-        let adam = Adam::new(settings.adam, network.learnt());
+        let adam = Adam::new(settings.adam.clone(), network.learnt());
+        let attribution = start.metadata.get(ATTRIBUTION_KEY).cloned();
         let averages = settings.ema_decay.map(|decay| Averages::new(decay, &network));
-        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, taken };
+        let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, attribution, loaded };
         let mut progress = Progress::default();
         if let (Some(path), Some((weights, come_to))) = (checkpoint, stored) {
             let missing = |name| CheckpointError::Tensor { path: path.into(), name };
@@ -89,14 +98,14 @@ impl Learner {
     }
 
     /// One step against the gradient of `objective`. Returns its norm.
-    pub(crate) fn descend(&mut self, objective: &Tensor, rate: f64) -> Result<f64, BadGradient> {
+    pub fn descend(&mut self, objective: &Tensor, rate: f64) -> Result<f64, BadGradient> {
         let norm = self.adam.descend(&self.network, objective, self.clip_norm, rate)?;
         self.follow();
         Ok(norm)
     }
 
-    /// A step that teaches nothing: it counts, so that a run that goes on counts as it did.
-    pub(crate) fn rest(&mut self) {
+    /// A step without a gradient: it counts, so that a run that goes on counts as it did.
+    pub fn rest(&mut self) {
         self.adam.rest();
         self.follow();
     }
@@ -107,14 +116,26 @@ impl Learner {
         }
     }
 
-    /// Writes a checkpoint, whole or not at all.
-    pub(crate) fn write(
-        &self,
-        path: &Path,
-        progress: Progress,
-        identity: &impl Serialize,
-    ) -> Result<(), CheckpointError> {
+    /// The weights, and whose they once were.
+    pub fn weights(&self) -> Weights {
         let mut weights = self.network.weights();
+        let attribution = self.attribution.clone().map(|text| (ATTRIBUTION_KEY.to_owned(), text));
+        weights.metadata.extend(attribution);
+        weights
+    }
+
+    /// [`Learner::weights`] as a run that ended here would leave them: the running means, if they are kept.
+    pub fn final_weights(&self) -> Weights {
+        let mut weights = self.weights();
+        if let Some(averages) = &self.averages {
+            averages.replace(&mut weights);
+        }
+        weights
+    }
+
+    /// Writes a checkpoint, whole or not at all.
+    pub fn write(&self, path: &Path, progress: Progress, identity: &impl Serialize) -> Result<(), CheckpointError> {
+        let mut weights = self.weights();
         self.adam.store(&mut weights);
         if let Some(averages) = &self.averages {
             averages.store(&mut weights);
@@ -123,23 +144,9 @@ impl Learner {
     }
 
     /// Puts the running means, if they were kept, in the place of the last step's weights.
-    pub(crate) fn settle(&self) {
+    pub fn settle(&self) {
         if let Some(averages) = &self.averages {
             averages.settle(&self.network);
         }
     }
-}
-
-/// `fresh` with the tensors of `loaded` that have a place and the right shape in it, and how many those are.
-fn overlaid(mut fresh: Weights, loaded: Weights) -> (Weights, Taken) {
-    let mut taken = Taken { tensors: 0, of: fresh.tensors.len() };
-    for (name, tensor) in loaded.tensors {
-        if let Some(place) = fresh.tensors.get_mut(&name)
-            && place.shape == tensor.shape
-        {
-            *place = tensor;
-            taken.tensors += 1;
-        }
-    }
-    (fresh, taken)
 }

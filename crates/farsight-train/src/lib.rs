@@ -1,4 +1,4 @@
-//! Training on libtorch: executor, losses, optimiser, trainer, checkpoints.
+//! Training on libtorch: executor, optimiser, training loop, checkpoints. It knows no method: what a step is, a method says.
 //!
 //! The only crate that knows libtorch. `tch` calls that cannot fail for shapes the graph has checked panic instead of returning an error;
 //! everything that depends on the user's files, config or data returns one.
@@ -7,20 +7,17 @@ pub mod adam;
 mod average;
 pub mod checkpoint;
 pub mod config;
-pub mod crops;
 pub mod deform;
-pub mod detector;
-pub mod engine;
 pub mod executor;
-mod learner;
-pub mod loss;
+pub mod learner;
+pub mod losses;
 pub mod metrics;
-pub mod plate;
-pub mod refiner;
-pub mod samples;
+pub mod parts;
+pub mod runner;
+pub mod samplers;
 pub mod schedule;
-pub mod sources;
-pub mod trainer;
+pub mod task;
+pub mod training;
 
 /// Sets the number of threads that libtorch computes with; `None` leaves its own choice.
 ///

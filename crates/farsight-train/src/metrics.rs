@@ -9,8 +9,8 @@ use farsight_files::write_quickly;
 use prost::Message;
 use serde::{Deserialize, Serialize};
 
-/// The numbers, beside their sum, by which the steps of one kind of network are judged.
-pub trait Terms: Copy + Default + Serialize {
+/// The numbers, beside the loss, by which the steps of a task are judged.
+pub trait Metrics: Copy + Default + Serialize {
     /// What it learns from, in the plural.
     const SAMPLES: &'static str;
 
@@ -33,7 +33,7 @@ pub struct Record<T> {
     pub loss: f64,
     /// What else the step is judged by.
     #[serde(flatten)]
-    pub terms: T,
+    pub metrics: T,
     /// Learning rate of the step.
     pub learning_rate: f64,
     /// Norm of the gradient before clipping.
@@ -42,25 +42,58 @@ pub struct Record<T> {
     pub samples_per_second: f64,
 }
 
-impl<T: Terms> Record<T> {
+/// A record whose numbers have names instead of a type.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepSummary {
+    /// Optimiser steps done.
+    pub step: u64,
+    /// Epoch of the batch, from 0.
+    pub epoch: u64,
+    /// What is minimised.
+    pub loss: f64,
+    /// What else the step is judged by.
+    pub metrics: Vec<(&'static str, f64)>,
+    /// Learning rate of the step.
+    pub learning_rate: f64,
+    /// Samples a second since the record before.
+    pub samples_per_second: f64,
+    /// What the samples are, in the plural.
+    pub samples: &'static str,
+}
+
+impl<T: Metrics> Record<T> {
+    /// The same with names.
+    pub(crate) fn summary(&self) -> StepSummary {
+        let Self { step, epoch, loss, metrics, learning_rate, samples_per_second, .. } = self;
+        StepSummary {
+            step: *step,
+            epoch: *epoch,
+            loss: *loss,
+            metrics: metrics.named(),
+            learning_rate: *learning_rate,
+            samples_per_second: *samples_per_second,
+            samples: T::SAMPLES,
+        }
+    }
+
     /// The numbers by the names that TensorBoard shows.
     fn scalars(&self) -> impl Iterator<Item = (String, f64)> {
-        let terms = self.terms.named().into_iter().map(|(name, value)| (format!("loss/{name}"), value));
+        let named = self.metrics.named().into_iter().map(|(name, value)| (format!("loss/{name}"), value));
         let others = [
             ("loss/total", self.loss),
             ("train/learning_rate", self.learning_rate),
             ("train/gradient_norm", self.gradient_norm),
             ("train/samples_per_second", self.samples_per_second),
         ];
-        terms.chain(others.map(|(name, value)| (name.to_owned(), value)))
+        named.chain(others.map(|(name, value)| (name.to_owned(), value)))
     }
 }
 
 /// What a step was like.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lesson<T> {
+pub(crate) struct Step<T> {
     pub(crate) loss: f64,
-    pub(crate) terms: T,
+    pub(crate) metrics: T,
     pub(crate) gradient_norm: f64,
     pub(crate) samples: usize,
 }
@@ -69,25 +102,25 @@ pub(crate) struct Lesson<T> {
 pub(crate) struct Window<T> {
     started: Instant,
     steps: usize,
-    sums: Lesson<T>,
+    sums: Step<T>,
 }
 
-impl<T: Terms> Window<T> {
+impl<T: Metrics> Window<T> {
     pub(crate) fn new() -> Self {
-        let sums = Lesson { loss: 0.0, terms: T::default(), gradient_norm: 0.0, samples: 0 };
+        let sums = Step { loss: 0.0, metrics: T::default(), gradient_norm: 0.0, samples: 0 };
         Self { started: Instant::now(), steps: 0, sums }
     }
 
-    /// Counts `lesson`, and makes a record of it with the speed so far.
-    pub(crate) fn add(&mut self, lesson: &Lesson<T>, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
-        let Lesson { loss, terms, gradient_norm, samples } = *lesson;
+    /// Counts `step_output`, and makes a record of it with the speed so far.
+    pub(crate) fn add(&mut self, step_output: &Step<T>, step: u64, epoch: u64, learning_rate: f64) -> Record<T> {
+        let Step { loss, metrics, gradient_norm, samples } = *step_output;
         self.steps += 1;
         self.sums.loss += loss;
-        self.sums.terms = self.sums.terms.zip_with(&terms, |sum, term| sum + term);
+        self.sums.metrics = self.sums.metrics.zip_with(&metrics, |sum, term| sum + term);
         self.sums.gradient_norm += gradient_norm;
         self.sums.samples += samples;
         let samples_per_second = self.samples_per_second();
-        Record { step, epoch, loss, terms, learning_rate, gradient_norm, samples_per_second }
+        Record { step, epoch, loss, metrics, learning_rate, gradient_norm, samples_per_second }
     }
 
     /// A record of the means, and a new window.
@@ -99,7 +132,7 @@ impl<T: Terms> Window<T> {
             step,
             epoch,
             loss: sums.loss / count,
-            terms: sums.terms.zip_with(&T::default(), |sum, _| sum / count),
+            metrics: sums.metrics.zip_with(&T::default(), |sum, _| sum / count),
             learning_rate,
             gradient_norm: sums.gradient_norm / count,
             samples_per_second,
@@ -138,11 +171,23 @@ impl MetricsWriter {
         Ok(Self { lines, events: EventWriter::create(folder, steps)? })
     }
 
+    /// Writes what a validation measured after so many steps to both files.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write_validation(&mut self, step: u64, measured: &[(String, f64)]) -> io::Result<()> {
+        let numbers = measured.iter().map(|(name, value)| (name.clone(), serde_json::Value::from(*value)));
+        let validation: serde_json::Map<String, serde_json::Value> = numbers.collect();
+        let line = serde_json::json!({ "step": step, "validation": validation }).to_string() + "\n";
+        self.lines.write_all(line.as_bytes())?;
+        self.events.scalars(step, measured.iter().map(|(name, value)| (format!("validation/{name}"), *value)))
+    }
+
     /// Writes a record to both files: as a line, and as numbers with names.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn write<T: Terms>(&mut self, record: &Record<T>) -> io::Result<()> {
+    pub fn write<T: Metrics>(&mut self, record: &Record<T>) -> io::Result<()> {
         let line = serde_json::to_string(record)? + "\n";
         self.lines.write_all(line.as_bytes())?;
         self.events.scalars(record.step, record.scalars())

@@ -1,69 +1,97 @@
-//! libtorch as an engine of `farsight-infer`.
+//! libtorch as an engine of `farsight-runtime`.
 
-use farsight_core::HeadMaps;
-use farsight_infer::engine::{apart, batch_size};
-use farsight_infer::{Engine, EngineError};
-use farsight_graph::graph::{LOGITS, REGRESSION};
-use farsight_graph::model::{Model, ModelError};
-use tch::{Device, Tensor, no_grad};
+use farsight_graph::model::{Model, ModelError, NetworkConfig};
+use farsight_onnx::{INPUT, TensorInfo};
+use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
+use tch::{Device, no_grad};
 
 use crate::executor::{Mode, Network, Precision, values_from_tensor};
 
-/// Runs a model on libtorch, on the GPU when there is one.
+/// Its name as users write it.
+const NAME: &str = "libtorch";
+
+/// Runs a model on libtorch.
 #[derive(Debug)]
-pub struct TorchEngine {
+pub struct TorchRunner {
     network: Network,
-    outputs: [usize; 2],
-    device: Device,
+    input: [TensorInfo; 1],
+    outputs: Vec<TensorInfo>,
+    nodes: Vec<usize>,
 }
 
-impl TorchEngine {
-    /// The engine for a model that is in memory, on the GPU when there is one.
+impl TorchRunner {
+    /// Runs `model`, on the GPU when there is one.
     ///
     /// # Errors
     /// When the weights do not fit the network.
-    pub fn on_any_device(model: Model) -> Result<Self, ModelError> {
+    pub fn on_any_device<C: NetworkConfig>(model: &Model<C>) -> Result<Self, ModelError> {
         Self::new(model, Device::cuda_if_available())
     }
 
-    /// The engine for a model that is in memory, on the CPU.
+    /// Runs `model` on the CPU.
     ///
     /// # Errors
     /// When the weights do not fit the network.
-    pub fn on_cpu(model: Model) -> Result<Self, ModelError> {
+    pub fn on_cpu<C: NetworkConfig>(model: &Model<C>) -> Result<Self, ModelError> {
         Self::new(model, Device::Cpu)
     }
 
-    /// The engine for a model that is in memory.
+    /// Runs `model` on this device.
     ///
     /// # Errors
     /// When the weights do not fit the network.
-    pub fn new(model: Model, device: Device) -> Result<Self, ModelError> {
+    pub fn new<C: NetworkConfig>(model: &Model<C>, device: Device) -> Result<Self, ModelError> {
         let missing = |name: &str| ModelError::Tensor {
             name: name.to_owned(),
             found: "is not an output of the network".to_owned(),
             expected: Vec::new(),
         };
-        let output = |name: &str| model.graph.tap(name).ok_or_else(|| missing(name));
-        let outputs = [output(LOGITS)?, output(REGRESSION)?];
-        let network =
-            Network::new(model.graph, &model.weights, device, Precision::F32).map_err(|e| missing(&e.to_string()))?;
-        Ok(Self { network, outputs, device })
+        let graph = &model.graph;
+        let node = |name: &&str| graph.tap(name).ok_or_else(|| missing(name));
+        let nodes: Vec<usize> = C::OUTPUTS.iter().map(node).collect::<Result<_, _>>()?;
+        let info = |name: &str, node: usize| TensorInfo {
+            name: name.to_owned(),
+            channels: graph.nodes.get(node).map(|node| node.channels),
+        };
+        let (input, outputs) = ([info(INPUT, 0)], C::OUTPUTS.iter().zip(&nodes).map(|(name, id)| info(name, *id)));
+        let outputs = outputs.collect();
+        let network = Network::new(graph.clone(), &model.weights, device, Precision::F32)
+            .map_err(|error| missing(&error.to_string()))?;
+        Ok(Self { network, input, outputs, nodes })
     }
 }
 
-impl Engine for TorchEngine {
-    fn name(&self) -> &'static str {
-        "libtorch"
+impl Runner for TorchRunner {
+    fn engine(&self) -> &str {
+        NAME
     }
 
-    fn batch_head_maps(&mut self, inputs: &[f32], size: [usize; 2]) -> Result<Vec<HeadMaps>, EngineError> {
-        let batch = batch_size(inputs, size);
-        let shape = [batch, 3, size[1], size[0]].map(|side| side as i64);
-        let inputs = Tensor::from_slice(inputs).view(shape).to_device(self.device);
-        let maps = no_grad(|| self.network.forward(&inputs, Mode::Evaluate, &self.outputs));
-        let map_size = maps[0].size();
-        let [logits, regression] = [0, 1].map(|output| values_from_tensor(&maps[output]));
-        Ok(apart(batch, [map_size[3] as usize, map_size[2] as usize], logits, regression))
+    fn inputs(&self) -> &[TensorInfo] {
+        &self.input
+    }
+
+    fn outputs(&self) -> &[TensorInfo] {
+        &self.outputs
+    }
+
+    fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
+        let view = inputs.iter().find(|(name, _)| *name == INPUT).map(|(_, view)| view);
+        let view = view.ok_or_else(|| EngineError::new(NAME, format!("no input \"{INPUT}\"")))?;
+        let shape: Vec<i64> = view.shape.iter().map(|&side| side as i64).collect();
+        if shape.iter().product::<i64>() != view.values.len() as i64 {
+            return Err(EngineError::new(NAME, format!("{} values of the shape {shape:?}", view.values.len())));
+        }
+        let input = tch::Tensor::from_slice(view.values).view(shape.as_slice()).to_device(self.network.device());
+        let maps = no_grad(|| self.network.forward(&input, Mode::Evaluate, &self.nodes));
+        let tensor = |map: &tch::Tensor| Tensor {
+            shape: map.size().iter().map(|&side| side as usize).collect(),
+            values: values_from_tensor(map),
+        };
+        Ok(maps.iter().map(tensor).collect())
+    }
+
+    fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
+        let (input, outputs) = (self.input.clone(), self.outputs.clone());
+        Ok(Box::new(Self { network: self.network.share(), input, outputs, nodes: self.nodes.clone() }))
     }
 }

@@ -1,34 +1,37 @@
-//! The training loop of detector, refiner and plate reader: data in order, steps, metrics, checkpoints, going on where a run was killed.
+//! The training loop, whatever the method: data in order, steps, metrics, checkpoints, validation, going on where a run was killed.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use farsight_data::kitti::dataset::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
-use farsight_data::{Batch, ItemKey, KittiDataset, Loader, LoaderConfig, Position};
+use farsight_data::{
+    Batch, CachedDataset, Dataset, DatasetError, ItemKey, Loader, LoaderConfig, Position, open_labelled,
+};
 use farsight_files::{DurableError, write_atomically};
 use farsight_graph::graph::Graph;
-use farsight_graph::model::ModelError;
-use farsight_graph::model::ModelError;
-use farsight_graph::weights::WeightsError;
-use farsight_synth::SceneStream;
-use serde::Serialize;
-use tch::Device;
+use farsight_graph::model::{Model, ModelError};
+use farsight_graph::weights::{Weights, WeightsError};
+use farsight_onnx::key;
+use farsight_synth::{SceneDataset, SceneStream};
+use tch::{Device, no_grad};
 use thiserror::Error;
 
-use crate::adam::BadGradient;
 use crate::checkpoint::{CheckpointError, Progress};
-use crate::config::DataConfig;
-use crate::executor::ExecutorError;
-use crate::learner::{Learner, LearnerSettings};
-use crate::metrics::{Lesson, MetricsWriter, Record, Terms, Window};
-use crate::sources::{FrameSource, KittiSource, RenderedSource};
+use crate::config::{DataConfig, RunConfig, RunConfigError, ValidateConfig};
+use crate::executor::{ExecutorError, Mode};
+use crate::learner::Learner;
+use crate::metrics::{Metrics, MetricsWriter, Step, StepSummary, Window};
+use crate::task::{RunOf, Sampler, StepOutput, Task};
 
-pub use crate::learner::Taken;
+pub use crate::learner::Loaded;
 
 /// Name of the checkpoint in a run's folder.
 pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
+
+/// Name of the model so far in a run's folder, while it is validated.
+pub const VALIDATED_FILE: &str = "validated.safetensors";
 
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "config.toml";
@@ -36,6 +39,9 @@ pub const CONFIG_FILE: &str = "config.toml";
 /// Why a training ended before its time.
 #[derive(Debug, Error)]
 pub enum TrainError {
+    /// The config cannot be used.
+    #[error(transparent)]
+    RunConfig(#[from] RunConfigError),
     /// No data was named.
     #[error("no data; expected --data DIR, or data.root or [data.rendered] in the config")]
     NoData,
@@ -67,15 +73,38 @@ pub enum TrainError {
     /// The start weights are those of another network.
     #[error("{}: train.start_from: none of its tensors has a place in the network; expected weights of the same kind of network", .0.display())]
     NothingFits(PathBuf),
+    /// The start weights lack a tensor that is not to start anew.
+    #[error(
+        "{}: tensor \"{name}\" {found}; expected shape {expected:?}, or the start of its name in train.start_without",
+        path.display()
+    )]
+    StartTensor {
+        /// The file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+        /// What was found.
+        found: String,
+        /// Its shape in the network.
+        expected: Vec<usize>,
+    },
+    /// A part of the network is named that it does not have.
+    #[error("train.{field} names \"{prefix}\"; expected how the name of a tensor of the network starts")]
+    Prefix {
+        /// The field of the config.
+        field: &'static str,
+        /// What it names.
+        prefix: String,
+    },
+    /// Every tensor is frozen.
+    #[error("train.freeze names the whole network; expected something left to learn")]
+    AllFrozen,
     /// The weights do not fit the network.
     #[error(transparent)]
     Network(#[from] ExecutorError),
     /// The model could not be written.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The refiner or plate reader could not be written.
-    #[error(transparent)]
-    Part(#[from] ModelError),
     /// The checkpoint could not be read or written.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -96,6 +125,12 @@ pub enum TrainError {
     /// There is a run in the folder already.
     #[error("{}: there is a run here already; use --resume to go on with it, or another --out", .0.display())]
     Occupied(PathBuf),
+    /// The model so far could not be measured.
+    #[error("validation: {0}")]
+    Validate(String),
+    /// The run's task cannot be done with this network.
+    #[error("{0}")]
+    Task(String),
     /// A number is not finite. The last checkpoint is older than this and intact.
     #[error(
         "step {step}: {what} is {value}; the batch was {frames:?}. The last checkpoint is from before this step and intact"
@@ -125,209 +160,260 @@ pub struct Job<R> {
 
 /// Where a run starts, or goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Beginning {
+pub struct Start {
     /// Steps that are done.
     pub done: u64,
     /// Steps in all.
     pub total: u64,
     /// How much came from `train.start_from`; none of a run without, and of one that goes on.
-    pub taken: Option<Taken>,
+    pub loaded: Option<Loaded>,
 }
 
-/// Told how a run goes.
-pub trait Observer<T> {
+/// Told how a run goes, and asked to measure.
+pub trait Callback {
     /// The run starts, or goes on.
-    fn begin(&mut self, beginning: Beginning);
+    fn on_start(&mut self, start: Start);
+
     /// A step is done; the numbers are its own.
-    fn step(&mut self, record: &Record<T>);
+    fn on_step(&mut self, step: &StepSummary);
+
+    /// The model so far stands in the file `model`: what it is worth on the frames of `config`, by name. It belongs to so many steps.
+    ///
+    /// # Errors
+    /// What kept it from being measured; the run ends.
+    fn validate(&mut self, step: u64, model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>, String>;
 }
 
-/// A config as the loop sees it.
-pub(crate) trait Run: Serialize {
-    /// Where the frames come from.
-    fn data(&self) -> &DataConfig;
-    /// How the run goes through them.
-    fn pace(&self) -> Pace;
-    /// How the network starts and learns.
-    fn learner(&self) -> LearnerSettings;
-    /// The run without what does not change its steps.
-    fn identity(&self) -> Self;
-}
-
-/// How a run goes through its frames.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Pace {
-    pub(crate) epochs: u64,
-    /// Frames a step.
-    pub(crate) batch_size: usize,
-    /// Seed of the order of the frames, and of rendered ones.
-    pub(crate) seed: u64,
-    pub(crate) log_steps: u64,
-    pub(crate) checkpoint_steps: u64,
-    /// Threads of libtorch; 0 for its own choice.
-    pub(crate) threads: usize,
-}
-
-/// A kind of network that can be taught.
-pub(crate) trait Pupil {
-    /// What is prepared of a frame.
-    type Sample: Send + 'static;
-    /// What a step is judged by.
-    type Terms: Terms;
-
-    fn learner(&mut self) -> &mut Learner;
-
-    /// The learning rate of a step, of so many in all.
-    fn rate(&self, step: u64, total: u64) -> f64;
-
-    /// Name of the frame.
-    fn name(sample: &Self::Sample) -> &str;
-
-    /// One step of the optimiser; none when there is nothing to learn from these samples.
-    fn step(&mut self, samples: Vec<Self::Sample>, rate: f64) -> Result<Option<Lesson<Self::Terms>>, NotFinite>;
-}
-
-/// A number that is not finite.
-#[derive(Debug)]
-pub(crate) struct NotFinite {
-    /// The loss term or the gradient.
-    pub(crate) what: String,
-    pub(crate) value: f64,
-}
-
-impl From<BadGradient> for NotFinite {
-    fn from(bad: BadGradient) -> Self {
-        Self { what: bad.what(), value: bad.norm }
+/// Trains, and writes model, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the model.
+///
+/// # Errors
+/// See [`TrainError`].
+pub fn fit<T: Task>(job: &Job<RunOf<T>>, callback: &mut dyn Callback) -> Result<PathBuf, TrainError> {
+    let Job { run, out, resume } = job;
+    let train = &run.train;
+    crate::set_threads((train.threads > 0).then_some(train.threads));
+    if let Some(ValidateConfig { root, split, .. }) = &run.validate {
+        // What cannot be measured on is told before the first step.
+        open_labelled(root, Some(split))?;
     }
+    let source = dataset(&run.data, train.seed)?;
+    let frames = if run.data.limit == 0 { source.len() } else { run.data.limit.min(source.len()) };
+    let sampler = Arc::new(T::sampler(run, source)?);
+    prepare_folder(out, *resume)?;
+    let start = train.start_from.as_deref().map(Weights::read).transpose()?;
+    let (task, graph) = T::new(run, start.as_ref())?;
+    let trainer = Trainer { job, task, frames, sampler };
+    let (mut learner, progress) = trainer.learner(graph)?;
+    let progress = trainer.run(&mut learner, progress, callback)?;
+    if let Some(count) = train.statistics_batches {
+        trainer.gather_statistics(&learner, count)?;
+    }
+    let path = out.join(T::MODEL_FILE);
+    trainer.model(learner.weights(), progress)?.write(&path)?;
+    Ok(path)
 }
 
-/// A job whose data are open and whose folder is there.
-#[derive(Debug)]
-pub(crate) struct Session<'a, R> {
-    job: &'a Job<R>,
-    pace: Pace,
+/// What the command line says about a run, beside its config.
+#[derive(Debug, Clone, Default)]
+pub struct FileOptions {
+    /// Folder in KITTI's layout instead of the config's data.
+    pub data: Option<PathBuf>,
+    /// Folder of checkpoints, metrics and what was trained.
+    pub out: PathBuf,
+    /// Whether to go on with the run that is there.
+    pub resume: bool,
+}
+
+/// [`fit`] for the config in the file `path`.
+///
+/// # Errors
+/// See [`TrainError`].
+pub fn fit_file<T: Task>(
+    path: &Path,
+    options: &FileOptions,
+    callback: &mut dyn Callback,
+) -> Result<PathBuf, TrainError> {
+    let mut run: RunOf<T> = RunConfig::read(path)?;
+    // What the command line names is what the user means now.
+    if let Some(root) = &options.data {
+        run.data.root = Some(root.clone());
+        run.data.rendered = None;
+    }
+    let FileOptions { out, resume, .. } = options.clone();
+    fit::<T>(&Job { run, out, resume }, callback)
+}
+
+/// A run whose data are open and whose folder is there.
+struct Trainer<'a, T: Task> {
+    job: &'a Job<RunOf<T>>,
+    task: T,
     /// Frames in an epoch.
-    pub(crate) frames: usize,
+    frames: usize,
+    /// What makes the samples.
+    sampler: Arc<Sampler<T::Sample>>,
 }
 
-impl<'a, R: Run> Session<'a, R> {
-    /// Opens the data, which are returned too, and makes the folder.
-    pub(crate) fn open(job: &'a Job<R>) -> Result<(Self, Box<dyn FrameSource>), TrainError> {
-        let (data, pace) = (job.run.data(), job.run.pace());
-        crate::set_threads((pace.threads > 0).then_some(pace.threads));
-        let source = source(data, pace.seed)?;
-        let frames = if data.limit == 0 { source.len() } else { data.limit.min(source.len()) };
-        prepare_folder(&job.out, job.resume)?;
-        Ok((Self { job, pace, frames }, source))
-    }
-
+impl<T: Task> Trainer<'_, T> {
     fn checkpoint_path(&self) -> PathBuf {
         self.job.out.join(CHECKPOINT_FILE)
     }
 
     /// A network that learns: fresh, or from the checkpoint when the job resumes and there is one.
-    pub(crate) fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
+    fn learner(&self, graph: Graph) -> Result<(Learner, Progress), TrainError> {
         let path = self.checkpoint_path();
         let checkpoint = (self.job.resume && path.exists()).then_some(path.as_path());
         let run = &self.job.run;
-        Learner::start(graph, &run.learner(), checkpoint, &run.identity(), Device::cuda_if_available())
+        Learner::start(graph, &run.train.learner(), checkpoint, &run.identity(), Device::cuda_if_available())
     }
 
-    /// Batches of what `sample` makes of the frames.
-    pub(crate) fn loader<S: Send + 'static>(
-        &self,
-        start: Position,
-        epochs: Option<u64>,
-        sample: impl Fn(ItemKey) -> Result<S, DatasetError> + Send + Sync + 'static,
-    ) -> Result<Loader<S, DatasetError>, LoaderError> {
-        let DataConfig { workers, prefetch, .. } = *self.job.run.data();
+    /// Batches of samples.
+    fn loader(&self, start: Position, epochs: Option<u64>) -> Result<Loader<T::Sample, DatasetError>, LoaderError> {
+        let RunConfig { data: DataConfig { workers, prefetch, .. }, train, .. } = &self.job.run;
         let config = LoaderConfig {
             items: self.frames,
-            batch_size: self.pace.batch_size.min(self.frames),
-            seed: self.pace.seed,
+            batch_size: train.batch_size.min(self.frames),
+            seed: train.seed,
             shuffle: true,
             drop_last: true,
-            workers,
-            prefetch,
+            workers: *workers,
+            prefetch: *prefetch,
             start,
             epochs,
         };
-        Loader::new(&config, sample)
+        let sampler = Arc::clone(&self.sampler);
+        Loader::new(&config, move |key: ItemKey| sampler(key))
     }
 
-    /// Teaches `pupil` what is left of the run after `progress`, and writes checkpoints, metrics and the resolved config. In the end the network has the
-    /// weights that the run is for.
-    pub(crate) fn teach<P: Pupil>(
+    /// What is left of the run after `progress`: steps, checkpoints, metrics, validation. In the end the network has the weights that the run is for.
+    fn run(
         &self,
-        pupil: &mut P,
+        learner: &mut Learner,
         mut progress: Progress,
-        sample: impl Fn(ItemKey) -> Result<P::Sample, DatasetError> + Send + Sync + 'static,
-        observer: &mut dyn Observer<P::Terms>,
+        callback: &mut dyn Callback,
     ) -> Result<Progress, TrainError> {
         let Job { run, out, .. } = self.job;
+        let train = &run.train;
         let write_error = |source| TrainError::Write { path: out.clone(), source };
         let resolved = toml::to_string(run)?;
         write_atomically(&out.join(CONFIG_FILE), |file| file.write_all(resolved.as_bytes()))?;
-        let loader = self.loader(progress.position, Some(self.pace.epochs), sample)?;
+        let loader = self.loader(progress.position, Some(train.epochs))?;
         let batches = loader.batches_per_epoch();
-        let total = batches * self.pace.epochs;
+        let total = batches * train.epochs;
         let mut metrics = MetricsWriter::open(out, progress.steps).map_err(write_error)?;
-        observer.begin(Beginning { done: progress.steps, total, taken: pupil.learner().taken });
+        callback.on_start(Start { done: progress.steps, total, loaded: learner.loaded });
 
         let mut window = Window::new();
         for batch in loader {
             let Batch { position, items } =
                 batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
-            let rate = pupil.rate(progress.steps, total);
-            let lesson = step(pupil, items, progress.steps, rate)?;
+            let rate = train.rate(progress.steps, total);
+            let step = self.step(learner, items, progress.steps, rate)?;
             progress = Progress { steps: progress.steps + 1, position: following(position, batches) };
-            if let Some(lesson) = &lesson {
-                observer.step(&window.add(lesson, progress.steps, position.epoch, rate));
+            if let Some(step) = &step {
+                callback.on_step(&window.add(step, progress.steps, position.epoch, rate).summary());
             }
             let is_due = |every: u64| progress.steps.is_multiple_of(every) || progress.steps == total;
-            if is_due(self.pace.log_steps) {
+            if is_due(train.log_steps) {
                 metrics.write(&window.finish(progress.steps, position.epoch, rate)).map_err(write_error)?;
             }
-            if is_due(self.pace.checkpoint_steps) {
-                pupil.learner().write(&self.checkpoint_path(), progress, &run.identity())?;
+            if is_due(train.checkpoint_steps) {
+                learner.write(&self.checkpoint_path(), progress, &run.identity())?;
+            }
+            if let Some(config) = run.validate.as_ref().filter(|config| is_due(config.every_steps)) {
+                let measured = self.validated(learner, progress, config, callback)?;
+                metrics.write_validation(progress.steps, &measured).map_err(write_error)?;
             }
         }
-        pupil.learner().settle();
+        learner.settle();
         Ok(progress)
     }
-}
 
-/// One step, which counts even when there is nothing to learn.
-fn step<P: Pupil>(
-    pupil: &mut P,
-    samples: Vec<P::Sample>,
-    step: u64,
-    rate: f64,
-) -> Result<Option<Lesson<P::Terms>>, TrainError> {
-    let frames: Vec<String> = samples.iter().map(|sample| P::name(sample).to_owned()).collect();
-    let lesson = pupil.step(samples, rate).map_err(|NotFinite { what, value }| TrainError::NotFinite {
-        step,
-        what,
-        value,
-        frames,
-    })?;
-    if lesson.is_none() {
-        pupil.learner().rest();
+    /// One step, which counts even when there is nothing to learn.
+    fn step(
+        &self,
+        learner: &mut Learner,
+        samples: Vec<T::Sample>,
+        step: u64,
+        rate: f64,
+    ) -> Result<Option<Step<T::Metrics>>, TrainError> {
+        let frames: Vec<String> = samples.iter().map(|sample| T::name(sample).to_owned()).collect();
+        let not_finite = |what: String, value: f64| TrainError::NotFinite { step, what, value, frames: frames.clone() };
+        let Some(batch) = self.task.batch(samples, learner.network.device()) else {
+            learner.rest();
+            return Ok(None);
+        };
+        let outputs = learner.network.forward(T::input(&batch), Mode::Train, self.task.outputs());
+        let StepOutput { objective, loss, metrics, samples } = self.task.loss(&outputs, &batch);
+        if let Some((name, value)) = metrics.named().into_iter().find(|(_, value)| !value.is_finite()) {
+            return Err(not_finite(format!("loss term \"{name}\""), value));
+        }
+        if !loss.is_finite() {
+            return Err(not_finite("the loss".to_owned(), loss));
+        }
+        let descended = learner.descend(&objective, rate);
+        let gradient_norm = descended.map_err(|bad| not_finite(bad.what(), bad.norm))?;
+        Ok(Some(Step { loss, metrics, gradient_norm, samples }))
     }
-    Ok(lesson)
+
+    /// What the model so far is worth.
+    fn validated(
+        &self,
+        learner: &Learner,
+        progress: Progress,
+        config: &ValidateConfig,
+        callback: &mut dyn Callback,
+    ) -> Result<Vec<(String, f64)>, TrainError> {
+        let path = self.job.out.join(VALIDATED_FILE);
+        self.model(learner.final_weights(), progress)?.write(&path)?;
+        callback.validate(progress.steps, &path, config).map_err(TrainError::Validate)
+    }
+
+    /// Takes the statistics of batch norm anew, as means over so many batches after the last: those gathered while learning are of the last dozens of steps
+    /// only.
+    fn gather_statistics(&self, learner: &Learner, count: u64) -> Result<(), TrainError> {
+        let after = Position { epoch: self.job.run.train.epochs, batch: 0 };
+        let mut gathered = 0;
+        for (place, batch) in self.loader(after, None)?.take(count as usize).enumerate() {
+            let step = place as u64;
+            let items = batch.map_err(|source| TrainError::Sample { step, source })?.items;
+            let Some(batch) = self.task.batch(items, learner.network.device()) else { continue };
+            gathered += 1;
+            let mode = Mode::Gather { share: 1.0 / f64::from(gathered) };
+            no_grad(|| learner.network.forward(T::input(&batch), mode, self.task.outputs()));
+        }
+        Ok(())
+    }
+
+    /// The model with these weights, and what is known of its training.
+    fn model(&self, mut weights: Weights, progress: Progress) -> Result<Model<T::Model>, ModelError> {
+        let RunConfig { train, data, .. } = &self.job.run;
+        let facts = serde_json::json!({
+            "steps": progress.steps,
+            "epochs": train.epochs,
+            "batch_size": train.batch_size,
+            "seed": train.seed,
+            "frames": self.frames,
+            "data": if data.rendered.is_some() { "rendered scenes".into() } else { data.split.display().to_string() },
+        });
+        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
+        self.task.model(&self.job.run, weights)
+    }
 }
 
 /// The frames that `data` names; rendered ones from this seed.
-fn source(data: &DataConfig, seed: u64) -> Result<Box<dyn FrameSource>, TrainError> {
-    let source: Box<dyn FrameSource> = match (&data.rendered, &data.root) {
+fn dataset(data: &DataConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
+    let dataset: Arc<dyn Dataset> = match (&data.rendered, &data.root) {
         (Some(rendered), _) => {
             let stream = SceneStream { config: rendered.world.clone(), seed };
-            Box::new(RenderedSource::new(stream, rendered.frames_per_epoch))
+            Arc::new(SceneDataset::new(stream, rendered.frames_per_epoch))
         }
-        (None, Some(root)) => Box::new(KittiSource::new(KittiDataset::open(root, Some(&data.split))?, data.cache)),
+        (None, Some(root)) => open_labelled(root, Some(&data.split))?,
         (None, None) => return Err(TrainError::NoData),
     };
-    if source.is_empty() { Err(TrainError::NoFrames(data.split.clone())) } else { Ok(source) }
+    if dataset.is_empty() {
+        return Err(TrainError::NoFrames(data.split.clone()));
+    }
+    Ok(if data.cache { Arc::new(CachedDataset::new(dataset)) } else { dataset })
 }
 
 /// Makes the folder of a run, which must not hold another one.

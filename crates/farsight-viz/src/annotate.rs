@@ -26,13 +26,15 @@ const FULL_WIDTH_HEIGHT: f64 = 5.0;
 
 /// `image` with the 3D box, class and distance of every detection, and a legend.
 ///
-/// Near boxes are drawn over far ones, ground truth over both, labels over everything. Boxes that cross the camera's own plane are cut there.
+/// Near boxes are drawn over far ones, ground truth over both, labels over everything. Boxes that cross the camera's
+/// own plane are cut there.
 pub fn annotate(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
     let annotated = annotated(image, scene, options, None, true);
     annotated.unwrap_or_else(|| image.clone())
 }
 
-/// [`annotate`] with a name and a distance on every detection and every object of the ground truth, so that one can talk about them.
+/// [`annotate`] with a name and a distance on every detection and every object of the ground truth, so that one can
+/// talk about them.
 pub fn annotate_named(image: &RgbImage, scene: &Scene, options: &DrawOptions, names: &Names) -> RgbImage {
     let annotated = annotated(image, scene, options, Some(names), true);
     annotated.unwrap_or_else(|| image.clone())
@@ -139,7 +141,8 @@ impl Drawing<'_> {
         }
     }
 
-    /// The labels of what can be seen: class and distance of each detection, or name and distance of everything that has a name.
+    /// The labels of what can be seen: class and distance of each detection, or name and distance of everything that
+    /// has a name.
     fn tags(&self) -> Vec<Tag> {
         let window = self.canvas.bounds();
         let tag = |object: &Box3d, color, text| {

@@ -1,4 +1,5 @@
-//! The scene from above: the camera at the bottom looking up, rings of equal distance, boxes as they stand on the ground.
+//! The scene from above: the camera at the bottom looking up, rings of equal distance, boxes as they stand on the
+//! ground.
 
 use farsight_core::{Box2d, Box3d, Detection, ObjectClass};
 use image::RgbImage;
@@ -38,8 +39,8 @@ const FOOTPRINT: [usize; 4] = [2, 3, 6, 7];
 
 /// The scene from above in a panel of `panel_size` (width and height, pixels), for an image of `image_size`.
 ///
-/// The lit wedge is what the camera sees. The range is the nearest round number that holds every detection, at most 240 m; text is sized for the panel.
-/// A panel without pixels is answered by an empty image.
+/// The lit wedge is what the camera sees. The range is the nearest round number that holds every detection, at most
+/// 240 m; text is sized for the panel. A panel without pixels is answered by an empty image.
 pub fn birds_eye(scene: &Scene, image_size: [u32; 2], panel_size: [u32; 2], options: &DrawOptions) -> RgbImage {
     panel(scene, image_size, panel_size, drawing_scale(panel_size), options).unwrap_or_default()
 }
@@ -245,7 +246,8 @@ fn headline_of(distances: impl ExactSizeIterator<Item = f64>) -> [String; 2] {
         0 => "nothing found".to_owned(),
         count => format!("{count} found"),
     };
-    // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to nothing.
+    // Seen from above an object may stand beside or behind the camera, where a depth is negative and nearest to
+    // nothing.
     let nearest = distances.filter(|&distance| distance >= 0.0).reduce(f64::min);
     [first, nearest.map_or_else(String::new, |nearest| format!("nearest found {nearest:.1} m"))]
 }

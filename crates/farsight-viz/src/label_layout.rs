@@ -36,7 +36,8 @@ impl<'a> LabelLayout<'a> {
         Self { window, objects, placed: Vec::new(), gap_px }
     }
 
-    /// The place for a label of `size` that belongs to `object`: above it, below it or beside it, wherever it hides least.
+    /// The place for a label of `size` that belongs to `object`: above it, below it or beside it, wherever it hides
+    /// least.
     pub(crate) fn place(&mut self, object: &Box2d, size: [f64; 2]) -> Box2d {
         let mut best: Option<(f64, Box2d)> = None;
         for candidate in self.candidates(object, size) {

@@ -1,4 +1,5 @@
-//! Colours. Orange against blue stays apart for every common kind of colour blindness, and all of them are light enough for a dark road.
+//! Colours. Orange against blue stays apart for every common kind of colour blindness, and all of them are light
+//! enough for a dark road.
 
 use farsight_core::{Box3d, Detection, ObjectClass};
 
@@ -35,7 +36,8 @@ pub(crate) const GROUND: Rgba = Rgba::new([28, 35, 46]);
 /// Range rings.
 pub(crate) const RING: Rgba = Rgba::new([62, 76, 95]);
 
-/// Distance at which the ramp ends, metres; farther is drawn in its last colour. Fixed, so that colours compare between pictures.
+/// Distance at which the ramp ends, metres; farther is drawn in its last colour. Fixed, so that colours compare
+/// between pictures.
 pub(crate) const RAMP_END_M: f64 = 60.0;
 
 /// Near to far: orange, amber, pale yellow, sky, blue.

@@ -121,7 +121,8 @@ impl Side {
     }
 }
 
-/// The part of `line` inside `window`. The rasteriser's own clipping is exact only for coordinates that fit its small integers.
+/// The part of `line` inside `window`. The rasteriser's own clipping is exact only for coordinates that fit its small
+/// integers.
 fn clipped_line(line: [Point; 2], window: &Box2d) -> Option<[Point; 2]> {
     sides(window).iter().try_fold(line, |[a, b], side| match (side.depth(a) >= 0.0, side.depth(b) >= 0.0) {
         (true, true) => Some([a, b]),

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use farsight_methods::Detector;
+use farsight_methods::detectors::{self, DetectorNetwork};
 use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
-use farsight_onnx::{LocalHeadFile, OnnxModel, key};
+use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
 
 use crate::builder::ModelSource;
@@ -45,6 +46,11 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
         let weights_sha256 = Some(model.weights.sha256());
         let detector = SmokeDetector::new(libtorch::start(engine, &model)?, &model.config, None);
         return Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 });
+    }
+    if let Some(network) = other_method(source, engine.kind)? {
+        let weights_sha256 = network.onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
+        let detector = network.detector(engine.start(network.onnx.clone(), &name)?, &name)?;
+        return Ok(OpenDetector { detector, name, weights_sha256 });
     }
     let DetectorFile { onnx, mut config } = read(source, engine.kind)?;
     if let Some(size) = timing.input {
@@ -104,6 +110,16 @@ fn smoke(engine: &EngineOptions, onnx: OnnxModel, config: &SmokeConfig, source: 
         }
         None => SmokeDetector::new(engine.start(onnx, source)?, config, None),
     })
+}
+
+/// The network of a file whose method is not SMOKE.
+fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<DetectorNetwork>, Error> {
+    let ModelSource::File(path) = source else { return Ok(None) };
+    model_file::check_detector(path)?;
+    if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
+        return Ok(detectors::from_model_file(path, engine.target())?);
+    }
+    Ok(detectors::from_onnx(OnnxModel::read(path)?).ok())
 }
 
 /// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.

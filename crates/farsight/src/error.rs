@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use farsight_graph::model::ModelError;
-use farsight_methods::smoke::ReadError;
+use farsight_methods::detectors::ReadError;
 use farsight_onnx::OnnxError;
 use farsight_runtime::EngineError;
 use thiserror::Error;

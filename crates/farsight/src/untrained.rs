@@ -16,18 +16,22 @@ use serde::Deserialize;
 /// The parts of a training's config that describe what is trained.
 ///
 /// `farsight train` reads the other tables; that there are no others is checked here too, as what is misspelt would be ignored.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct RunFile {
-    model: Option<SmokeConfig>,
-    refiner: Option<RefinerConfig>,
-    plates: Option<PlateReaderConfig>,
-    #[serde(rename = "data")]
+    method: Option<String>,
+    #[serde(default)]
+    model: toml::Table,
+    #[serde(default, rename = "data")]
     _data: toml::Table,
-    #[serde(rename = "augmentation")]
+    #[serde(default, rename = "augmentation")]
     _augmentation: AugmentationConfig,
-    #[serde(rename = "train")]
+    #[serde(default, rename = "train")]
     _train: toml::Table,
+    #[serde(default, rename = "task")]
+    _task: toml::Table,
+    #[serde(default, rename = "validate")]
+    _validate: toml::Table,
 }
 
 impl RunFile {
@@ -51,17 +55,21 @@ pub(crate) fn is_config(path: &Path) -> bool {
 
 /// What the config of a training says about what it trains.
 pub(crate) fn read(path: &Path) -> Result<Untrained> {
-    let RunFile { model, refiner, plates, .. } = RunFile::read(path)?;
-    Ok(match (model, refiner, plates) {
-        (None, Some(config), None) => Untrained::Refiner(usable(config, path)?),
-        (None, None, Some(config)) => Untrained::Plates(usable(config, path)?),
-        (model, None, None) => {
-            let config = model.unwrap_or_default();
-            config.validate().with_context(|| path.display().to_string())?;
-            Untrained::Detector(config)
-        }
-        _ => bail!("{}: more than one of [model], [refiner] and [plates]; expected one of them", path.display()),
-    })
+    let RunFile { method, model, .. } = RunFile::read(path)?;
+    let found = match method.as_deref() {
+        Some(SmokeConfig::METHOD) => return Ok(Untrained::Detector(model_config(model, path)?)),
+        Some(RefinerConfig::METHOD) => return Ok(Untrained::Refiner(model_config(model, path)?)),
+        Some(PlateReaderConfig::METHOD) => return Ok(Untrained::Plates(model_config(model, path)?)),
+        Some(other) => format!("\"{other}\""),
+        None => "missing".to_owned(),
+    };
+    let known = [SmokeConfig::METHOD, RefinerConfig::METHOD, PlateReaderConfig::METHOD].join(", ");
+    bail!("{}: method is {found}; expected one of {known}", path.display())
+}
+
+fn model_config<C: NetworkConfig>(table: toml::Table, path: &Path) -> Result<C> {
+    let config: C = table.try_into().with_context(|| format!("{}: [model]", path.display()))?;
+    usable(config, path)
 }
 
 fn usable<C: NetworkConfig>(config: C, path: &Path) -> Result<C> {

@@ -309,13 +309,13 @@ error: this farsight was built without training, which needs libtorch; `cargo xt
 #[test]
 fn info_reads_the_model_part_of_a_config() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("run.toml"), "[model]\ninput = [640, 192]\n[train]\nepochs = 1\n").unwrap();
+    std::fs::write(folder.path().join("run.toml"), "method = \"smoke\"\n[model]\ninput = [640, 192]\n[train]\nepochs = 1\n").unwrap();
     let (status, out, err) = farsight_in(folder.path(), &["info", "run.toml"]);
     assert_eq!((status, err.as_str()), (0, ""));
     assert!(out.starts_with("input           640 x 192 pixels\nclasses         Car, Cyclist, Pedestrian\n"), "{out}");
     assert!(out.lines().last().unwrap().starts_with("total "), "{out}");
 
-    std::fs::write(folder.path().join("run.toml"), "[model]\ninput = [640, 191]\n").unwrap();
+    std::fs::write(folder.path().join("run.toml"), "method = \"smoke\"\n[model]\ninput = [640, 191]\n").unwrap();
     let (status, _, err) = farsight_in(folder.path(), &["info", "run.toml"]);
     let expected = "error: run.toml: model.input is 640x191; expected multiples of 32 pixels\n";
     assert_eq!((status, err.as_str()), (2, expected));

@@ -95,8 +95,8 @@ fn benchmarks_tell_every_stage() {
     assert!(folder.path().join("bench.json").is_file());
 
     // A network that nobody has trained, several images at once, another size, the head everywhere.
-    std::fs::write(folder.path().join("run.toml"), "[model]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n")
-        .unwrap();
+    let small = "method = \"smoke\"\n[model]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n";
+    std::fs::write(folder.path().join("run.toml"), small).unwrap();
     let words = ["bench", "--model", "run.toml", "--runs", "1", "--input", "64x32", "--batch", "3", "--dense-head"];
     let answer = text(farsight(&words, folder.path()).stdout);
     assert!(

@@ -16,6 +16,7 @@ use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_methods::smoke::config::SmokeConfig;
+use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeModel};
 use farsight_onnx::{INPUT, Target};
 use farsight_runtime::{Tensor, TensorView, probe};
@@ -48,10 +49,11 @@ fn engines(folder: &Path) -> Vec<String> {
     ready.into_iter().map(name).filter(|name| name != "libtorch").collect()
 }
 
-/// Networks with drawn weights: one whose head is cut off, one with everything that is hard to export.
-fn models() -> [(&'static str, SmokeModel); 2] {
-    let model = |norm, neck, msfe| {
-        let config = SmokeConfig { input: [320, 96], width: 0.25, norm, neck, msfe, ..SmokeConfig::default() };
+/// Networks with drawn weights: one whose head is cut off, one with everything that is hard to export, one on another backbone.
+fn models() -> [(&'static str, SmokeModel); 3] {
+    let model = |backbone, norm, neck, msfe| {
+        let config =
+            SmokeConfig { input: [320, 96], width: 0.25, backbone, norm, neck, msfe, ..SmokeConfig::default() };
         let mut weights = initial_weights(&config.graph(), 9);
         for (name, tensor) in &mut weights.tensors {
             // Offsets of a fraction of a cell; a fresh network has none.
@@ -67,8 +69,9 @@ fn models() -> [(&'static str, SmokeModel); 2] {
         with_ordinary_answers(SmokeModel::new(config, weights).unwrap())
     };
     [
-        ("plain", model(NormKind::Batch, NeckKind::Plain, Msfe::A)),
-        ("hard", model(NormKind::Group, NeckKind::Deformable, Msfe::C)),
+        ("plain", model(Backbone::Dla34, NormKind::Batch, NeckKind::Plain, Msfe::A)),
+        ("hard", model(Backbone::Dla34, NormKind::Group, NeckKind::Deformable, Msfe::C)),
+        ("mobile", model(Backbone::MobilenetV2, NormKind::Batch, NeckKind::Plain, Msfe::None)),
     ]
 }
 
@@ -223,7 +226,7 @@ fn the_checker_and_onnx_runtimes_python_agree() {
 fn parity_tells_by_its_status() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let [(_, model), _] = models();
+    let [(_, model), ..] = models();
     model.write(&folder.join("m.safetensors")).unwrap();
     let reference = folder.join("reference.safetensors");
     write_reference(&model, &reference);

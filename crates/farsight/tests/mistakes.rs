@@ -205,7 +205,7 @@ fn files_of_another_kind_are_told_for_what_they_are() {
     done(folder, &["export", "--model", "m.safetensors", "--out", "m.onnx"]);
     image::RgbImage::new(96, 64).save(folder.join("photo.png")).unwrap();
     image::RgbImage::new(96, 64).save(folder.join("photo.jpg")).unwrap();
-    fs::write(folder.join("run.toml"), "[model]\n").unwrap();
+    fs::write(folder.join("run.toml"), "method = \"smoke\"\n").unwrap();
     fs::create_dir(folder.join("models")).unwrap();
     for (model, found) in [
         ("photo.png", "a PNG image"),
@@ -246,10 +246,12 @@ fn a_config_is_read_as_the_training_would() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     for (config, expected) in [
-        ("[modell]\nwidth = 0.5\n", "unknown field `modell`"),
-        ("[augmentation]\nflip = 0.5\n", "unknown field `flip`"),
+        ("method = \"smoke\"\n[modell]\nwidth = 0.5\n", "unknown field `modell`"),
+        ("method = \"smoke\"\n[augmentation]\nflip = 0.5\n", "unknown field `flip`"),
+        ("method = \"smoke\"\n[model]\nside = 96\n", "unknown field `side`"),
         ("farthest_m = 75.0\n", "unknown field `farthest_m`"),
-        ("[model]\n[refiner]\n", "more than one of [model], [refiner] and [plates]"),
+        ("[model]\nwidth = 0.5\n", "method is missing; expected one of smoke, refiner, plate_reader"),
+        ("method = \"smokey\"\n", "method is \"smokey\"; expected one of smoke, refiner, plate_reader"),
     ] {
         fs::write(folder.join("run.toml"), config).unwrap();
         for command in [&["info", "run.toml"][..], &["bench", "--model", "run.toml"]] {

@@ -70,7 +70,7 @@ fn the_first_code_is_what_the_documentation_runs() {
 fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
     let readme = readme();
     let rows: Vec<&str> = readme.lines().filter(|line| line.starts_with("| `configs/")).collect();
-    assert_eq!(rows.len(), 10);
+    assert_eq!(rows.len(), 11);
     for row in rows {
         let config = row.split('`').nth(1).unwrap();
         let output = farsight(&["info", config]);
@@ -118,7 +118,7 @@ fn from_real_frames_to_metres() {
     let [config, run, pictures, rows] =
         ["config.toml", "run", "pictures", "rows"].map(|name| text(&folder.path().join(name)));
     let json = text(&folder.path().join("answer.json"));
-    let small = "[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
+    let small = "method = \"smoke\"\n[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
                  [data]\nlimit = 2\n[train]\nepochs = 2\nbatch_size = 2\n";
     fs::write(&config, small).unwrap();
     let train = farsight(&["train", "--config", &config, "--data", &text(&frames), "--out", &run]);

@@ -23,7 +23,8 @@ const RECTIFICATION: usize = 4;
 
 /// The calibration of one frame.
 ///
-/// Only `P2` must be there: it alone is the camera of the images and labels. Files of other tools often hold nothing else.
+/// Only `P2` must be there: it alone is the camera of the images and labels. Files of other tools often hold nothing
+/// else.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// Projection of the left colour camera: rectified camera coordinates (metres) to pixels.

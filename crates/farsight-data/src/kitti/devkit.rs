@@ -1,15 +1,15 @@
 //! Reading label and result files as the official devkit does, and telling what it would have done silently.
 //!
-//! The devkit reads with `fscanf`: a stream of words in which line ends mean nothing (spec kitti-eval.md, section 2, rules 1 to 3). Ordinary
-//! rows go through the parser that all readers share; from a row that is not ordinary to the next one that starts a line, `stream` follows the devkit word by
-//! word.
+//! The devkit reads with `fscanf`: a stream of words in which line ends mean nothing (spec kitti-eval.md, section 2,
+//! rules 1 to 3). Ordinary rows go through the parser that all readers share; from a row that is not ordinary to the
+//! next one that starts a line, `stream` follows the devkit word by word.
 
-mod oddity;
+mod diagnostic;
 mod stream;
 #[cfg(test)]
 mod tests;
 
-pub use oddity::Oddity;
+pub use diagnostic::Diagnostic;
 
 use farsight_core::ObjectClass;
 
@@ -36,12 +36,12 @@ pub struct DevkitRows {
     /// The rows that count, in file order.
     pub rows: Vec<DevkitRow>,
     /// What was odd, in file order: the line, from 1, and what is odd about it.
-    pub oddities: Vec<(usize, Oddity)>,
+    pub diagnostics: Vec<(usize, Diagnostic)>,
 }
 
 /// Reads a label or result file as the devkit does.
 ///
-/// One kind of oddity is no reading at all: see [`Oddity::is_fatal`].
+/// One kind of diagnostic is no reading at all: see [`Diagnostic::is_fatal`].
 pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
     let mut read = DevkitRows::default();
     let (mut rest, mut number) = (text, 1);
@@ -56,13 +56,14 @@ pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
         };
     }
     if let Some(position) = text.find('\r') {
-        read.oddities.push((1 + text[..position].matches('\n').count(), Oddity::CarriageReturn));
+        read.diagnostics.push((1 + text[..position].matches('\n').count(), Diagnostic::CarriageReturn));
     }
     read
 }
 
 impl DevkitRows {
-    /// Takes a line that holds one whole row and nothing that two readers could read differently; false for any other line.
+    /// Takes a line that holds one whole row and nothing that two readers could read differently; false for any other
+    /// line.
     fn push_ordinary(&mut self, words: &[&str], kind: RowKind, line: usize) -> bool {
         let (words, sigma) = match (kind, words.split_at_checked(kind.columns())) {
             (RowKind::Result, Some((row, [sigma]))) if sigma.parse::<f64>().is_ok() => (row, Some(sigma)),
@@ -75,33 +76,33 @@ impl DevkitRows {
             Err(problem) => (None, Some(problem)),
         };
         let problems = problem.into_iter().chain(no_error_bar);
-        self.oddities.extend(problems.map(|problem| (line, Oddity::OutOfRange(problem))));
+        self.diagnostics.extend(problems.map(|problem| (line, Diagnostic::OutOfRange(problem))));
         self.push(DevkitRow { line, row, range_sigma_m });
         true
     }
 
     fn push(&mut self, row: DevkitRow) {
-        self.oddities.extend(odd_class(&row.row.label.class).map(|oddity| (row.line, oddity)));
-        self.oddities.extend(row.row.numbers().find_map(odd_number).map(|oddity| (row.line, oddity)));
+        self.diagnostics.extend(odd_class(&row.row.label.class).map(|diagnostic| (row.line, diagnostic)));
+        self.diagnostics.extend(row.row.numbers().find_map(odd_number).map(|diagnostic| (row.line, diagnostic)));
         self.rows.push(row);
     }
 }
 
 /// Names that KITTI does not know. The devkit compares without regard to case; nothing else makes two names equal.
-fn odd_class(class: &ObjectClass) -> Option<Oddity> {
+fn odd_class(class: &ObjectClass) -> Option<Diagnostic> {
     let ObjectClass::Other(name) = class else { return None };
     let known = ObjectClass::KITTI.into_iter().find(|known| known.name().eq_ignore_ascii_case(name));
     Some(match known {
-        Some(known) => Oddity::ClassInOtherCase { found: name.to_string(), known },
-        None => Oddity::UnknownClass { found: name.to_string() },
+        Some(known) => Diagnostic::ClassInOtherCase { found: name.to_string(), known },
+        None => Diagnostic::UnknownClass { found: name.to_string() },
     })
 }
 
-fn odd_number((name, value): (&'static str, f64)) -> Option<Oddity> {
+fn odd_number((name, value): (&'static str, f64)) -> Option<Diagnostic> {
     if !value.is_finite() {
-        Some(Oddity::NotFinite { name, value })
+        Some(Diagnostic::NotFinite { name, value })
     } else if value.abs() > ABSURD {
-        Some(Oddity::Absurd { name, value })
+        Some(Diagnostic::Absurd { name, value })
     } else {
         None
     }

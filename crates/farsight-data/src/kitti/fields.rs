@@ -75,7 +75,8 @@ impl Row {
         names.zip(image.into_iter().chain(scene).chain([self.score.unwrap_or(0.0), *truncation]))
     }
 
-    /// The row as a detection; a row without a score has score 1. The written alpha is dropped, a detection computes its own.
+    /// The row as a detection; a row without a score has score 1. The written alpha is dropped, a detection computes
+    /// its own.
     pub fn into_detection(self) -> Detection {
         let Label { class, box2d, box3d, .. } = self.label;
         Detection { class, score: self.score.unwrap_or(1.0), box2d, box3d, range_sigma_m: None }
@@ -110,7 +111,8 @@ pub enum RowError {
 /// Reads one row from its `fields` (the words of the line, without white space).
 ///
 /// # Errors
-/// When the number of fields is not that of `kind`, a field is no finite number, or a value is not in the range of its meaning.
+/// When the number of fields is not that of `kind`, a field is no finite number, or a value is not in the range of its
+/// meaning.
 pub fn row_from_fields(fields: &[&str], kind: RowKind) -> Result<Row, RowError> {
     let (row, problem) = row_and_problem(fields, kind)?;
     problem.map_or(Ok(row), Err)
@@ -173,7 +175,8 @@ impl Fields<'_> {
         number.ok_or_else(|| self.error(index, "a number"))
     }
 
-    /// The devkit reads the occlusion of results as a real number and forgets it; in labels `0.00` would shift its whole row.
+    /// The devkit reads the occlusion of results as a real number and forgets it; in labels `0.00` would shift its
+    /// whole row.
     fn require_whole_occlusion(self, kind: RowKind) -> Result<(), RowError> {
         self.require(kind == RowKind::Result || self.0[2].parse::<i32>().is_ok(), 2, "a whole number")
     }

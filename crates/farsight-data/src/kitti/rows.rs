@@ -12,7 +12,8 @@ use super::fields::{Row, RowError, RowKind, row_from_fields, sigma_from_field};
 
 /// What a result row says where a label has truncation and occlusion: KITTI's mark for "not given".
 ///
-/// The devkit reads both as numbers and forgets them; Python tools read the occlusion as an integer, so `0.00` would not do.
+/// The devkit reads both as numbers and forgets them; Python tools read the occlusion as an integer, so `0.00` would
+/// not do.
 const NOT_GIVEN: i32 = -1;
 
 /// A label or result file that could not be read or written.

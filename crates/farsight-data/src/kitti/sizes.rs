@@ -2,7 +2,8 @@
 
 use farsight_core::Camera;
 
-/// Horizontal focal length of each of KITTI's four cameras, pixels, and the size of its rectified images (width, height).
+/// Horizontal focal length of each of KITTI's four cameras, pixels, and the size of its rectified images (width,
+/// height).
 const SIZES: [(f64, [usize; 2]); 4] =
     [(721.5377, [1242, 375]), (707.0493, [1224, 370]), (718.3351, [1238, 374]), (718.856, [1241, 376])];
 

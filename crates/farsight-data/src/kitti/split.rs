@@ -50,8 +50,8 @@ pub enum SplitError {
 /// The ids in a split file, in its order.
 ///
 /// # Errors
-/// When the file cannot be read, lists nothing, lists a frame twice, or a line is not one id of letters, digits, `_`, `-` and `.`
-/// (an id becomes a file name, so it must not lead elsewhere).
+/// When the file cannot be read, lists nothing, lists a frame twice, or a line is not one id of letters, digits, `_`,
+/// `-` and `.` (an id becomes a file name, so it must not lead elsewhere).
 pub fn read_split(path: &Path) -> Result<Vec<String>, SplitError> {
     let text = fs::read_to_string(path).map_err(|source| SplitError::Read { path: path.to_owned(), source })?;
     split_from_text(&text, path)

@@ -29,7 +29,8 @@ pub(super) fn rows(
     }
 }
 
-/// Mirror, crop and scale: rows stay rows, so each source row is stretched once and output rows lie between two stretched rows.
+/// Mirror, crop and scale: rows stay rows, so each source row is stretched once and output rows lie between two
+/// stretched rows.
 fn upright_rows(
     image: &RgbImage,
     source_from_output: &Affine2,
@@ -119,7 +120,8 @@ impl Planes {
     }
 }
 
-/// Source rows stretched to the output's columns. The last two are kept: the next output row mostly needs one of them again.
+/// Source rows stretched to the output's columns. The last two are kept: the next output row mostly needs one of them
+/// again.
 struct StretchedRows<'a> {
     image: &'a RgbImage,
     columns: &'a [Taps],

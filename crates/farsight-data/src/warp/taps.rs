@@ -16,8 +16,8 @@ pub(super) struct Taps {
 
 /// The neighbours of `position` (pixels) on an axis of `len` pixels; `None` when the position is outside.
 ///
-/// Pixel-exact samples fade to black within a pixel of the border (OpenCV); half-pixel samples repeat the border up to its outer
-/// edge and are black beyond (Pillow).
+/// Pixel-exact samples fade to black within a pixel of the border (OpenCV); half-pixel samples repeat the border up to
+/// its outer edge and are black beyond (Pillow).
 pub(super) fn taps(position: f64, len: usize, sampling: Sampling) -> Option<Taps> {
     let end = len as f64;
     let floor = position.floor();
@@ -34,7 +34,8 @@ pub(super) fn taps(position: f64, len: usize, sampling: Sampling) -> Option<Taps
     }
 }
 
-/// The taps of `count` output pixels, the first at `start` and each `step` further, and the range of those that see the source.
+/// The taps of `count` output pixels, the first at `start` and each `step` further, and the range of those that see the
+/// source.
 pub(super) fn axis_taps(
     start: f64,
     step: f64,

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use farsight_data::KittiDataset;
 use farsight_data::kitti::rows::rows_from_text;
 use farsight_data::kitti::{
     Calibration, Row, RowKind, read_labels, read_results, read_rows, read_split, text_from_labels, text_from_results,
 };
+use farsight_data::{Dataset, KittiDataset};
 
-use crate::material::{kitti_folder, unpacked};
+use crate::material::unpacked;
 
 const FRAMES: usize = 7481;
 const VALIDATION_FRAMES: usize = 3769;
@@ -69,7 +69,7 @@ fn without_alpha(text: &str) -> String {
 
 #[test]
 fn the_frames_folder_opens_in_both_layouts() {
-    let Some(kitti) = kitti_folder() else { return };
+    let Some(kitti) = farsight_testing::kitti("") else { return };
     let root = kitti.join("frames");
     let all = KittiDataset::open(&root, None).unwrap();
     assert_eq!(all.len(), 84);
@@ -78,7 +78,7 @@ fn the_frames_folder_opens_in_both_layouts() {
     let by_path = KittiDataset::open(&root, Some(&root.join("ImageSets/val.txt"))).unwrap();
     assert_eq!([train.len(), val.len()], [64, 20]);
     assert_eq!(val.ids(), by_path.ids());
-    let frame = all.load(0).unwrap();
+    let frame = all.frame(0).unwrap();
     assert_eq!((frame.id.as_str(), frame.image.dimensions(), frame.labels.len()), ("000000", (1224, 370), 1));
-    assert_eq!(frame.camera, all.load_camera(0).unwrap());
+    assert_eq!(frame.camera, all.camera(0).unwrap());
 }

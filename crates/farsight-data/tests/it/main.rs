@@ -2,6 +2,7 @@
 // Clippy's exceptions for tests reach functions marked `#[test]`, not the helpers beside them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
+mod dataset_laws;
 mod image_bytes;
 mod image_files;
 mod image_formats;

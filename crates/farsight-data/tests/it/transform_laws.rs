@@ -5,6 +5,7 @@ use std::path::Path;
 
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::{Affine2, Box2d, Box3d, Camera, Label, ObjectClass, wrapped_angle};
+use farsight_data::annotations::DepthMap;
 use farsight_data::kitti::RowKind;
 use farsight_data::kitti::rows::rows_from_text;
 use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
@@ -22,7 +23,7 @@ const RULES: InputRules = InputRules { size: [1280, 384], channels: ChannelOrder
 
 /// Every transform that the policy draws, often.
 fn lively() -> AugmentationConfig {
-    AugmentationConfig { window_probability: 0.7, ..AugmentationConfig::default() }
+    AugmentationConfig { shift_scale_probability: 0.7, ..AugmentationConfig::default() }
 }
 
 #[test]
@@ -102,14 +103,7 @@ fn a_sample_is_the_frame_moved() {
     let camera = Camera::from_intrinsics(700.0, 700.0, 600.0, 180.0).unwrap();
     let image = RgbImage::from_pixel(1242, 375, image::Rgb([90, 100, 110]));
     let depth_m = (0..1242 * 375).map(|pixel| (pixel % 1242) as f32).collect();
-    let frame = Frame {
-        id: "000042".to_owned(),
-        image,
-        camera,
-        labels: vec![car(), dont_care()],
-        depth_m: Some(depth_m),
-        plates: vec![],
-    };
+    let frame = Frame::new("000042", image, camera, vec![car(), dont_care()]).with(DepthMap { depth_m });
     let transform = lively().draw(&mut ItemKey { epoch: 3, index: 4, seed: 5 }.rng(), IMAGE_SIZE, &RULES);
     let sample = transform.apply(&frame, &RULES);
     assert_eq!((sample.id.as_str(), sample.size, sample.input.len()), ("000042", RULES.size, 3 * 1280 * 384));
@@ -131,29 +125,26 @@ fn a_sample_is_the_frame_moved() {
 }
 
 #[test]
-fn reflections_shade_and_detail_change_pixels_and_neither_camera_nor_labels() {
+fn reflections_shadows_and_sharpness_change_pixels_and_neither_camera_nor_labels() {
     let image =
         RgbImage::from_fn(1242, 375, |x, y| image::Rgb([(x % 256) as u8, (y % 256) as u8, ((x * y) % 256) as u8]));
-    let frame = Frame {
-        id: "0".to_owned(),
-        image,
-        camera: Camera::from_hfov(80.0, 1242, 375).unwrap(),
-        labels: vec![car(), dont_care()],
-        depth_m: None,
-        plates: vec![],
+    let frame = Frame::new("0", image, Camera::from_hfov(80.0, 1242, 375).unwrap(), vec![car(), dont_care()]);
+    let always = AugmentationConfig {
+        reflection_probability: 1.0,
+        shadow_probability: 1.0,
+        sharpness_probability: 1.0,
+        ..lively()
     };
-    let always =
-        AugmentationConfig { reflection_probability: 1.0, shade_probability: 1.0, detail_probability: 1.0, ..lively() };
     for index in 0..5 {
         let drawn = always.draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES);
         // Drawn last, so that what others draw does not depend on them.
-        let without = Transform { reflections: None, shade: None, detail: None, ..drawn };
+        let without = Transform { reflections: None, shadow: None, sharpness: None, ..drawn };
         assert_eq!(without, lively().draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES));
         let (with, plain) = (drawn.apply(&frame, &RULES), without.apply(&frame, &RULES));
         for one in [
             Transform { reflections: drawn.reflections, ..without },
-            Transform { shade: drawn.shade, ..without },
-            Transform { detail: drawn.detail, ..without },
+            Transform { shadow: drawn.shadow, ..without },
+            Transform { sharpness: drawn.sharpness, ..without },
         ] {
             assert_ne!(one.apply(&frame, &RULES).input, plain.input);
         }
@@ -162,11 +153,11 @@ fn reflections_shade_and_detail_change_pixels_and_neither_camera_nor_labels() {
     for wrong in [
         AugmentationConfig { reflection_probability: 1.5, ..lively() },
         AugmentationConfig { reflection_strength: -0.1, ..lively() },
-        AugmentationConfig { shade_probability: 2.0, ..lively() },
-        AugmentationConfig { detail_probability: -0.1, ..lively() },
-        AugmentationConfig { detail_factor: 0.9, ..lively() },
+        AugmentationConfig { shadow_probability: 2.0, ..lively() },
+        AugmentationConfig { sharpness_probability: -0.1, ..lively() },
+        AugmentationConfig { sharpness_factor: 0.9, ..lively() },
     ] {
-        let names = ["reflection_", "shade_", "detail_"];
+        let names = ["reflection_", "shadow_", "sharpness_"];
         assert!(wrong.problem().is_some_and(|problem| names.iter().any(|name| problem.starts_with(name))));
     }
 }
@@ -216,6 +207,17 @@ fn configurations_are_read_strictly_and_checked() {
     let read = |text: &str| serde_json::from_str::<AugmentationConfig>(text);
     assert_eq!(read("{}").unwrap(), AugmentationConfig::default());
     assert!(read(r#"{"flip_probabilty": 0.5}"#).is_err());
+    // Configs of older runs have older names.
+    let old =
+        r#"{"window_probability": 0.1, "shade_probability": 0.2, "detail_probability": 0.3, "detail_factor": 2.5}"#;
+    let expected = AugmentationConfig {
+        shift_scale_probability: 0.1,
+        shadow_probability: 0.2,
+        sharpness_probability: 0.3,
+        sharpness_factor: 2.5,
+        ..AugmentationConfig::default()
+    };
+    assert_eq!(read(old).unwrap(), expected);
     let default = AugmentationConfig::default();
     assert_eq!(default.problem(), None);
     let cases = [

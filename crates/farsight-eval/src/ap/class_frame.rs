@@ -132,7 +132,8 @@ impl<'a> Prepared<'a> {
             if is_own {
                 class_frame.scores.push((prediction.detection.score, size));
             }
-            // Large detections of other classes are not there; the smallest ones are in no level's way but all may be taken by an object.
+            // Large detections of other classes are not there; the smallest ones are in no level's way but all may be
+            // taken by an object.
             if !is_own && size == Some(Difficulty::Easy) {
                 continue;
             }
@@ -167,8 +168,9 @@ impl<'a> Prepared<'a> {
         Overlaps { image, box3d: self.prediction_blocks[prediction].overlap(&self.label_blocks[label]) }
     }
 
-    /// The devkit measures `DontCare` in every metric. Beyond the image its default box is nowhere near a real one, but coincides with that of
-    /// a detection without 3D box seen from above (spec rule 16, quirk Q2); in space the two share no height.
+    /// The devkit measures `DontCare` in every metric. Beyond the image its default box is nowhere near a real one,
+    /// but coincides with that of a detection without 3D box seen from above (spec rule 16, quirk Q2); in space the
+    /// two share no height.
     fn excuse(&self, prediction: usize) -> Overlaps {
         let covered = self.dont_care.iter().map(|&region| Overlaps {
             image: covered_share_2d(

@@ -40,7 +40,8 @@ pub struct ScoreThreshold {
 }
 
 impl Curve {
-    /// Average precision over 40 points of recall, percent: the mean without the point at recall 0 (KITTI since 8.10.2019).
+    /// Average precision over 40 points of recall, percent: the mean without the point at recall 0 (KITTI since
+    /// 8.10.2019).
     pub fn ap_r40(&self) -> f64 {
         percent_r40(&self.precision)
     }
@@ -85,7 +86,8 @@ pub(super) fn percent_r11(points: &[f64; RECALL_POINTS]) -> f64 {
 
 /// The scores at which recall comes nearest to 0, 1/40, ... 1; the last score is always one (spec rule 17).
 ///
-/// The recall aimed at is **summed up**, as the devkit does: `k / 40` would choose other scores for most numbers of objects.
+/// The recall aimed at is **summed up**, as the devkit does: `k / 40` would choose other scores for most numbers of
+/// objects.
 fn score_thresholds(mut scores: Vec<f64>, objects: usize) -> Vec<f64> {
     scores.sort_unstable_by(|a, b| b.total_cmp(a));
     let recall = |count: usize| count as f64 / objects as f64;
@@ -105,7 +107,8 @@ fn score_thresholds(mut scores: Vec<f64>, objects: usize) -> Vec<f64> {
     thresholds
 }
 
-/// Position of the first threshold that a score reaches. Scores that are no numbers reach every threshold: the devkit asks whether they are lower.
+/// Position of the first threshold that a score reaches. Scores that are no numbers reach every threshold: the devkit
+/// asks whether they are lower.
 fn first_reached(thresholds: &[f64], score: f64) -> usize {
     thresholds.partition_point(|&threshold| score < threshold)
 }
@@ -121,7 +124,8 @@ fn count_at_thresholds(
     for class_frame in class_frames {
         reached.clear();
         reached.extend(class_frame.predictions.iter().map(|prediction| first_reached(thresholds, prediction.score)));
-        // A frame looks the same at all thresholds between two scores of its candidates: it is matched once for each such stretch.
+        // A frame looks the same at all thresholds between two scores of its candidates: it is matched once for each
+        // such stretch.
         starts.clear();
         starts.extend(candidates(class_frame, matching).map(|position| reached[position]));
         starts.push(0);

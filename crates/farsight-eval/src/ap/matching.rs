@@ -84,7 +84,8 @@ pub(super) fn first_pass_scores(
     }
 }
 
-/// The second pass: what becomes of each object when only the predictions at the positions that `takes_part` names are there.
+/// The second pass: what becomes of each object when only the predictions at the positions that `takes_part` names are
+/// there.
 pub(crate) fn outcomes<'a>(
     class_frame: &'a ClassFrame,
     matching: &'a Matching,

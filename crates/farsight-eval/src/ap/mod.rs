@@ -1,8 +1,9 @@
-//! Average precision, equal to the official KITTI devkit (spec kitti-eval.md; differences: the evaluation rows of `PARITY.md`).
+//! Average precision, equal to the official KITTI devkit (spec kitti-eval.md; differences: the evaluation rows of
+//! `PARITY.md`).
 //!
-//! A frame is reduced once, for each class, to objects, the detections that may match them, and their overlaps. Each overlap
-//! is computed once, and only where two boxes can touch. All curves are made from that afterwards. The devkit computes every
-//! overlap anew for each of up to 41 score thresholds, three difficulties and two passes.
+//! A frame is reduced once, for each class, to objects, the detections that may match them, and their overlaps. Each
+//! overlap is computed once, and only where two boxes can touch. All curves are made from that afterwards. The devkit
+//! computes every overlap anew for each of up to 41 score thresholds, three difficulties and two passes.
 
 mod accumulator;
 mod class_frame;

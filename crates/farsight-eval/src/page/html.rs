@@ -81,7 +81,9 @@ fn push_frame(html: &mut String, shown: &ShownFrame, picture: Option<&Picture>) 
     if let Some(picture) = picture {
         push_picture(html, picture);
     }
-    html.push_str("<table><tr><th>object</th><th>found by</th><th>true z</th><th>predicted z</th><th>error</th><th>score</th></tr>\n");
+    html.push_str(
+        "<table><tr><th>object</th><th>found by</th><th>true z</th><th>predicted z</th><th>error</th><th>score</th></tr>\n",
+    );
     for target in &frame.targets {
         let object = format!("g{} {}", target.label, target.class);
         let row = match &target.found {

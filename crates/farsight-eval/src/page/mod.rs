@@ -1,4 +1,7 @@
 //! The report page: one HTML file that holds everything, and its charts as PNG files beside it.
+//!
+//! `contents` says what the page is made of, `charts` which charts it has, `chart` draws one, `html` is the text,
+//! `write` puts it on the disk. All figures come from the [`Report`](crate::Report); none is computed here.
 
 mod chart;
 mod charts;

@@ -23,7 +23,8 @@ impl WorstFrame {
     }
 }
 
-/// The twenty frames with the largest error of z of an object that counts at some difficulty; `ids` are the names of all frames.
+/// The twenty frames with the largest error of z of an object that counts at some difficulty; `ids` are the names of
+/// all frames.
 pub fn worst_frames(targets: &[Target], ids: &[String]) -> Vec<WorstFrame> {
     let frames = targets.chunk_by(|a, b| a.frame == b.frame).filter_map(|of_frame| {
         let frame = of_frame.first()?.frame as usize;

@@ -15,7 +15,8 @@ use super::{charts, html};
 const JPEG_QUALITY: u8 = 80;
 
 impl Page<'_> {
-    /// Writes `index.html` and the pictures into `folder`, which is made if it is not there. Each file is there whole or not at all.
+    /// Writes `index.html` and the pictures into `folder`, which is made if it is not there. Each file is there whole
+    /// or not at all.
     ///
     /// # Errors
     /// When a picture cannot be made or a file cannot be written.

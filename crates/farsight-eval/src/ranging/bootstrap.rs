@@ -1,6 +1,7 @@
 //! Intervals by drawing frames again and again (Efron 1979, percentile method).
 //!
-//! Frames are drawn, not objects: the errors within one image hang together, and an interval that ignores that is too narrow.
+//! Frames are drawn, not objects: the errors within one image hang together, and an interval that ignores that is too
+//! narrow.
 
 use farsight_core::statistics::quantile;
 use rand::RngExt;
@@ -65,7 +66,8 @@ impl Interval {
 impl Bootstrap {
     /// The interval of each value that `statistics` computes; it is given how often each of the `frames` was drawn.
     ///
-    /// `statistics` must always give the same number of values; NaN where a resample has none. Without resamples there are no intervals.
+    /// `statistics` must always give the same number of values; NaN where a resample has none. Without resamples there
+    /// are no intervals.
     pub(super) fn intervals(
         &self,
         frames: usize,

@@ -5,8 +5,8 @@ use serde::Serialize;
 use super::matching::Target;
 use super::slices::{Group, Part, Slice};
 
-/// How often the true z lies within one and two standard deviations of the predicted one. For errors of a normal distribution the shares
-/// are 0.683 and 0.954; smaller ones say that the detector is too sure of itself.
+/// How often the true z lies within one and two standard deviations of the predicted one. For errors of a normal
+/// distribution the shares are 0.683 and 0.954; smaller ones say that the detector is too sure of itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibration {
     /// Over all found objects with an error bar, then by true z; only bins that have any.

@@ -11,12 +11,13 @@ use crate::EvaluatedClass;
 
 /// Ranging figures of two detectors side by side.
 ///
-/// Errors are compared on the objects that **both** found, shares on all objects: otherwise the detector that finds more hard objects
-/// would look worse. Frames are drawn together for both, so what makes a frame hard for both cancels.
+/// Errors are compared on the objects that **both** found, shares on all objects: otherwise the detector that finds
+/// more hard objects would look worse. Frames are drawn together for both, so what makes a frame hard for both
+/// cancels.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RangingComparison {
-    /// Whether both say the same: of every object, and from [`Evaluation::compared_with`](crate::Evaluation::compared_with)
-    /// of everything that any figure is made of.
+    /// Whether both say the same: of every object, and from
+    /// [`Evaluation::compared_with`](crate::Evaluation::compared_with) of everything that any figure is made of.
     pub identical: bool,
     /// One row for every class with objects, group, and range of distances.
     pub rows: Vec<ComparisonRow>,

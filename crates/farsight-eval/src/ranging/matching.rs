@@ -44,8 +44,9 @@ pub struct Measurement {
     pub sigma_m: Option<f64>,
 }
 
-/// A detection that is none of anything: it took no object of its class, and is neither on a labelled object of another class nor in a `DontCare` region
-/// (overlap, or covered share, of at least the options' `min_iou`), nor lower than KITTI's Moderate objects. A second detection of one object is one.
+/// A detection that is none of anything: it took no object of its class, and is neither on a labelled object of
+/// another class nor in a `DontCare` region (overlap, or covered share, of at least the options' `min_iou`), nor lower
+/// than KITTI's Moderate objects. A second detection of one object is one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FalseAlarm {
     /// What class it is.

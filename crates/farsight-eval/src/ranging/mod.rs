@@ -1,8 +1,9 @@
 //! Errors of distance, by a protocol that is fixed so that figures can be audited (spec msfe-dgh.md, section 4).
 //!
-//! Per frame and class, detections take turns by score, highest first; each takes the free ground truth of its class with the largest 2D
-//! overlap, if that is at least [`MATCH_IOU`]. Errors are detection minus truth, of z and of the distance over the ground. Beside every
-//! error stands the share of objects that were found: a detector that keeps silent about hard objects has small errors and a small share.
+//! Per frame and class, detections take turns by score, highest first; each takes the free ground truth of its class
+//! with the largest 2D overlap, if that is at least [`MATCH_IOU`]. Errors are detection minus truth, of z and of the
+//! distance over the ground. Beside every error stands the share of objects that were found: a detector that keeps
+//! silent about hard objects has small errors and a small share.
 //!
 //! ```
 //! use farsight_eval::{Frame, ranging::{RangingReport, RangingOptions, targets}};

@@ -40,7 +40,8 @@ pub struct GroupRanging {
     /// Over all of them.
     #[serde(flatten)]
     pub whole: SliceErrors,
-    /// With as many detections, best scores first, as it takes to find 70% of the objects; `None` when fewer are found at all.
+    /// With as many detections, best scores first, as it takes to find 70% of the objects; `None` when fewer are found
+    /// at all.
     #[serde(rename = "recall_0.7")]
     pub fixed_recall: Option<FixedRecall>,
     /// By true z.

@@ -75,7 +75,8 @@ impl Tally {
     }
 }
 
-/// The tallies of a set of objects, kept by frame and cell so that frames can be drawn at random and slices taken afterwards.
+/// The tallies of a set of objects, kept by frame and cell so that frames can be drawn at random and slices taken
+/// afterwards.
 pub(super) struct Tallies {
     /// Position of the frame, position of the cell, and what is there.
     entries: Vec<(usize, usize, Tally)>,

@@ -7,17 +7,7 @@ use std::process::Command;
 
 use farsight_data::kitti::{RowKind, rows_as_devkit};
 use farsight_eval::{Frame, Prediction};
-
-/// The folder that `variable` names, or `default` beside the project; prints why the test is skipped when it is not there.
-pub fn folder(variable: &str, default: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(default);
-    let folder = std::env::var_os(variable).map_or(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: {} is not there; set {variable} to the folder", folder.display());
-    None
-}
+use farsight_testing::kitti;
 
 /// The frame whose files are called `id`.txt, read as the devkit does.
 pub fn frame(labels: &Path, results: &Path, id: &str) -> Frame {
@@ -53,7 +43,7 @@ impl RealSets {
 
     /// Unpacks them into a scratch folder that goes with this value.
     pub fn unpacked() -> Option<Self> {
-        let shared = folder("FARSIGHT_KITTI", "../shared/kitti")?;
+        let shared = kitti("")?;
         let scratch = tempfile::tempdir().unwrap();
         for archive in ["labels-and-calib.tar.xz", "val-results.tar.xz"] {
             let archive = shared.join(archive);

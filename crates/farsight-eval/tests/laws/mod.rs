@@ -1,5 +1,5 @@
-//! What must hold for any bytes in a file: nothing panics, and the readers agree. The fuzz targets and the replay of their saved inputs
-//! share these.
+//! What must hold for any bytes in a file: nothing panics, and the readers agree. The fuzz targets and the replay of
+//! their saved inputs share these.
 #![allow(dead_code, unreachable_pub)] // Each user takes a part.
 #![allow(clippy::expect_used)] // A broken law is a finding.
 
@@ -55,7 +55,7 @@ fn readers_agree(text: &str, kind: RowKind) -> Vec<DevkitRow> {
         assert_eq!(skipped.count, 0);
         assert_eq!(strict, lenient);
         assert!(devkit.rows.iter().map(|read| &read.row).eq(&strict));
-        assert!(devkit.oddities.iter().all(|(_, oddity)| !oddity.is_fatal()));
+        assert!(devkit.diagnostics.iter().all(|(_, diagnostic)| !diagnostic.is_fatal()));
     }
     devkit.rows
 }

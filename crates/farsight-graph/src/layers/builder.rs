@@ -72,12 +72,15 @@ impl Builder {
         self.push(Op::Conv { weight, bias: None, window, groups: 1 }, &[x], channels)
     }
 
-    /// A depthwise 3x3 convolution without bias.
-    pub fn depthwise_conv(&mut self, x: NodeId, name: &str) -> NodeId {
+    /// A depthwise convolution without bias.
+    pub fn depthwise_conv(&mut self, x: NodeId, name: &str, window: Window) -> NodeId {
         let channels = self.channels(x);
-        let window = Window::same(3, 1);
-        let weight =
-            self.parameter(format!("{name}.weight"), &[channels, 1, 3, 3], Init::Normal((2.0 / 9.0_f32).sqrt()));
+        let taps = window.kernel * window.kernel;
+        let weight = self.parameter(
+            format!("{name}.weight"),
+            &[channels, 1, window.kernel, window.kernel],
+            Init::Normal((2.0 / taps as f32).sqrt()),
+        );
         self.push(Op::Conv { weight, bias: None, window, groups: channels }, &[x], channels)
     }
 
@@ -132,6 +135,17 @@ impl Builder {
         let channels = self.channels(x);
         let op = self.norm_op(name, channels, scale, Role::Learnt);
         self.push(op, &[x], channels)
+    }
+
+    /// A scale and a shift of each channel that nothing moves, as a batch norm: what another program does to the image
+    /// before its network.
+    pub fn fixed_scale(&mut self, x: NodeId, name: &str) -> NodeId {
+        let shape = [self.channels(x)];
+        let values = [("weight", 1.0), ("bias", 0.0), ("running_mean", 0.0), ("running_var", 1.0)];
+        let [weight, bias, mean, variance] = values.map(|(part, value)| {
+            self.add_parameter(format!("{name}.{part}"), &shape, Init::Constant(value), Role::Frozen)
+        });
+        self.push(Op::BatchNorm { weight, bias, mean, variance }, &[x], shape[0])
     }
 
     /// Convolution, norm, `ReLU`.

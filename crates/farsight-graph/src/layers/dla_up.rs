@@ -67,7 +67,7 @@ fn merge(
     neck_conv(b, sum, &names.of("node"), channels, kind)
 }
 
-fn neck_conv(b: &mut Builder, x: NodeId, name: &str, channels: usize, kind: NeckKind) -> NodeId {
+pub(super) fn neck_conv(b: &mut Builder, x: NodeId, name: &str, channels: usize, kind: NeckKind) -> NodeId {
     let x = match kind {
         NeckKind::Deformable => b.deform_conv(x, &format!("{name}.deform_conv"), channels),
         NeckKind::Plain => b.conv(x, &format!("{name}.conv"), channels, Window::same(3, 1)),

@@ -3,9 +3,13 @@
 mod builder;
 pub mod dla34;
 pub mod dla_up;
+pub mod fpn;
+pub mod mobilenet_v2;
 pub mod msfe;
 
 pub use builder::{Builder, NormKind};
 pub use dla_up::{NeckKind, dla_up};
 pub use dla34::{Stem, dla34};
+pub use fpn::fpn;
+pub use mobilenet_v2::mobilenet_v2;
 pub use msfe::Msfe;

@@ -50,7 +50,7 @@ pub fn residual_pyramid(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], wid
     let s3 = smooth(b, 0, p3);
     let s4 = smooth(b, 1, p4);
     // The coarsest level has few cells; a separable convolution is enough there.
-    let s5 = b.depthwise_conv(p5, &level_name(prefix, 2, "smooth_dw"));
+    let s5 = b.depthwise_conv(p5, &level_name(prefix, 2, "smooth_dw"), Window::same(3, 1));
     let s5 = b.conv_norm_relu(
         s5,
         &level_name(prefix, 2, "smooth_pw"),
@@ -112,7 +112,7 @@ pub fn bifpn(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) 
 /// One node of the bidirectional pyramid: weighted sum, separable convolution, norm, `ReLU`.
 fn fusion(b: &mut Builder, prefix: &str, name: &str, inputs: &[NodeId]) -> NodeId {
     let sum = b.weighted_sum(inputs, &format!("{prefix}{name}.fusion_weight"));
-    let x = b.depthwise_conv(sum, &format!("{prefix}{name}.dw"));
+    let x = b.depthwise_conv(sum, &format!("{prefix}{name}.dw"), Window::same(3, 1));
     let width = b.channels(x);
     b.conv_norm_relu(x, &format!("{prefix}{name}.pw"), &format!("{prefix}{name}.norm"), width, Window::same(1, 1))
 }

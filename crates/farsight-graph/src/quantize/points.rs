@@ -19,7 +19,7 @@ pub fn layers(graph: &Graph, output: &str) -> BTreeSet<NodeId> {
         }
     }
     let single = single_cells(graph);
-    let reads_image = |id: NodeId| graph.nodes[graph.nodes[id].inputs[0]].op == Op::Input;
+    let reads_image = |id: NodeId| is_image(graph, graph.nodes[id].inputs[0]);
     let is_layer = |id: &NodeId| {
         let convolution = match graph.nodes[*id].op {
             Op::Conv { .. } => !reads_image(*id),
@@ -29,6 +29,15 @@ pub fn layers(graph: &Graph, output: &str) -> BTreeSet<NodeId> {
         convolution && needed[*id] && !single[*id] && *id != last
     };
     (0..graph.nodes.len()).filter(is_layer).collect()
+}
+
+/// Whether this is the image, or the image at another scale.
+fn is_image(graph: &Graph, id: NodeId) -> bool {
+    match graph.nodes[id].op {
+        Op::Input => true,
+        Op::BatchNorm { .. } => is_image(graph, graph.nodes[id].inputs[0]),
+        _ => false,
+    }
 }
 
 /// Which maps have one cell only, whatever the size of the input.
@@ -43,7 +52,7 @@ fn single_cells(graph: &Graph) -> Vec<bool> {
 
 /// The maps that are in 8 bits when `layers` are: what they read, what they make, and what lies between them as far as it can be.
 ///
-/// A `ReLU` is part of the node before it: only what comes out of it counts.
+/// A `ReLU` or `ReLU6` is part of the node before it: only what comes out of it counts.
 pub fn maps(graph: &Graph, layers: &BTreeSet<NodeId>) -> BTreeSet<NodeId> {
     let relu_after = relu_after(graph);
     let mut maps: BTreeSet<NodeId> = layers.iter().map(|&id| relu_after[id].unwrap_or(id)).collect();
@@ -61,12 +70,12 @@ pub fn maps(graph: &Graph, layers: &BTreeSet<NodeId>) -> BTreeSet<NodeId> {
     maps
 }
 
-/// The `ReLU` that is all that reads a node.
+/// The `ReLU` or `ReLU6` that is all that reads a node.
 fn relu_after(graph: &Graph) -> Vec<Option<NodeId>> {
     let mut consumers = graph.consumers();
     graph.taps.iter().for_each(|(_, id)| consumers[*id] += 1);
     let mut after = vec![None; graph.nodes.len()];
-    for (id, node) in graph.nodes.iter().enumerate().filter(|(_, node)| node.op == Op::Relu) {
+    for (id, node) in graph.nodes.iter().enumerate().filter(|(_, node)| matches!(node.op, Op::Relu | Op::Relu6)) {
         let input = node.inputs[0];
         if consumers[input] == 1 {
             after[input] = Some(id);

@@ -36,8 +36,8 @@ impl NetworkConfig for RefinerConfig {
 
     fn problem(&self) -> Option<String> {
         let Self { side, channels, hidden, looks } = self;
-        let unusable = || format!("refiner.looks is {looks:?}; expected the numbers of a fit");
-        problem_of_sizes("refiner", *side, channels, *hidden).or_else(|| (!looks.is_usable()).then(unusable))
+        let unusable = || format!("model.looks is {looks:?}; expected the numbers of a fit");
+        problem_of_sizes("model", *side, channels, *hidden).or_else(|| (!looks.is_usable()).then(unusable))
     }
 
     /// # Shapes

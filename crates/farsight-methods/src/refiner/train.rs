@@ -1,20 +1,65 @@
 //! Training of a refiner.
 
+mod false_positives;
+mod samples;
+
+use std::sync::Arc;
+
 use std::path::PathBuf;
 
-use crate::refiner::geometry::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
-use crate::refiner::RefinerConfig;
-use serde::Serialize;
-use tch::{Kind, Tensor};
+use farsight_data::Dataset;
+use farsight_graph::graph::{Graph, NodeId};
+use farsight_graph::model::{ModelError, NetworkConfig};
+use farsight_graph::weights::Weights;
+use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
+use farsight_train::executor::ExecutorError;
+use farsight_train::metrics::Metrics;
+use farsight_train::task::{Sampler, StepOutput, Task};
+use farsight_train::training::TrainError;
+use serde::{Deserialize, Serialize};
+use tch::{Device, Kind, Tensor};
 
-use super::samples::{CropBatch, CropSampler, FrameCrops};
-use crate::crops::{CropRun, PartLearner};
-use crate::learner::Learner;
-use crate::metrics::{Lesson, Terms};
-use crate::trainer::{Job, NotFinite, Observer, Pupil, Session, TrainError};
+use super::geometry::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
+use super::{RefinerConfig, RefinerModel};
+use crate::roi::ANSWER;
+use samples::{CropBatch, CropMaker, FrameCrops};
 
-/// Name of the trained refiner in a run's folder.
-pub const REFINER_FILE: &str = "refiner.safetensors";
+/// A run that trains a refiner.
+pub type RefinerRun = RunConfig<RefinerConfig, RefinerTaskConfig>;
+
+/// What is a refiner's own in a training: which objects it learns from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefinerTaskConfig {
+    /// At most so many objects of one frame, drawn at random.
+    pub objects_per_frame: usize,
+    /// Objects whose box is lower than this are not learnt from, pixels.
+    pub least_height_px: f64,
+    /// Folder of a detector's result files for the frames of `data.root`: its false positives are the background class.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detections: Option<PathBuf>,
+    /// At most so many false positives of one frame, drawn at random.
+    pub false_positives_per_frame: usize,
+}
+
+impl Default for RefinerTaskConfig {
+    fn default() -> Self {
+        Self { objects_per_frame: 8, least_height_px: 20.0, detections: None, false_positives_per_frame: 3 }
+    }
+}
+
+impl TaskConfig for RefinerTaskConfig {
+    fn problem(&self, data: &DataConfig) -> Option<String> {
+        if self.detections.is_some() && data.rendered.is_some() {
+            return Some("detections needs data.root; a stream of scenes has no result files".to_owned());
+        }
+        let height = self.least_height_px;
+        (self.objects_per_frame == 0).then(|| "objects_per_frame is 0; expected at least 1".to_owned()).or_else(|| {
+            let wrong = !(height.is_finite() && height >= 0.0);
+            wrong.then(|| format!("least_height_px is {height}; expected a number that is not negative"))
+        })
+    }
+}
 
 /// Weights of the parts of the loss beside the logarithms' likelihood: apparent height (in [`ERROR_UNIT`]), centre (sides), heading, kind.
 const APPARENT_WEIGHT: f64 = 1.0;
@@ -22,37 +67,17 @@ const CENTER_WEIGHT: f64 = 30.0;
 const HEADING_WEIGHT: f64 = 3.0;
 const KIND_WEIGHT: f64 = 2.0;
 
-/// Trains, and writes refiner, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the refiner.
-///
-/// # Errors
-/// See [`TrainError`].
-pub fn train(
-    job: &Job<CropRun>,
-    config: &RefinerConfig,
-    observer: &mut dyn Observer<RefinerTerms>,
-) -> Result<PathBuf, TrainError> {
-    let run = &job.run;
-    let (session, source) = Session::open(job)?;
-    let sampler =
-        CropSampler { source, augmentation: run.augmentation.clone(), train: run.train.clone(), side: config.side };
-    let (mut refiner, progress) = PartLearner::start(run, config, &session)?;
-    let progress = session.teach(&mut refiner, progress, move |key| sampler.samples(key), observer)?;
-    let path = job.out.join(REFINER_FILE);
-    refiner.model(progress, session.frames).write(&path)?;
-    Ok(path)
-}
-
 /// What a step of a refiner is judged by, beside its loss.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct RefinerTerms {
+pub struct RefinerMetrics {
     /// Mean error of the logarithm of the depth.
     pub depth_error: f64,
-    /// Share of cut-outs that are taken for another kind of thing.
+    /// Share of crops that are taken for another kind of thing.
     pub kind_error: f64,
 }
 
-impl Terms for RefinerTerms {
-    const SAMPLES: &'static str = "cut-outs";
+impl Metrics for RefinerMetrics {
+    const SAMPLES: &'static str = "crops";
 
     fn named(&self) -> Vec<(&'static str, f64)> {
         vec![("depth_error", self.depth_error), ("kind_error", self.kind_error)]
@@ -66,39 +91,66 @@ impl Terms for RefinerTerms {
     }
 }
 
-impl Pupil for PartLearner<'_, RefinerConfig> {
-    type Sample = FrameCrops;
-    type Terms = RefinerTerms;
+/// A refiner, learning.
+#[derive(Debug)]
+pub struct RefinerTask {
+    side: usize,
+    answer: [NodeId; 1],
+}
 
-    fn learner(&mut self) -> &mut Learner {
-        &mut self.learner
+impl Task for RefinerTask {
+    type Model = RefinerConfig;
+    type Config = RefinerTaskConfig;
+    type Sample = FrameCrops;
+    type Batch = CropBatch;
+    type Metrics = RefinerMetrics;
+
+    const MODEL_FILE: &'static str = "refiner.safetensors";
+
+    fn new(run: &RefinerRun, _: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
+        let graph = run.model.graph();
+        let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
+        Ok((Self { side: run.model.side, answer: [answer] }, graph))
     }
 
-    fn rate(&self, step: u64, total: u64) -> f64 {
-        self.run.train.rate(step, total)
+    fn sampler(run: &RefinerRun, source: Arc<dyn Dataset>) -> Result<Sampler<FrameCrops>, TrainError> {
+        let (augmentation, task) = (run.augmentation.clone(), run.task.clone());
+        let maker = CropMaker { source, augmentation, task, side: run.model.side };
+        Ok(Box::new(move |key| maker.samples(key)))
     }
 
     fn name(sample: &FrameCrops) -> &str {
         &sample.id
     }
 
-    fn step(&mut self, samples: Vec<FrameCrops>, rate: f64) -> Result<Option<Lesson<RefinerTerms>>, NotFinite> {
-        let device = self.learner.network.device();
-        let Some(batch) = CropBatch::new(&samples, self.config.side, device) else { return Ok(None) };
-        let answer = self.answers(&batch.input);
+    fn batch(&self, samples: Vec<FrameCrops>, device: Device) -> Option<CropBatch> {
+        CropBatch::new(&samples, self.side, device)
+    }
+
+    fn input(batch: &CropBatch) -> &Tensor {
+        &batch.input
+    }
+
+    fn outputs(&self) -> &[NodeId] {
+        &self.answer
+    }
+
+    fn loss(&self, outputs: &[Tensor], batch: &CropBatch) -> StepOutput<RefinerMetrics> {
+        let answer = outputs[0].flatten(1, 3);
         let places = PLACE_CHANNELS as i64;
         let place = answer.narrow(1, 0, places).index_select(0, &batch.objects);
         let kinds = answer.narrow(1, places, answer.size()[1] - places).index_select(0, &batch.known);
         let objective = place_loss(&place, &batch.targets) + kinds.cross_entropy_for_logits(&batch.kinds) * KIND_WEIGHT;
-        let loss = objective.double_value(&[]);
-        if !loss.is_finite() {
-            return Err(NotFinite { what: "the loss".to_owned(), value: loss });
-        }
-        let gradient_norm = self.learner.descend(&objective, rate)?;
         let depth_error = (place.select(1, 0) - batch.targets.select(1, 0)).abs().mean(Kind::Float) * LOG_UNIT;
         let wrong = kinds.argmax(1, false).not_equal_tensor(&batch.kinds).to_kind(Kind::Float).mean(Kind::Float);
-        let terms = RefinerTerms { depth_error: depth_error.double_value(&[]), kind_error: wrong.double_value(&[]) };
-        Ok(Some(Lesson { loss, terms, gradient_norm, samples: batch.input.size()[0] as usize }))
+        let metrics =
+            RefinerMetrics { depth_error: depth_error.double_value(&[]), kind_error: wrong.double_value(&[]) };
+        let (loss, samples) = (objective.double_value(&[]), batch.input.size()[0] as usize);
+        StepOutput { objective, loss, metrics, samples }
+    }
+
+    fn model(&self, run: &RefinerRun, weights: Weights) -> Result<RefinerModel, ModelError> {
+        RefinerModel::new(run.model.clone(), weights)
     }
 }
 

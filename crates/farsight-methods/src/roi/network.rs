@@ -25,7 +25,7 @@ pub(crate) fn features(b: &mut Builder, input: NodeId, side: usize, channels: &[
     for (level, &channels) in channels.iter().enumerate().skip(1) {
         x = residual_level(b, x, &format!("level{level}"), channels);
     }
-    let whole = Window { kernel: side >> channels.len(), stride: 1, padding: 0, dilation: 1 };
+    let whole = Window { kernel: side >> channels.len(), stride: 1, padding: 0, end_padding: 0, dilation: 1 };
     let x = b.conv_norm_relu(x, "whole.conv", "whole.norm", hidden, whole);
     let x = b.conv_with_bias(x, "hidden", hidden, 1, None);
     b.relu(x)

@@ -1,13 +1,8 @@
-//! What trainings on cut-outs of single objects have in common: their config, the network that learns, and the errors of an earlier look that says where to
-//! cut.
+//! What trainings on crops of single objects have in common: which objects are learnt from, and the errors of an earlier stage that says where to crop.
 
-pub mod config;
-mod misjudged;
-mod part_learner;
+mod jitter;
 
-pub use config::{CropNetwork, CropRun};
-pub(crate) use misjudged::{LookErrors, misjudged};
-pub(crate) use part_learner::PartLearner;
+pub(crate) use jitter::{BoxErrors, jittered};
 
 use farsight_core::{Label, ObjectClass};
 use rand::Rng;

@@ -11,7 +11,7 @@ use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
 use farsight_graph::model::NetworkConfig;
 
 use super::codec::Codec;
-use super::network::{LOGITS, REGRESSION, network};
+use super::network::{Backbone, LOGITS, REGRESSION, network};
 use super::targets::{HeatMapBox, TargetRules};
 use crate::input_spec::{InputSpec, SIZE_STEP};
 
@@ -24,6 +24,9 @@ const SMOKE_CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
 /// Channels between the two convolutions of SMOKE's heads.
 const SMOKE_HEAD_WIDTH: usize = 256;
 
+/// Channels of the feature pyramid that `MobileNetV2` has for a neck.
+const FPN_CHANNELS: usize = 64;
+
 /// Channels inside each MSFE design of the full-width network (MSFE/DGH spec section 3).
 const MSFE_WIDTHS: [(Msfe, usize); 3] = [(Msfe::A, 128), (Msfe::B, 128), (Msfe::C, 192)];
 
@@ -35,6 +38,10 @@ const LARGEST_WIDTH: usize = 4096;
 
 /// What widths may be, for messages.
 const WIDTHS: &str = "multiples of 16 from 16 to 4096";
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
 
 fn is_width(channels: usize) -> bool {
     (WIDTH_STEP..=LARGEST_WIDTH).contains(&channels) && channels.is_multiple_of(WIDTH_STEP)
@@ -65,11 +72,17 @@ impl Quirks {
 pub struct SmokeConfig {
     /// Width and height of the network's input, pixels; multiples of 32.
     pub input: [usize; 2],
+    /// What makes the features. One other than DLA-34 has no `level_channels` and no choice of `stem`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub backbone: Backbone,
     /// Factor on all channels.
     pub width: f64,
     /// Channels of the six levels, instead of SMOKE's times `width`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub level_channels: Option<[usize; 6]>,
+    /// Channels of the feature pyramid (a backbone other than DLA-34), instead of 64 times `width`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub neck_channels: Option<usize>,
     /// Channels between the two convolutions of a head, instead of SMOKE's times `width`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub head_channels: Option<usize>,
@@ -102,8 +115,10 @@ impl Default for SmokeConfig {
     fn default() -> Self {
         Self {
             input: [1280, 384],
+            backbone: Backbone::Dla34,
             width: 1.0,
             level_channels: None,
+            neck_channels: None,
             head_channels: None,
             stem: Stem::Full,
             norm: NormKind::Group,
@@ -173,10 +188,13 @@ impl SmokeConfig {
         {
             return error("level_channels", format!("is {channels:?}; expected six {WIDTHS}"));
         }
-        if let Some(channels) = self.head_channels
-            && !is_width(channels)
-        {
-            return error("head_channels", format!("is {channels}; expected one of the {WIDTHS}"));
+        for (field, channels) in [("head_channels", self.head_channels), ("neck_channels", self.neck_channels)] {
+            if let Some(channels) = channels.filter(|channels| !is_width(*channels)) {
+                return error(field, format!("is {channels}; expected one of the {WIDTHS}"));
+            }
+        }
+        if let Some((field, problem)) = self.misfit_of_backbone() {
+            return error(field, problem.to_owned());
         }
         if let Some(problem) = self.heat_map.problem() {
             return error("heat_map", problem);
@@ -204,6 +222,22 @@ impl SmokeConfig {
         self.validate_classes()
     }
 
+    /// A field that the backbone has no use for, or that it asks for and has not.
+    fn misfit_of_backbone(&self) -> Option<(&'static str, &'static str)> {
+        let of_dla34 = "is for the backbone dla34; expected none";
+        match self.backbone {
+            Backbone::Dla34 => self.neck_channels.map(|_| ("neck_channels", "is for other backbones than dla34")),
+            Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow => [
+                (self.level_channels.is_some(), ("level_channels", of_dla34)),
+                (self.stem != Stem::Full, ("stem", of_dla34)),
+                // Many of its layers have 24 channels, which are no 16 groups.
+                (self.norm != NormKind::Batch, ("norm", "is group; expected batch with this backbone")),
+            ]
+            .into_iter()
+            .find_map(|(wrong, problem)| wrong.then_some(problem)),
+        }
+    }
+
     fn validate_classes(&self) -> Result<(), ConfigError> {
         let error = |problem| Err(ConfigError { field: "classes", problem });
         if self.classes.is_empty() {
@@ -225,9 +259,14 @@ impl SmokeConfig {
         Ok(())
     }
 
-    /// Channels of the six levels.
+    /// Channels of DLA-34's six levels.
     pub fn channels(&self) -> [usize; 6] {
         self.level_channels.unwrap_or_else(|| SMOKE_CHANNELS.map(|c| self.scaled(c)))
+    }
+
+    /// Channels of the feature pyramid.
+    pub fn neck_width(&self) -> usize {
+        self.neck_channels.unwrap_or_else(|| self.scaled(FPN_CHANNELS))
     }
 
     /// Channels between the two convolutions of a head.

@@ -3,25 +3,13 @@
 use std::path::Path;
 
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
-use farsight_graph::model::{ModelError, NetworkConfig};
 use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, is_safetensors, key};
 use serde_json::json;
-use thiserror::Error;
 
 use super::codec::CHANNELS;
 use super::network::{LOGITS, REGRESSION};
 use super::{SmokeConfig, SmokeModel};
-
-/// A file that is no SMOKE model of either kind.
-#[derive(Debug, Error)]
-pub enum ReadError {
-    /// It looks like a model of ours (safetensors) and is none.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// It is no ONNX file of ours.
-    #[error(transparent)]
-    Onnx(#[from] OnnxError),
-}
+use crate::detectors::{ReadError, config_of};
 
 /// The ONNX form of a SMOKE network, and its config.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,22 +55,14 @@ impl DetectorFile {
     /// # Errors
     /// When its config is none, or its outputs are not those that the config promises.
     pub fn from_onnx(onnx: OnnxModel, source: &Path) -> Result<Self, OnnxError> {
-        let failed = |problem| OnnxError::new(source, problem);
-        let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
-        let config: SmokeConfig = serde_json::from_str(text)
-            .map_err(|error| failed(OnnxProblem::Config { problem: error.to_string() }))?;
-        if let Some(problem) = config.problem() {
-            return Err(failed(OnnxProblem::Config { problem }));
-        }
+        let config: SmokeConfig = config_of(&onnx, source)?;
         for (name, expected) in [(LOGITS, config.classes.len()), (REGRESSION, CHANNELS)] {
-            let Some(output) = onnx.outputs().iter().find(|output| output.name == name) else {
-                let found = onnx.outputs().iter().take(8).map(|output| output.name.clone()).collect();
-                return Err(failed(OnnxProblem::Value { kind: "output", name, found }));
-            };
-            if let Some(found) = output.channels
+            let output = onnx.outputs().iter().find(|output| output.name == name);
+            if let Some(found) = output.and_then(|output| output.channels)
                 && found != expected
             {
-                return Err(failed(OnnxProblem::Channels { name, found: found as u64, expected }));
+                let problem = OnnxProblem::Channels { name, found: found as u64, expected };
+                return Err(OnnxError::new(source, problem));
             }
         }
         Ok(Self { onnx, config })

@@ -8,12 +8,15 @@ use farsight_core::input::{ChannelOrder, Sampling};
 
 use farsight_graph::layers::NormKind;
 use farsight_graph::weights::{WeightTensor, Weights, is_step_counter};
-use farsight_import::{CheckpointError, CheckpointProblem, read_pth};
+use farsight_graph::model::ATTRIBUTION_KEY;
+use farsight_import::tflite::{is_tflite, read_convolutions};
+use farsight_import::{CheckpointError, CheckpointProblem, attribution, tensors_from_pth};
 
 use super::config::{Quirks, SmokeConfig};
 
 mod names;
 
+use names::mobilenet_v2;
 pub use names::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 
 /// Metadata key: whose checkpoint it was, see [`Layout::name`].
@@ -46,16 +49,24 @@ pub struct Imported {
     pub missing: Vec<String>,
 }
 
-/// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or an ImageNet DLA-34.
+/// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or the ImageNet weights of DLA-34 or `MobileNetV2`.
 ///
 /// Beside the names, only mmdetection3d's class order changes: its heat map's channels are put in the official order. Everything else
-/// that the two do differently is recorded as quirks in the config.
+/// that the two do differently is recorded as quirks in the config. Of files that are known, whose they are and under which licence goes into the header.
 ///
 /// # Errors
 /// [`CheckpointError`] names the file, and the tensor where there is one.
 pub fn import(path: &Path, options: ImportOptions) -> Result<Imported, CheckpointError> {
-    let tensors = read_pth(path)?;
-    translate(tensors, options).map_err(|problem| CheckpointError::new(path, problem))
+    let read = || {
+        let bytes = std::fs::read(path)?;
+        let tensors = if is_tflite(&bytes) { read_convolutions(&bytes)? } else { tensors_from_pth(&bytes)? };
+        let mut imported = translate(tensors, options)?;
+        if let Some(attribution) = attribution(&bytes) {
+            imported.weights.metadata.insert(ATTRIBUTION_KEY.to_owned(), attribution.to_owned());
+        }
+        Ok(imported)
+    };
+    read().map_err(|problem| CheckpointError::new(path, problem))
 }
 
 fn translate(found: BTreeMap<String, WeightTensor>, options: ImportOptions) -> Result<Imported, CheckpointProblem> {
@@ -72,10 +83,12 @@ fn translate(found: BTreeMap<String, WeightTensor>, options: ImportOptions) -> R
             Entry::Occupied(entry) => return Err(CheckpointProblem::Twice { name, canonical: entry.key().clone() }),
         };
     }
-    if layout == Layout::Mmdet3d {
-        reverse_classes(&mut tensors)?;
+    match layout {
+        Layout::Mmdet3d => reverse_classes(&mut tensors)?,
+        Layout::MobilenetV2Tensorflow => mobilenet_v2::add_norms_and_scale(&mut tensors),
+        _ => {}
     }
-    let (missing, config) = (missing(&tensors), config(layout, &tensors));
+    let (missing, config) = (missing(layout, &tensors), config(layout, &tensors));
     let metadata = BTreeMap::from([(SOURCE_KEY.to_owned(), layout.name().to_owned())]);
     Ok(Imported { weights: Weights { tensors, metadata }, config, layout, left_over, missing })
 }
@@ -98,9 +111,13 @@ fn is_batch_normed(tensors: &BTreeMap<String, WeightTensor>) -> bool {
     tensors.keys().any(|name| name.ends_with(".running_mean"))
 }
 
-fn missing(tensors: &BTreeMap<String, WeightTensor>) -> Vec<String> {
-    let mut expected = canonical_names();
-    if is_batch_normed(tensors) {
+fn missing(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Vec<String> {
+    let mut expected = match layout {
+        Layout::MobilenetV2 | Layout::MobilenetV2InRows => mobilenet_v2::names(false),
+        Layout::MobilenetV2Tensorflow => mobilenet_v2::names(true),
+        _ => canonical_names(),
+    };
+    if matches!(layout, Layout::OfficialSmoke | Layout::Mmdet3d) && is_batch_normed(tensors) {
         expected.extend(running_statistics());
     }
     expected.retain(|name| !tensors.contains_key(name) && !is_dead(name));
@@ -116,7 +133,9 @@ fn config(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Option<Sm
         }
         Layout::Mmdet3d => Quirks::default(),
         // A classifier has no camera, and its norms are only a start.
-        Layout::ImagenetDla34 => return None,
+        Layout::ImagenetDla34 | Layout::MobilenetV2 | Layout::MobilenetV2InRows | Layout::MobilenetV2Tensorflow => {
+            return None;
+        }
     };
     let norm = if is_batch_normed(tensors) { NormKind::Batch } else { NormKind::Group };
     let smoke = SmokeConfig { norm, quirks, ..SmokeConfig::default() };

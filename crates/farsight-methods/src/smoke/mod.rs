@@ -22,7 +22,7 @@ pub use codec::Codec;
 pub use config::{Quirks, SmokeConfig};
 pub use decode::HeadMaps;
 pub use detector::SmokeDetector;
-pub use facts::{DetectorFile, ReadError};
+pub use facts::DetectorFile;
 pub use network::{FEATURES, LOGITS, REGRESSION, SURFACE};
 pub use sparse_head::SparseHead;
 

@@ -1,133 +1,122 @@
-//! Training of a detector.
+//! Training of SMOKE.
 
-use std::path::PathBuf;
+pub mod loss;
+pub mod samples;
+
 use std::sync::Arc;
 
-use farsight_core::Codec;
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::loader::ItemError;
-use farsight_data::{Batch, Position};
-use farsight_graph::layers::{network, with_surface_head};
-use farsight_graph::graph::{FEATURES, Graph, LOGITS, NodeId, REGRESSION, SURFACE};
-use farsight_graph::model::{Model, ModelError};
-use farsight_onnx::key;
+use farsight_data::Dataset;
+use farsight_graph::graph::{Graph, NodeId};
+use farsight_graph::model::{Model, ModelError, NetworkConfig, is_narrowed};
 use farsight_graph::weights::Weights;
-use tch::{Device, no_grad};
+use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
+use farsight_train::executor::ExecutorError;
+use farsight_train::task::{Sampler, StepOutput, Task};
+use farsight_train::training::TrainError;
+use serde::{Deserialize, Serialize};
+use tch::{Device, Tensor};
 
-use crate::checkpoint::Progress;
-use crate::config::{DataConfig, RunConfig};
-use crate::executor::{ExecutorError, Mode};
-use crate::learner::{Learner, LearnerSettings};
-use crate::loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss, surface_loss};
-use crate::metrics::{Lesson, Terms};
-use crate::samples::{Sampler, TrainBatch, TrainSample};
-use crate::trainer::{Job, NotFinite, Observer, Pace, Pupil, Run, Session, TrainError};
+use super::network::{FEATURES, LOGITS, REGRESSION, SURFACE, with_surface_head};
+use super::{Codec, SmokeConfig, SmokeModel};
+use loss::{CORNER_DIVISOR_PER_IMAGE, CornerWeights, LossTerms, loss, surface_loss};
+use samples::{SampleMaker, TrainBatch, TrainSample};
 
-/// Name of the trained model in a run's folder.
-pub const MODEL_FILE: &str = "model.safetensors";
+/// A run that trains SMOKE.
+pub type SmokeRun = RunConfig<SmokeConfig, SmokeTaskConfig>;
 
-/// Trains, and writes model, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the model.
-///
-/// # Errors
-/// See [`TrainError`].
-pub fn train(job: &Job<RunConfig>, observer: &mut dyn Observer<LossTerms>) -> Result<PathBuf, TrainError> {
-    let (session, source) = Session::open(job)?;
-    let sampler = Arc::new(Sampler::new(source, &job.run.model, job.run.augmentation.clone()));
-    let sample = move || {
-        let sampler = Arc::clone(&sampler);
-        move |key| sampler.sample(key)
-    };
-    let (mut detector, progress) = Detector::start(&job.run, &session)?;
-    let progress = session.teach(&mut detector, progress, sample(), observer)?;
-    if let Some(count) = job.run.train.statistics_batches {
-        let after = Position { epoch: job.run.train.epochs, batch: 0 };
-        detector.gather_statistics(session.loader(after, None, sample())?.take(count as usize))?;
-    }
-    let path = job.out.join(MODEL_FILE);
-    detector.model(progress, session.frames)?.write(&path)?;
-    Ok(path)
+/// What is SMOKE's own in a training: its loss. The defaults are official SMOKE's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SmokeTaskConfig {
+    /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that relative errors are learnt rather
+    /// than the guesses of the horizon; 0: all count the same, as in SMOKE.
+    pub full_weight_m: f64,
+    /// Factor on the orientation's part of the corner loss; 1 in SMOKE.
+    pub orientation_weight: f64,
+    /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
+    pub dimensions_weight: f64,
+    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which judges apparent sizes; 0 for none, as in SMOKE.
+    pub image_weight: f64,
+    /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
+    pub neighbour_cells: usize,
+    /// Weight of an auxiliary loss, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
+    pub surface_weight: f64,
 }
 
-impl Run for RunConfig {
-    fn data(&self) -> &DataConfig {
-        &self.data
-    }
-
-    fn pace(&self) -> Pace {
-        let train = &self.train;
-        Pace {
-            epochs: train.epochs,
-            batch_size: train.batch_size,
-            seed: train.seed,
-            log_steps: train.log_steps,
-            checkpoint_steps: train.checkpoint_steps,
-            threads: train.threads,
+impl Default for SmokeTaskConfig {
+    fn default() -> Self {
+        Self {
+            full_weight_m: 0.0,
+            orientation_weight: 1.0,
+            dimensions_weight: 1.0,
+            image_weight: 0.0,
+            neighbour_cells: 0,
+            surface_weight: 0.0,
         }
     }
+}
 
-    fn learner(&self) -> LearnerSettings {
-        self.train.learner()
-    }
-
-    fn identity(&self) -> Self {
-        Self::identity(self)
+impl TaskConfig for SmokeTaskConfig {
+    fn problem(&self, data: &DataConfig) -> Option<String> {
+        let weights = [
+            ("full_weight_m", self.full_weight_m),
+            ("orientation_weight", self.orientation_weight),
+            ("dimensions_weight", self.dimensions_weight),
+            ("image_weight", self.image_weight),
+            ("surface_weight", self.surface_weight),
+        ];
+        if self.surface_weight > 0.0 && data.rendered.is_none() {
+            return Some("surface_weight needs data.rendered; other frames have no depth".to_owned());
+        }
+        let wrong = weights.iter().find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0));
+        wrong.map(|(name, weight)| format!("{name} is {weight}; expected 0 or a positive number"))
     }
 }
 
-/// A detector that learns, and what it needs to take a step.
-struct Detector<'a> {
-    run: &'a RunConfig,
-    learner: Learner,
-    /// Logits, regression and, where it is taught, the surface.
+/// SMOKE, learning.
+#[derive(Debug)]
+pub struct SmokeTask {
+    config: SmokeTaskConfig,
+    /// Width and height of the input, pixels.
+    input: [usize; 2],
+    codec: Codec,
+    /// Logits, regression and, where it is learnt, the surface.
     outputs: Vec<NodeId>,
     is_narrowed: bool,
-    codec: Codec,
 }
 
-impl Pupil for Detector<'_> {
+impl SmokeTask {
+    /// How the corner loss of a batch of `images` is weighed.
+    fn corner_weights(&self, images: usize) -> CornerWeights {
+        let task = &self.config;
+        CornerWeights {
+            divisor: CORNER_DIVISOR_PER_IMAGE * images as f64,
+            full_weight_m: (task.full_weight_m > 0.0).then_some(task.full_weight_m),
+            orientation: task.orientation_weight,
+            dimensions: task.dimensions_weight,
+            image: task.image_weight,
+        }
+    }
+}
+
+impl Task for SmokeTask {
+    type Model = SmokeConfig;
+    type Config = SmokeTaskConfig;
     type Sample = TrainSample;
-    type Terms = LossTerms;
+    type Batch = TrainBatch;
+    type Metrics = LossTerms;
 
-    fn learner(&mut self) -> &mut Learner {
-        &mut self.learner
-    }
+    const MODEL_FILE: &'static str = "model.safetensors";
 
-    fn rate(&self, step: u64, total: u64) -> f64 {
-        let train = &self.run.train;
-        train.learning_rate * train.schedule.factor(step, total, train.warm_up_steps)
-    }
-
-    fn name(sample: &TrainSample) -> &str {
-        &sample.id
-    }
-
-    fn step(&mut self, samples: Vec<TrainSample>, rate: f64) -> Result<Option<Lesson<LossTerms>>, NotFinite> {
-        let train = &self.run.train;
-        let count = samples.len();
-        let mut batch = TrainBatch::new(samples, self.run.model.input, self.learner.network.device());
-        batch.targets = batch.targets.with_neighbours(train.neighbour_cells);
-        let maps = self.learner.network.forward(&batch.input, Mode::Train, &self.outputs);
-        let (mut objective, mut terms) =
-            loss(&self.codec, &maps[0], &maps[1], &batch.targets, self.corner_weights(count));
-        if let (Some(predicted), Some(surface_m)) = (maps.get(2), &batch.targets.surface_m) {
-            let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * train.surface_weight;
-            terms.surface = surface.double_value(&[]);
-            objective += surface;
-        }
-        if let Some((name, value)) = terms.named().into_iter().find(|(_, value)| !value.is_finite()) {
-            return Err(NotFinite { what: format!("loss term \"{name}\""), value });
-        }
-        let gradient_norm = self.learner.descend(&objective, rate)?;
-        Ok(Some(Lesson { loss: terms.total(), terms, gradient_norm, samples: count }))
-    }
-}
-
-impl<'a> Detector<'a> {
-    fn start(run: &'a RunConfig, session: &Session<'_, RunConfig>) -> Result<(Self, Progress), TrainError> {
-        let graph = start_graph(run)?;
-        let is_narrowed = graph != network(&run.model);
+    fn new(run: &SmokeRun, start: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
+        // A run that starts from a pruned model has its narrower layers.
+        let graph = match start.filter(|weights| is_narrowed(weights)) {
+            Some(weights) => SmokeModel::narrowed(run.model.clone(), weights.clone())?.graph,
+            None => run.model.graph(),
+        };
+        let is_narrowed = graph != run.model.graph();
         let missing = |name: &str| ExecutorError::Missing(name.to_owned());
-        let graph = if run.train.surface_weight > 0.0 {
+        let graph = if run.task.surface_weight > 0.0 {
             with_surface_head(graph, run.model.norm).ok_or_else(|| missing(FEATURES))?
         } else {
             graph
@@ -135,66 +124,50 @@ impl<'a> Detector<'a> {
         let output = |name: &str| graph.tap(name).ok_or_else(|| missing(name));
         let mut outputs = vec![output(LOGITS)?, output(REGRESSION)?];
         outputs.extend(graph.tap(SURFACE));
-        let (learner, progress) = session.learner(graph)?;
-        Ok((Self { run, learner, outputs, is_narrowed, codec: run.model.codec() }, progress))
+        let (config, codec) = (run.task.clone(), run.model.codec());
+        Ok((Self { config, input: run.model.input, codec, outputs, is_narrowed }, graph))
     }
 
-    /// How the corner loss of a batch of `images` is weighed.
-    fn corner_weights(&self, images: usize) -> CornerWeights {
-        let train = &self.run.train;
-        CornerWeights {
-            divisor: CORNER_DIVISOR_PER_IMAGE * images as f64,
-            full_weight_m: (train.full_weight_m > 0.0).then_some(train.full_weight_m),
-            orientation: train.orientation_weight,
-            dimensions: train.dimensions_weight,
-            image: train.image_weight,
+    fn sampler(run: &SmokeRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
+        let maker = SampleMaker::new(source, &run.model, run.augmentation.clone());
+        Ok(Box::new(move |key| maker.sample(key)))
+    }
+
+    fn name(sample: &TrainSample) -> &str {
+        &sample.id
+    }
+
+    fn batch(&self, samples: Vec<TrainSample>, device: Device) -> Option<TrainBatch> {
+        let mut batch = TrainBatch::new(samples, self.input, device);
+        batch.targets = batch.targets.with_neighbours(self.config.neighbour_cells);
+        Some(batch)
+    }
+
+    fn input(batch: &TrainBatch) -> &Tensor {
+        &batch.input
+    }
+
+    fn outputs(&self) -> &[NodeId] {
+        &self.outputs
+    }
+
+    fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
+        let images = batch.targets.cameras.len();
+        let weights = self.corner_weights(images);
+        let (mut objective, mut terms) = loss(&self.codec, &outputs[0], &outputs[1], &batch.targets, weights);
+        if let (Some(predicted), Some(surface_m)) = (outputs.get(2), &batch.targets.surface_m) {
+            let surface = surface_loss(predicted, surface_m, self.codec.depth.mean_m) * self.config.surface_weight;
+            terms.surface = surface.double_value(&[]);
+            objective += surface;
         }
+        StepOutput { objective, loss: terms.total(), metrics: terms, samples: images }
     }
 
-    /// Takes the statistics of batch norm anew, as means over `batches`: those gathered while learning are of the last dozens of steps only.
-    fn gather_statistics(
-        &self,
-        batches: impl Iterator<Item = Result<Batch<TrainSample>, ItemError<DatasetError>>>,
-    ) -> Result<(), TrainError> {
-        let network = &self.learner.network;
-        let device: Device = network.device();
-        for (done, batch) in batches.enumerate() {
-            let step = done as u64;
-            let items = batch.map_err(|source| TrainError::Sample { step, source })?.items;
-            let batch = TrainBatch::new(items, self.run.model.input, device);
-            let mode = Mode::Gather { share: 1.0 / (step + 1) as f64 };
-            no_grad(|| network.forward(&batch.input, mode, &self.outputs));
-        }
-        Ok(())
-    }
-
-    fn model(&self, progress: Progress, frames: usize) -> Result<Model, ModelError> {
-        let run = self.run;
-        let mut weights = self.learner.network.weights();
-        let facts = serde_json::json!({
-            "steps": progress.steps,
-            "epochs": run.train.epochs,
-            "batch_size": run.train.batch_size,
-            "seed": run.train.seed,
-            "frames": frames,
-            "data": if run.data.rendered.is_some() { "rendered scenes".into() } else { run.data.split.display().to_string() },
-        });
-        weights.metadata.insert(key::TRAINING.to_owned(), facts.to_string());
+    fn model(&self, run: &SmokeRun, weights: Weights) -> Result<SmokeModel, ModelError> {
         if self.is_narrowed {
             Model::narrowed(run.model.clone(), weights)
         } else {
             Model::new(run.model.clone(), weights)
         }
     }
-}
-
-/// The network of the config, or the narrower one of the same kind that the run starts from.
-fn start_graph(run: &RunConfig) -> Result<Graph, TrainError> {
-    if let Some(path) = &run.train.start_from {
-        let weights = Weights::read(path)?;
-        if Model::marks_narrowed(&weights) {
-            return Ok(Model::narrowed(run.model.clone(), weights)?.graph);
-        }
-    }
-    Ok(network(&run.model))
 }

@@ -10,6 +10,7 @@ use farsight_methods::smoke::import::{
     ImagenetNorms, ImportOptions, Imported, Layout, canonical_names, import, is_dead,
 };
 use farsight_methods::smoke::{Quirks, SmokeConfig};
+use farsight_testing::{Array, Golden};
 use proptest::prelude::*;
 
 /// Parameters of the 16-channel network, as the script prints them.
@@ -152,22 +153,20 @@ fn golden_networks_arrive_unchanged() {
         println!("skipped: FARSIGHT_FIXTURES_FULL is not set");
         return;
     };
-    for size in ["tiny", "full"] {
-        let golden = Weights::read(&golden_folder().join(format!("net_{size}_weights.safetensors"))).unwrap();
+    for (size, golden) in
+        [("tiny", Some(Golden::open("net_tiny_weights"))), ("full", Golden::open_large("net_full_weights"))]
+    {
+        let Some(golden) = golden else { return };
         let names = canonical_names();
-        let expected: BTreeMap<String, WeightTensor> =
-            golden.tensors.into_iter().filter(|(name, _)| names.contains(name)).collect();
+        let tensor = |array: &Array| WeightTensor { shape: array.shape.clone(), values: array.singles() };
+        let all = golden.iter().map(|(name, array)| (name.to_owned(), tensor(array)));
+        let expected: BTreeMap<String, WeightTensor> = all.filter(|(name, _)| names.contains(name)).collect();
         for file in ["official_zip", "official_legacy", "mmdet3d_zip", "mmdet3d_legacy"] {
             let path = folder.join(format!("net_{size}_{file}.pth"));
             let result = import(&path, ImportOptions::default()).unwrap();
             assert!(result.weights.tensors == expected, "{}", path.display());
         }
     }
-}
-
-fn golden_folder() -> PathBuf {
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/golden");
-    std::env::var_os("FARSIGHT_GOLDEN").map_or_else(default, PathBuf::from)
 }
 
 /// A fixture with some of its bytes replaced.
@@ -202,3 +201,31 @@ proptest! {
 
 /// The pickles that open every legacy file: the magic number, the version, and an empty machine description.
 const LEGACY_START: [u8; 25] = *b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.\x80\x02M\xe9\x03.\x80\x02}.";
+
+#[test]
+fn a_tflite_file_cut_or_changed_anywhere_is_an_error_or_another_network() {
+    let whole = std::fs::read(fixture("mobilenet_v2_tensorflow.tflite")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.tflite");
+    let outcome = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        import(&path, ImportOptions::default())
+            .map(|imported| imported.missing.len())
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!(outcome(&whole), Ok(0));
+    // The tables stand at both ends.
+    let places =
+        (0..400).chain((400..whole.len() - 4000).step_by(997)).chain((whole.len() - 4000..whole.len()).step_by(13));
+    for place in places {
+        assert!(outcome(&whole[..place]).is_err(), "cut at {place}");
+        for value in [0, 0x7f, 0xff] {
+            let mut changed = whole.clone();
+            changed[place] = value;
+            // Whatever it gives, it gives it without a panic.
+            let _ = outcome(&changed);
+        }
+    }
+    let error = outcome(&whole[..100]).unwrap_err();
+    assert!(error.contains("m.tflite: TFLite file: "), "{error}");
+}

@@ -1,6 +1,5 @@
 //! The naming rules against the table of the specification, which was read off the real modules.
 
-use std::path::{Path, PathBuf};
 
 use farsight_methods::smoke::import::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 
@@ -15,12 +14,8 @@ struct Row {
 
 /// The table, or none with a word to the reader of the test's output.
 fn table() -> Option<Vec<Row>> {
-    let default = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/spec");
-    let path = std::env::var_os("FARSIGHT_SPEC").map_or_else(default, PathBuf::from).join("statedict_map.csv");
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        println!("skipped: {} is not there; FARSIGHT_SPEC names its folder", path.display());
-        return None;
-    };
+    let path = farsight_testing::folder("FARSIGHT_SPEC", "../shared/spec", "")?.join("statedict_map.csv");
+    let text = std::fs::read_to_string(path).unwrap();
     let row = |line: &str| {
         let mut fields = line.split(',').map(str::to_owned);
         let mut field = || fields.next().unwrap();

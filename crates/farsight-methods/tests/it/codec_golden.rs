@@ -9,7 +9,7 @@ use farsight_methods::smoke::Codec;
 use farsight_methods::smoke::codec::{Encoded, Regression};
 use farsight_methods::smoke::targets::feature_camera;
 
-use crate::material::Golden;
+use farsight_testing::Golden;
 
 const METRE_TOLERANCE: f64 = 1e-3;
 const ANGLE_TOLERANCE: f64 = 1e-4;
@@ -40,7 +40,7 @@ fn edges(b: &Box2d) -> [f64; 4] {
 
 #[test]
 fn transforms_projections_and_both_directions_of_the_code_agree() {
-    let Some(golden) = Golden::open("codec200") else { return };
+    let golden = Golden::open("codec200");
     let codec = Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI };
     let [sizes, cells] = ["image_size", "ipt"].map(|name| golden.integers(name).as_chunks::<2>().0.to_vec());
     let [classes, flips] = ["cls", "flip"].map(|name| golden.integers(name));
@@ -67,8 +67,8 @@ fn transforms_projections_and_both_directions_of_the_code_agree() {
             window: Affine2::window([center_x, center_y], window_width, INPUT_SIZE),
             jitter: None,
             reflections: None,
-            shade: None,
-            detail: None,
+            shadow: None,
+            sharpness: None,
             scaled: false,
             regress: true,
         };
@@ -115,7 +115,7 @@ fn transforms_projections_and_both_directions_of_the_code_agree() {
 
 #[test]
 fn the_official_flip_is_the_true_heading_turned_by_half_a_turn() {
-    let Some(golden) = Golden::open("codec200") else { return };
+    let golden = Golden::open("codec200");
     let [yaws, labels] = ["ry", "ry_label"].map(|name| golden.numbers(name));
     for (i, flip) in golden.integers("flip").into_iter().enumerate() {
         let turn = if flip == 1 { PI } else { 0.0 };

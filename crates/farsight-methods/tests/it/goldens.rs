@@ -1,8 +1,7 @@
 //! Heat maps, corner loss and decoding against an independent implementation, computed in f64 (goldens `heatmaps`, `disentangled`,
-//! `topk_decode`). The files are found through `FARSIGHT_GOLDEN` (default `../shared/golden` beside the workspace).
+//! `topk_decode`).
 // Clippy's exceptions for tests reach functions marked `#[test]`, not the helpers beside them.
 
-use std::path::Path;
 
 use farsight_core::DepthReference;
 use farsight_core::box3d::NEAR_PLANE_M;
@@ -15,51 +14,15 @@ use farsight_methods::smoke::codec::Regression;
 use farsight_methods::smoke::corner_loss::corner_loss;
 use farsight_methods::smoke::decode::detection;
 use farsight_methods::smoke::targets::ObjectTarget;
-use safetensors::SafeTensors;
+use farsight_testing::Golden;
 
 const MAP: [usize; 2] = [320, 96];
 const HEAT_MAP_TOLERANCE: f32 = 1e-6;
-const LOSS_TOLERANCE: f64 = 1e-4;
+/// As a share of the largest gradient, or of the loss: both are computed in double precision.
+const LOSS_TOLERANCE: f64 = 1e-6;
 const DECODE_TOLERANCE: f64 = 1e-4;
 /// What official SMOKE divides the sum of its loss by.
 const LOSS_DIVISOR: f64 = 300.0;
-
-struct Golden(Vec<u8>);
-
-impl Golden {
-    fn open(name: &str) -> Option<Self> {
-        let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let folder = workspace.join(std::env::var_os("FARSIGHT_GOLDEN").unwrap_or_else(|| "../shared/golden".into()));
-        if !folder.is_dir() {
-            println!("skipped: no folder {}; set FARSIGHT_GOLDEN", folder.display());
-            return None;
-        }
-        Some(Self(std::fs::read(folder.join(format!("{name}.safetensors"))).unwrap()))
-    }
-
-    fn bytes<const SIZE: usize>(&self, tensor: &str) -> Vec<[u8; SIZE]> {
-        let file = SafeTensors::deserialize(&self.0).unwrap();
-        let (values, rest) = file.tensor(tensor).unwrap().data().as_chunks::<SIZE>();
-        assert!(rest.is_empty());
-        values.to_vec()
-    }
-
-    fn integers(&self, tensor: &str) -> Vec<usize> {
-        self.bytes(tensor).into_iter().map(|b| usize::try_from(i64::from_le_bytes(b)).unwrap()).collect()
-    }
-
-    fn singles(&self, tensor: &str) -> Vec<f32> {
-        self.bytes(tensor).into_iter().map(f32::from_le_bytes).collect()
-    }
-
-    fn numbers(&self, tensor: &str) -> Vec<f64> {
-        self.singles(tensor).into_iter().map(f64::from).collect()
-    }
-
-    fn rows<const WIDTH: usize>(&self, tensor: &str) -> Vec<[f64; WIDTH]> {
-        self.numbers(tensor).as_chunks::<WIDTH>().0.to_vec()
-    }
-}
 
 fn codec() -> Codec {
     Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI }
@@ -75,7 +38,7 @@ fn affine([a, b, c, d, e, f, ..]: [f64; 9]) -> Affine2 {
 
 #[test]
 fn heat_maps_and_radii_agree() {
-    let Some(golden) = Golden::open("heatmaps") else { return };
+    let golden = Golden::open("heatmaps");
     let integer = |alpha| HeatMapRule::DynamicInteger { alpha, min_radius: 1.0, max_radius: 24.0 };
     let rules = [
         ("fixed2", HeatMapRule::Fixed { radius: 2.0 }),
@@ -115,7 +78,7 @@ fn check_radii(golden: &Golden, name: &str, radii: &[f64]) {
 
 #[test]
 fn the_corner_loss_and_its_gradient_agree() {
-    let Some(golden) = Golden::open("disentangled") else { return };
+    let golden = Golden::open("disentangled");
     let [cameras, inverse_maps] = ["tgt.K", "tgt.Tinv"].map(|name| golden.rows::<9>(name));
     let [raw, gradients] = ["raw", "d_raw"].map(|name| golden.rows::<8>(name));
     let [dimensions, locations] = ["tgt.lhw", "tgt.loc"].map(|name| golden.rows::<3>(name));
@@ -150,7 +113,7 @@ fn the_corner_loss_and_its_gradient_agree() {
 
 #[test]
 fn peaks_and_detections_agree() {
-    let Some(golden) = Golden::open("topk_decode") else { return };
+    let golden = Golden::open("topk_decode");
     let heat_map = golden.singles("heatmap");
     let regressions = golden.numbers("reg");
     let image_camera = camera(golden.rows("K")[0]);

@@ -7,6 +7,7 @@ mod laws;
 #[path = "../../../farsight-data/tests/it/material.rs"]
 mod material;
 
+mod backbones;
 mod checkpoint_fixtures;
 mod checkpoint_names;
 mod codec_golden;

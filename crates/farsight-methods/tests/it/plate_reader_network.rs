@@ -24,9 +24,9 @@ fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
 fn a_config_of_no_network_is_told() {
     let depths = DepthFusion { depth_factor: 0.0, ..DepthFusion::default() };
     for (config, expected) in [
-        (PlateReaderConfig { side: 76, ..PlateReaderConfig::default() }, "plates.side is 76; expected a multiple of 8"),
+        (PlateReaderConfig { side: 76, ..PlateReaderConfig::default() }, "model.side is 76; expected a multiple of 8"),
         (PlateReaderConfig { hidden: 0, ..PlateReaderConfig::default() }, "has 0; expected 1 to 4096"),
-        (PlateReaderConfig { depths, ..PlateReaderConfig::default() }, "plates.depths is"),
+        (PlateReaderConfig { depths, ..PlateReaderConfig::default() }, "model.depths is"),
     ] {
         let problem = config.problem().unwrap();
         assert!(problem.contains(expected), "{problem}");

@@ -10,6 +10,8 @@ use farsight_methods::smoke::SmokeConfig;
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::{LOGITS, REGRESSION};
 
+use farsight_methods::smoke::network::Backbone;
+
 fn model(config: SmokeConfig) -> SmokeModel {
     let weights = initial_weights(&config.graph(), 7);
     SmokeModel::new(config, weights).unwrap()
@@ -25,6 +27,9 @@ fn configs() -> Vec<(String, SmokeConfig)> {
             configs.push((format!("{msfe:?} {norm:?} {neck:?}"), config));
         }
     }
+    let (backbone, norm) = (Backbone::MobilenetV2, NormKind::Batch);
+    let mobile = SmokeConfig { backbone, norm, msfe: Msfe::A, neck: NeckKind::Plain, ..SmokeConfig::default() };
+    configs.push(("mobile".to_owned(), mobile));
     configs
 }
 

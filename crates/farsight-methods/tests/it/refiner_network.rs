@@ -46,11 +46,11 @@ fn a_config_of_no_network_is_told() {
     let depths = DepthFusion { correlation: 1.5, ..DepthFusion::default() };
     let looks = TwoLooks { depths, ..TwoLooks::default() };
     for (config, expected) in [
-        (RefinerConfig { side: 90, ..small() }, "refiner.side is 90"),
-        (RefinerConfig { side: 0, ..small() }, "refiner.side is 0"),
+        (RefinerConfig { side: 90, ..small() }, "model.side is 90"),
+        (RefinerConfig { side: 0, ..small() }, "model.side is 0"),
         (RefinerConfig { channels: [8, 0, 8, 8], ..small() }, "has 0; expected 1 to 4096"),
         (RefinerConfig { hidden: 0, ..small() }, "has 0; expected 1 to 4096"),
-        (RefinerConfig { looks, ..small() }, "refiner.looks is"),
+        (RefinerConfig { looks, ..small() }, "model.looks is"),
     ] {
         let problem = config.problem().unwrap();
         assert!(problem.contains(expected), "{problem}");

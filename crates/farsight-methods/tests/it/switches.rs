@@ -4,12 +4,14 @@ use farsight_core::heatmap::HeatMapRule;
 use farsight_core::{ClassReference, DepthReference};
 use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
 use farsight_graph::count::{count, total};
+use farsight_graph::graph::Role;
 use farsight_graph::init::initial_weights;
-use farsight_graph::layers::{Msfe, NeckKind, NormKind};
+use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
 use farsight_graph::model::NetworkConfig;
 use farsight_methods::smoke::SmokeConfig;
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::{LOGITS, REGRESSION};
+use farsight_methods::smoke::network::Backbone;
 
 #[test]
 fn every_combination_is_a_network_with_heads_at_stride_four() {
@@ -28,6 +30,42 @@ fn every_combination_is_a_network_with_heads_at_stride_four() {
             }
         }
     }
+}
+
+/// A feature pyramid on `MobileNetV2`.
+fn mobile(config: SmokeConfig) -> SmokeConfig {
+    SmokeConfig { backbone: Backbone::MobilenetV2, norm: NormKind::Batch, ..config }
+}
+
+#[test]
+fn another_backbone_goes_with_every_neck_and_msfe() {
+    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
+        for neck in [NeckKind::Deformable, NeckKind::Plain] {
+            for (width, input) in [(1.0, [640, 192]), (0.35, [96, 32])] {
+                let config = mobile(SmokeConfig { msfe, neck, width, input, ..SmokeConfig::default() });
+                config.validate().unwrap();
+                let graph = config.graph();
+                let shapes = graph.shapes(input[0], input[1]).unwrap();
+                let shape = |name: &str| shapes[graph.tap(name).unwrap()];
+                assert_eq!(shape(LOGITS), [3, input[1] / 4, input[0] / 4]);
+                assert_eq!(shape(REGRESSION), [8, input[1] / 4, input[0] / 4]);
+                let sides = [1, 2, 3, 4, 5].map(|level| input[0] / shape(&format!("level{level}"))[2]);
+                assert_eq!(sides, [2, 4, 8, 16, 32]);
+            }
+        }
+    }
+    let body = mobile(SmokeConfig::default()).graph();
+    let body = body.parameters.iter().filter(|p| p.name.starts_with("backbone.body.") && p.role == Role::Learnt);
+    // torchvision's 3,504,872 without the classifier (1,281,000) and the last convolution (320 x 1,280) with its norm (2 x 1,280).
+    assert_eq!(body.map(farsight_graph::graph::Parameter::len).sum::<usize>(), 3_504_872 - 1_281_000 - 409_600 - 2_560);
+}
+
+#[test]
+fn a_config_of_dla34_is_written_as_before_there_were_others() {
+    let text = serde_json::to_string(&SmokeConfig::default()).unwrap();
+    assert!(!text.contains("backbone") && !text.contains("neck_channels"), "{text}");
+    let text = serde_json::to_string(&mobile(SmokeConfig::default())).unwrap();
+    assert!(text.contains("\"backbone\":\"mobilenet_v2\""), "{text}");
 }
 
 #[test]
@@ -81,6 +119,16 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
     let table = [
         (SmokeConfig { input: [1280, 380], ..base() }, "model.input is 1280x380; expected multiples of 32 pixels"),
         (SmokeConfig { width: 0.0, ..base() }, "model.width is 0; expected a factor above 0 and at most 8"),
+        (SmokeConfig { neck_channels: Some(64), ..base() }, "model.neck_channels is for other backbones than dla34"),
+        (
+            SmokeConfig { norm: NormKind::Group, ..mobile(base()) },
+            "model.norm is group; expected batch with this backbone",
+        ),
+        (
+            SmokeConfig { level_channels: Some([16; 6]), ..mobile(base()) },
+            "model.level_channels is for the backbone dla34; expected none",
+        ),
+        (SmokeConfig { stem: Stem::Half, ..mobile(base()) }, "model.stem is for the backbone dla34; expected none"),
         (
             SmokeConfig { head_channels: Some(20), ..base() },
             "model.head_channels is 20; expected one of the multiples of 16 from 16 to 4096",

@@ -1,25 +1,40 @@
 //! The whole network against reference tensors computed in double precision.
 
-use crate::golden_support::{Golden, assert_close, assert_close_relative, golden};
-use farsight_methods::smoke::codec::Codec;
-use farsight_methods::smoke::targets::ObjectTarget;
+use crate::golden_support::{Golden, assert_close, assert_close_relative, assert_exact, golden, known, large_golden};
 use farsight_core::{Box3d, Camera, Dimensions};
-use farsight_graph::layers::network;
-use farsight_methods::smoke::config::{SmokeConfig, Msfe, NeckKind, NormKind};
 use farsight_graph::count::{count, total};
-use farsight_graph::graph::{LOGITS, REGRESSION};
 use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{Msfe, NeckKind, NormKind};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::Weights;
-use farsight_train::executor::{Mode, Network, Precision, values_from_tensor, weight_from_tensor};
-use farsight_train::loss::{BatchTargets, CornerWeights, RegressionCell, focal_loss, loss};
-use tch::{Device, Tensor, no_grad};
+use farsight_methods::smoke::import::is_dead;
+use farsight_methods::smoke::targets::ObjectTarget;
+use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, RegressionCell, loss};
+use farsight_methods::smoke::{Codec, LOGITS, REGRESSION, SmokeConfig};
+use farsight_train::executor::{Mode, Network, Precision, doubles_from_tensor, values_from_tensor, weight_from_tensor};
+use farsight_train::losses::focal_loss;
+use tch::{Device, Kind, Tensor, no_grad};
 
-/// Tolerances of the reference's own README.
+/// Largest differences of maps in single precision: what rounding does over 60 layers.
 const NECK_GROUP: f64 = 2e-4;
 const NECK_BATCH: f64 = 1e-3;
 const TINY: f64 = 1e-3;
-const GRADIENT: f64 = 1e-3;
+
+/// Losses in single precision, relative.
 const LOSS: f64 = 1e-4;
+
+/// Gradients in single precision, as a share of the largest value of each tensor.
+///
+/// Loose, because formulas are tested in double precision. Rounding can move a sample of a deformable convolution across
+/// a grid line, where its gradient jumps: with the AVX-512 kernels of oneDNN one sample is 4e-2 of its tensor. What is
+/// left to tell here is a part that single precision alone gets wrong.
+const GRADIENT: f64 = 1e-1;
+
+/// The whole gradient's difference, as a share of its length. One sample is little in it: 5e-3, and 4e-5 without.
+const WHOLE_GRADIENT: f64 = 3e-2;
+
+/// What single precision leaves where the true gradient is zero.
+const ZERO_GRADIENT: f64 = 1e-5;
 
 fn tiny_config(norm: NormKind) -> SmokeConfig {
     SmokeConfig {
@@ -34,19 +49,32 @@ fn full_config(norm: NormKind) -> SmokeConfig {
     SmokeConfig { norm, ..SmokeConfig::default() }
 }
 
-/// The network of `config` with the reference's weights; statistics of norms that no forward pass uses stay as they start.
-fn golden_network(config: &SmokeConfig, files: &[&Golden]) -> Network {
-    let graph = network(config);
+/// The network of `config` with the reference's weights.
+///
+/// Statistics of norms that no forward pass uses stay as they start.
+fn golden_network(config: &SmokeConfig, files: &[&Golden], precision: Precision) -> Network {
+    let graph = config.graph();
     let mut weights: Weights = initial_weights(&graph, 0);
     for (name, tensor) in files.iter().flat_map(|file| file.iter()) {
         if weights.tensors.contains_key(name) {
             weights.tensors.insert(name.clone(), weight_from_tensor(tensor));
         }
     }
-    Network::new(graph, &weights, Device::Cpu, Precision::F32).unwrap()
+    Network::new(graph, &weights, Device::Cpu, precision).unwrap()
 }
 
-fn check_taps(network: &Network, io: &Golden, tolerance: f64) {
+/// Compares all maps: in single precision within `tolerance`, in double as closely as formulas must agree.
+fn check_taps(config: &SmokeConfig, files: &[&Golden], io: &Golden, tolerance: f64) {
+    let single = maps(&golden_network(config, files, Precision::F32), io);
+    let double = maps(&golden_network(config, files, Precision::F64), io);
+    for ((name, single), (_, double)) in single.iter().zip(&double) {
+        assert_close(name, single, &io[name], tolerance);
+        assert_exact(name, double, &io[name]);
+    }
+}
+
+/// The maps that `io` has, with their names.
+fn maps(network: &Network, io: &Golden) -> Vec<(String, Tensor)> {
     let names = [
         "base_layer",
         "level0",
@@ -64,39 +92,37 @@ fn check_taps(network: &Network, io: &Golden, tolerance: f64) {
     assert!(names.len() >= 10);
     let taps: Vec<usize> = names.iter().map(|name| network.graph().tap(name).unwrap()).collect();
     let maps = no_grad(|| network.forward(&io["input"], Mode::Evaluate, &taps));
-    for (name, map) in names.iter().zip(&maps) {
-        assert_close(name, map, &io[*name], tolerance);
-    }
+    names.into_iter().map(str::to_owned).zip(maps).collect()
 }
 
 #[test]
 fn full_network_with_group_norm() {
-    let (Some(weights), Some(io)) = (golden("net_full_weights"), golden("net_full_io_gn")) else { return };
-    check_taps(&golden_network(&full_config(NormKind::Group), &[&weights]), &io, NECK_GROUP);
+    let (Some(weights), Some(io)) = (large_golden("net_full_weights"), large_golden("net_full_io_gn")) else { return };
+    check_taps(&full_config(NormKind::Group), &[&weights], &io, NECK_GROUP);
 }
 
 #[test]
 fn full_network_with_batch_norm() {
     let (Some(weights), Some(stats), Some(io)) =
-        (golden("net_full_weights"), golden("net_full_bn_stats"), golden("net_full_io_bn"))
+        (large_golden("net_full_weights"), large_golden("net_full_bn_stats"), large_golden("net_full_io_bn"))
     else {
         return;
     };
-    check_taps(&golden_network(&full_config(NormKind::Batch), &[&weights, &stats]), &io, NECK_BATCH);
+    check_taps(&full_config(NormKind::Batch), &[&weights, &stats], &io, NECK_BATCH);
 }
 
 #[test]
 fn tiny_network_with_both_norms() {
+    let weights = golden("net_tiny_weights");
     for (norm, file) in [(NormKind::Group, "net_tiny_io_gn"), (NormKind::Batch, "net_tiny_io_bn")] {
-        let (Some(weights), Some(io)) = (golden("net_tiny_weights"), golden(file)) else { return };
-        check_taps(&golden_network(&tiny_config(norm), &[&weights]), &io, TINY);
+        check_taps(&tiny_config(norm), &[&weights], &golden(file), TINY);
     }
 }
 
 #[test]
 fn every_reference_weight_has_a_place() {
-    let Some(weights) = golden("net_full_weights") else { return };
-    let graph = network(&full_config(NormKind::Group));
+    let Some(weights) = large_golden("net_full_weights") else { return };
+    let graph = full_config(NormKind::Group).graph();
     let ours: Vec<&str> = graph.parameters.iter().map(|p| p.name.as_str()).collect();
     assert_eq!(ours.len(), weights.len());
     assert!(weights.keys().all(|name| ours.contains(&name.as_str())));
@@ -104,7 +130,7 @@ fn every_reference_weight_has_a_place() {
 
 /// Targets of the gradient reference, in our convention: the true heading instead of the official flipped label.
 fn gradient_targets(g: &Golden) -> BatchTargets {
-    let column = |name: &str| values_from_tensor(&g[name]).into_iter().map(f64::from).collect::<Vec<_>>();
+    let column = |name: &str| doubles_from_tensor(&g[name]);
     let (mask, class, flip, yaw) = (column("tgt.mask"), column("tgt.cls"), column("tgt.flip"), column("tgt.ry"));
     let (cells, sizes, locations) = (column("tgt.ipt"), column("tgt.lhw"), column("tgt.loc"));
     let slots = mask.len();
@@ -138,39 +164,69 @@ fn gradient_targets(g: &Golden) -> BatchTargets {
     }
 }
 
-#[test]
-fn losses_and_gradients_of_the_tiny_network() {
-    let (Some(weights), Some(io), Some(g)) =
-        (golden("net_tiny_weights"), golden("net_tiny_io_gn"), golden("net_tiny_grad_gn"))
-    else {
-        return;
-    };
+/// Names and values of the four losses, and of the gradients of all parameters.
+struct Backward {
+    losses: [(&'static str, f64); 4],
+    gradients: Vec<(String, Tensor)>,
+}
+
+fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
     let config = tiny_config(NormKind::Group);
-    let network = golden_network(&config, &[&weights]);
+    let network = golden_network(&config, &[&golden("net_tiny_weights")], precision);
     let taps = [LOGITS, REGRESSION].map(|name| network.graph().tap(name).unwrap());
-    let maps = network.forward(&io["input"], Mode::Train, &taps);
+    let maps = network.forward(&golden("net_tiny_io_gn")["input"], Mode::Train, &taps);
     let codec: Codec = config.codec();
-    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(&g), CornerWeights::alike(80.0));
-    for (name, value) in [
-        ("loss_focal", terms.heat_map),
-        ("loss_ori", terms.orientation),
-        ("loss_dim", terms.dimensions),
-        ("loss_loc", terms.location),
-    ] {
-        let expected = g[name].double_value(&[]);
-        assert!((value - expected).abs() <= LOSS * expected.abs(), "{name}: {value} instead of {expected}");
-    }
+    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(g), CornerWeights::alike(80.0));
     let (names, leaves): (Vec<String>, Vec<Tensor>) =
         network.learnt().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone())).unzip();
     let gradients = Tensor::run_backward(&[objective], &leaves, false, false);
-    for (name, gradient) in names.iter().zip(&gradients) {
-        assert_close_relative(name, gradient, &g[name], GRADIENT);
+    // Two projections are in every checkpoint and in no pass: the reference has a gradient of zero for them.
+    let learnt = g.keys().filter_map(|name| name.strip_prefix("grad.")).filter(|name| !is_dead(name));
+    assert_eq!(gradients.len(), learnt.count());
+    Backward {
+        losses: [
+            ("loss_focal", terms.heat_map),
+            ("loss_ori", terms.orientation),
+            ("loss_dim", terms.dimensions),
+            ("loss_loc", terms.location),
+        ],
+        gradients: names.into_iter().zip(gradients).collect(),
     }
 }
 
 #[test]
+fn losses_and_gradients_of_the_tiny_network() {
+    let g = golden("net_tiny_grad_gn");
+    let backward = tiny_backward(&g, Precision::F64);
+    for (name, value) in backward.losses {
+        assert_exact(name, &Tensor::from(value), &g[name]);
+    }
+    for (name, gradient) in &backward.gradients {
+        assert_exact(name, gradient, &g[name]);
+    }
+}
+
+#[test]
+fn single_precision_gives_the_same_gradients() {
+    let g = golden("net_tiny_grad_gn");
+    let backward = tiny_backward(&g, Precision::F32);
+    for (name, value) in backward.losses {
+        assert_close_relative(name, &Tensor::from(value), &g[name], LOSS, 0.0);
+    }
+    let mut lengths = [0.0; 2];
+    for (name, gradient) in &backward.gradients {
+        assert_close_relative(name, gradient, &g[name], GRADIENT, ZERO_GRADIENT);
+        let [found, expected] = known(gradient, &g[name]);
+        lengths[0] += (found - &expected).square().sum(Kind::Double).double_value(&[]);
+        lengths[1] += expected.square().sum(Kind::Double).double_value(&[]);
+    }
+    let share = (lengths[0] / lengths[1]).sqrt();
+    assert!(share <= WHOLE_GRADIENT, "the whole gradient is off by {share:e} of its length");
+}
+
+#[test]
 fn parameter_counts_are_the_published_ones() {
-    let parameters = |config: &SmokeConfig| total(&count(&network(config), 1280, 384).unwrap()).parameters;
+    let parameters = |config: &SmokeConfig| total(&count(&config.graph(), 1280, 384).unwrap()).parameters;
     assert_eq!(parameters(&SmokeConfig::default()), 19_510_443);
     for (msfe, added) in [(Msfe::A, 557_872), (Msfe::B, 505_904), (Msfe::C, 531_217)] {
         assert_eq!(parameters(&SmokeConfig { msfe, ..SmokeConfig::default() }), 19_510_443 + added, "{msfe:?}");
@@ -185,9 +241,9 @@ fn a_fresh_msfe_changes_nothing() {
         (Msfe::C, NormKind::Group, NeckKind::Plain),
     ] {
         let base = SmokeConfig { width: 0.25, norm, neck, ..SmokeConfig::default() };
-        let input = Tensor::rand([1, 3, 64, 96], (tch::Kind::Float, Device::Cpu));
+        let input = Tensor::rand([1, 3, 64, 96], (Kind::Float, Device::Cpu));
         let answer = |config: &SmokeConfig| {
-            let graph = network(config);
+            let graph = config.graph();
             let taps = [LOGITS, REGRESSION].map(|name| graph.tap(name).unwrap());
             let weights = initial_weights(&graph, 7);
             let network = Network::new(graph, &weights, Device::Cpu, Precision::F32).unwrap();
@@ -204,7 +260,7 @@ fn a_fresh_msfe_changes_nothing() {
 fn focal_loss_has_no_gradient_where_the_probability_is_clamped() {
     let logits = Tensor::from_slice(&[20.0_f32, -20.0]).view([1, 1, 1, 2]).set_requires_grad(true);
     let gradient = Tensor::run_backward(
-        &[focal_loss(&logits, &Tensor::zeros([1, 1, 1, 2], (tch::Kind::Float, Device::Cpu)))],
+        &[focal_loss(&logits, &Tensor::zeros([1, 1, 1, 2], (Kind::Float, Device::Cpu)))],
         &[logits],
         false,
         false,

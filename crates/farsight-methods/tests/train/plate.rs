@@ -3,21 +3,25 @@
 use std::fs;
 use std::path::Path;
 
-use farsight_methods::plate_reader::geometry::{ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, mean_answer};
-use farsight_methods::refiner::geometry::input_rules;
 use farsight_core::{Box3d, Detection, Dimensions, Label, ObjectClass};
+use farsight_data::annotations::{Annotations, FileFormat, Plate, Plates};
 use farsight_data::kitti::write_labels;
-use farsight_data::{AugmentationConfig, Plate, network_input, read_image, write_plates};
-use farsight_infer::PlateReader;
+use farsight_data::{AugmentationConfig, network_input, read_image};
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::{ANSWER, NetworkConfig};
-use farsight_methods::plate_reader::{PlateConfig, PlateModel};
-use farsight_train::config::DataConfig;
-use farsight_train::crops::CropRun;
+use farsight_graph::model::NetworkConfig;
+use farsight_methods::plate_reader::PlateReader;
+use farsight_methods::plate_reader::geometry::{ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, mean_answer};
+use farsight_methods::plate_reader::train::{PlateReaderRun, PlateReaderTask, PlateReaderTaskConfig};
+use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
+use farsight_methods::refiner::geometry::input_rules;
+use farsight_methods::roi::runner::onnx;
+use farsight_methods::roi::{ANSWER, RoiRunner};
+use farsight_onnx::Target;
+use farsight_runtime::RtenRunner;
+use farsight_train::config::{DataConfig, TrainConfig, ValidateConfig};
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
-use farsight_train::metrics::Record;
-use farsight_train::plate::{PlateTerms, train};
-use farsight_train::trainer::{Beginning, Job, Observer, TrainError};
+use farsight_train::metrics::StepSummary;
+use farsight_train::training::{Callback, Job, Start, TrainError, fit};
 use image::Rgb;
 use tch::{Device, Tensor, no_grad};
 
@@ -25,33 +29,60 @@ use crate::tiny::{camera, data_set};
 
 #[derive(Debug, Default)]
 struct Kept {
-    records: Vec<Record<PlateTerms>>,
+    records: Vec<StepSummary>,
 }
 
-impl Observer<PlateTerms> for Kept {
-    fn begin(&mut self, _: Beginning) {}
+impl Callback for Kept {
+    fn on_start(&mut self, _: Start) {}
 
-    fn step(&mut self, record: &Record<PlateTerms>) {
-        self.records.push(*record);
+    fn on_step(&mut self, record: &StepSummary) {
+        self.records.push(record.clone());
+    }
+
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
     }
 }
 
-fn small() -> PlateConfig {
-    PlateConfig { side: 32, channels: [8, 16, 16], hidden: 32, ..PlateConfig::default() }
+/// A number of a record by its name.
+fn metric(record: &StepSummary, name: &str) -> f64 {
+    record.metrics.iter().find(|(known, _)| *known == name).unwrap().1
+}
+
+/// The network on the built-in engine.
+fn runner(model: &PlateReaderModel) -> PlateReader {
+    let file = onnx(model, Target::Portable, Path::new("in memory")).unwrap();
+    PlateReader::new(RoiRunner::new(Box::new(RtenRunner::new(file, Some(1)).unwrap())), model.config.clone())
+}
+
+fn small() -> PlateReaderConfig {
+    PlateReaderConfig { side: 32, channels: [8, 16, 16], hidden: 32, ..PlateReaderConfig::default() }
 }
 
 fn trained(root: &Path, epochs: u64, out: &Path) -> Result<(Vec<u8>, Kept), TrainError> {
-    let mut run = CropRun {
-        refiner: None,
-        plates: Some(small()),
+    let run = PlateReaderRun {
+        method: "plate_reader".to_owned(),
+        model: small(),
         data: DataConfig { root: Some(root.to_owned()), ..DataConfig::default() },
         augmentation: AugmentationConfig::none(),
-        train: toml::from_str("frames_per_step = 8\nlog_steps = 1\nthreads = 1\nleast_height_px = 5").unwrap(),
+        train: TrainConfig {
+            epochs,
+            batch_size: 8,
+            learning_rate: 2e-3,
+            weight_decay: 1e-5,
+            warm_up_steps: 5,
+            clip_norm: 10.0,
+            checkpoint_steps: 500,
+            log_steps: 1,
+            threads: 1,
+            ..TrainConfig::default()
+        },
+        task: PlateReaderTaskConfig { least_height_px: 5.0, ..PlateReaderTaskConfig::default() },
+        validate: None,
     };
-    (run.train.epochs, run.train.warm_up_steps) = (epochs, 5);
     let mut kept = Kept::default();
     let job = Job { run, out: out.to_owned(), resume: false };
-    train(&job, &small(), &mut kept).map(|path| (fs::read(path).unwrap(), kept))
+    fit::<PlateReaderTask>(&job, &mut kept).map(|path| (fs::read(path).unwrap(), kept))
 }
 
 /// A car that is seen from behind.
@@ -89,8 +120,9 @@ fn plates_set(frames: usize) -> tempfile::TempDir {
             Label { class: ObjectClass::Car, truncation: 0.0, occlusion: 0, alpha: box3d.alpha(), box2d, box3d };
         write_labels(&training.join(format!("label_2/{frame:06}.txt")), &[label]).unwrap();
         let [left, right] = ends(frame);
-        write_plates(&training.join(format!("plates/{frame:06}.txt")), &[Plate { label: 0, ends: [right, left] }])
-            .unwrap();
+        let mut annotations = Annotations::default();
+        annotations.insert(Plates(vec![Plate { label: 0, ends: [right, left] }]));
+        FileFormat::of::<Plates>().write(&training, &format!("{frame:06}"), &annotations).unwrap();
     }
     folder
 }
@@ -105,15 +137,15 @@ fn a_small_reader_learns_to_measure_with_plates() {
     let folder = plates_set(8);
     let out = folder.path().join("run");
     let (_, kept) = trained(folder.path(), 2000, &out).unwrap();
-    let mean = |records: &[Record<PlateTerms>]| {
-        records.iter().map(|record| record.terms.width_error).sum::<f64>() / records.len() as f64
+    let mean = |records: &[StepSummary]| {
+        records.iter().map(|record| metric(record, "width_error")).sum::<f64>() / records.len() as f64
     };
     let (first, last) = (mean(&kept.records[..10]), mean(&kept.records[kept.records.len() - 30..]));
     assert!(last < 0.4 * first, "widths off by {first} to {last}");
 
     // Cars that are thought to be nearer or farther than they are come to their places.
-    let model = PlateModel::read(&out.join("plates.safetensors")).unwrap();
-    let mut reader = PlateReader::new(&model, Some(1)).unwrap();
+    let model = PlateReaderModel::read(&out.join("plates.safetensors")).unwrap();
+    let mut reader = runner(&model);
     let (mut known_off, mut read_off, mut found_off) = (0.0, 0.0, 0.0);
     for frame in 0..8 {
         let image = read_image(&folder.path().join(format!("training/image_2/{frame:06}.png"))).unwrap();
@@ -145,13 +177,13 @@ fn a_data_set_without_plates_is_told() {
 #[test]
 fn the_built_in_engine_answers_as_libtorch_does() {
     let config = small();
-    let model = PlateModel { weights: initial_weights(&config.graph(), 3), config: config.clone() };
+    let model = PlateReaderModel::new(config.clone(), initial_weights(&config.graph(), 3)).unwrap();
     let folder = plates_set(2);
     let image = read_image(&folder.path().join("training/image_2/000001.png")).unwrap();
     let known = detection(car(1));
     let sideways = detection(Box3d { yaw: 0.1, ..car(1) });
     let person = Detection { class: ObjectClass::Pedestrian, ..known.clone() };
-    let mut reader = PlateReader::new(&model, Some(1)).unwrap();
+    let mut reader = runner(&model);
     let found = reader.readings(&image, &camera(), &[sideways, known, person]).unwrap();
     assert!(found[0].is_none() && found[2].is_none(), "{found:?}");
 

@@ -1,14 +1,15 @@
 //! Pruning removes the channels that say nothing, and then the network answers as before.
 
-use farsight_infer::Engine;
-use farsight_graph::layers::{NeckKind, NormKind, network};
-use farsight_methods::smoke::config::{SmokeConfig, Msfe};
 use farsight_graph::graph::{Graph, Op, ParameterId};
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::Model;
+use farsight_graph::layers::{Msfe, NeckKind, NormKind};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::prune::prune;
 use farsight_graph::weights::Weights;
-use farsight_train::engine::TorchEngine;
+use farsight_methods::smoke::{SmokeConfig, SmokeModel};
+use farsight_onnx::INPUT as IMAGE;
+use farsight_runtime::{Runner, TensorView};
+use farsight_train::runner::TorchRunner;
 
 /// Sums are in another order once there are fewer channels.
 const TOLERANCE: f32 = 1e-5;
@@ -27,13 +28,13 @@ fn channels_that_say_nothing_are_the_ones_that_go() {
             msfe,
             ..SmokeConfig::default()
         };
-        let graph = network(&config);
+        let graph = config.graph();
         let mut weights = initial_weights(&graph, 3);
         wake_residuals(&mut weights);
         silence_odd_channels(&graph, &mut weights);
-        let whole = Model::new(config, weights).unwrap();
+        let whole = SmokeModel::new(config, weights).unwrap();
         let pruned = prune(&whole, 0.5).unwrap();
-        let (before, after) = (answers(whole), answers(pruned));
+        let (before, after) = (answers(&whole), answers(&pruned));
         let largest = before.iter().zip(&after).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(before.iter().any(|v| v.abs() > 0.1), "{msfe:?}: the network says nothing at all");
         assert!(largest <= TOLERANCE, "{msfe:?}: {largest}");
@@ -64,8 +65,9 @@ fn silence_odd_channels(graph: &Graph, weights: &mut Weights) {
     }
 }
 
-fn answers(model: Model) -> Vec<f32> {
+fn answers(model: &SmokeModel) -> Vec<f32> {
     let input: Vec<f32> = (0..3 * INPUT[0] * INPUT[1]).map(|i| ((i * 37 % 101) as f32 / 50.0) - 1.0).collect();
-    let maps = TorchEngine::on_cpu(model).unwrap().head_maps(&input, INPUT).unwrap();
-    [maps.logits, maps.regression].concat()
+    let view = TensorView { shape: &[1, 3, INPUT[1], INPUT[0]], values: &input };
+    let maps = TorchRunner::on_cpu(model).unwrap().run(&[(IMAGE, view)]).unwrap();
+    maps.into_iter().flat_map(|map| map.values).collect()
 }

@@ -3,21 +3,27 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_methods::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of};
 use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
 use farsight_data::kitti::write_results;
 use farsight_data::{AugmentationConfig, network_input};
-use farsight_infer::{Refiner, Sides};
 use farsight_graph::init::initial_weights;
-use farsight_graph::model::{ANSWER, NetworkConfig};
-use farsight_methods::refiner::{RefinerConfig, RefinerModel};
+use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::{WeightTensor, Weights};
-use farsight_train::config::DataConfig;
-use farsight_train::crops::CropRun;
+use farsight_methods::refiner::geometry::{
+    Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of,
+};
+use farsight_methods::refiner::train::{RefinerRun, RefinerTask, RefinerTaskConfig};
+use farsight_methods::refiner::{Refiner, Sides};
+use farsight_methods::refiner::{RefinerConfig, RefinerModel};
+use farsight_methods::roi::runner::onnx;
+use farsight_methods::roi::{ANSWER, RoiRunner};
+use farsight_methods::training::train;
+use farsight_onnx::Target;
+use farsight_runtime::RtenRunner;
+use farsight_train::config::{DataConfig, TrainConfig, ValidateConfig};
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
-use farsight_train::metrics::Record;
-use farsight_train::refiner::{RefinerTerms, train};
-use farsight_train::trainer::{Beginning, Job, Observer, TrainError};
+use farsight_train::metrics::StepSummary;
+use farsight_train::training::{Callback, FileOptions, Job, Start, TrainError, fit};
 use image::{Rgb, RgbImage};
 use tch::{Device, Tensor, no_grad};
 
@@ -25,41 +31,66 @@ use crate::tiny::{camera, car, data_set};
 
 #[derive(Debug, Default)]
 struct Kept {
-    records: Vec<Record<RefinerTerms>>,
+    records: Vec<StepSummary>,
 }
 
-impl Observer<RefinerTerms> for Kept {
-    fn begin(&mut self, _: Beginning) {}
+impl Callback for Kept {
+    fn on_start(&mut self, _: Start) {}
 
-    fn step(&mut self, record: &Record<RefinerTerms>) {
-        self.records.push(*record);
+    fn on_step(&mut self, record: &StepSummary) {
+        self.records.push(record.clone());
     }
+
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
+    }
+}
+
+/// A number of a record by its name.
+fn metric(record: &StepSummary, name: &str) -> f64 {
+    record.metrics.iter().find(|(known, _)| *known == name).unwrap().1
+}
+
+/// The network on the built-in engine.
+fn runner(model: &RefinerModel) -> Refiner {
+    let file = onnx(model, Target::Portable, Path::new("in memory")).unwrap();
+    Refiner::new(RoiRunner::new(Box::new(RtenRunner::new(file, Some(1)).unwrap())), model.config.clone())
 }
 
 fn small() -> RefinerConfig {
     RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
 }
 
-fn run(data: &Path) -> CropRun {
-    let mut run = CropRun {
-        refiner: Some(small()),
-        plates: None,
+fn run(data: &Path) -> RefinerRun {
+    RefinerRun {
+        method: "refiner".to_owned(),
+        model: small(),
         data: DataConfig { root: Some(data.to_owned()), ..DataConfig::default() },
         augmentation: AugmentationConfig::none(),
-        train: toml::from_str("frames_per_step = 4\nlog_steps = 1\nthreads = 1\nleast_height_px = 5").unwrap(),
-    };
-    run.train.warm_up_steps = 5;
-    run
+        train: TrainConfig {
+            epochs: 10,
+            batch_size: 4,
+            learning_rate: 2e-3,
+            weight_decay: 1e-5,
+            warm_up_steps: 5,
+            clip_norm: 10.0,
+            log_steps: 1,
+            threads: 1,
+            ..TrainConfig::default()
+        },
+        task: RefinerTaskConfig { least_height_px: 5.0, ..RefinerTaskConfig::default() },
+        validate: None,
+    }
 }
 
 fn detection(box2d: Box2d, box3d: Box3d) -> Detection {
     Detection { class: ObjectClass::Car, score: 0.5, box2d, box3d, range_sigma_m: None }
 }
 
-fn trained(run: &CropRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
+fn trained(run: &RefinerRun, out: &Path, resume: bool) -> Result<(Vec<u8>, Kept), TrainError> {
     let mut kept = Kept::default();
     let job = Job { run: run.clone(), out: out.to_owned(), resume };
-    train(&job, &small(), &mut kept).map(|path| (fs::read(path).unwrap(), kept))
+    fit::<RefinerTask>(&job, &mut kept).map(|path| (fs::read(path).unwrap(), kept))
 }
 
 #[test]
@@ -68,15 +99,14 @@ fn a_small_refiner_learns_a_small_set() {
     let mut run = run(folder.path());
     run.train.epochs = 400;
     let (_, kept) = trained(&run, &folder.path().join("run"), false).unwrap();
-    let mean = |records: &[Record<RefinerTerms>]| {
-        records.iter().map(|r| r.terms.depth_error).sum::<f64>() / records.len() as f64
-    };
+    let mean =
+        |records: &[StepSummary]| records.iter().map(|r| metric(r, "depth_error")).sum::<f64>() / records.len() as f64;
     let (first, last) = (mean(&kept.records[..3]), mean(&kept.records[kept.records.len() - 20..]));
     assert!(last < 0.3 * first, "depths off by {first} to {last}");
 }
 
 #[test]
-fn false_alarms_teach_what_nothing_looks_like() {
+fn false_positives_are_the_background_class() {
     let folder = data_set(4);
     let mut run = run(folder.path());
     run.train.epochs = 300;
@@ -96,16 +126,16 @@ fn false_alarms_teach_what_nothing_looks_like() {
         found = vec![detection(car.box2d, car.box3d), detection(box2d, nothing)];
         write_results(&looks.join(format!("{frame:06}.txt")), &found).unwrap();
     }
-    run.train.first_looks = Some(looks.clone());
+    run.task.detections = Some(looks.clone());
     let out = folder.path().join("run");
     let (_, kept) = trained(&run, &out, false).unwrap();
-    let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| record.terms.kind_error).sum();
+    let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| metric(record, "kind_error")).sum();
     assert!(mistaken < 20.0 * 0.1, "{mistaken} of 20 cut-outs mistaken");
-    assert!(kept.records[0].terms.kind_error > 0.3, "nothing was to be learnt");
+    assert!(metric(&kept.records[0], "kind_error") > 0.3, "nothing was to be learnt");
 
     let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
     let image = image::open(image_path(3)).unwrap().into_rgb8();
-    let second = Refiner::new(&model, Some(1)).unwrap().second_looks(&image, &camera(), &found).unwrap();
+    let second = runner(&model).second_looks(&image, &camera(), &found).unwrap();
     let likeliest = |look: &Option<Refinement>| {
         let kinds = look.as_ref().unwrap().kinds;
         (0..kinds.len()).max_by(|&a, &b| kinds[a].total_cmp(&kinds[b])).unwrap()
@@ -147,7 +177,7 @@ fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
     let folder = data_set(6);
     let mut run = run(folder.path());
     run.augmentation = AugmentationConfig::default();
-    (run.train.epochs, run.train.frames_per_step, run.train.checkpoint_steps) = (3, 2, 4);
+    (run.train.epochs, run.train.batch_size, run.train.checkpoint_steps) = (3, 2, 4);
     run.train.ema_decay = Some(0.8);
     let (whole, _) = trained(&run, &folder.path().join("whole"), false).unwrap();
     // As if it had been killed after the checkpoint at step 4 of 9: the refiner is not there, the checkpoint is.
@@ -155,7 +185,7 @@ fn a_run_that_goes_on_ends_in_the_same_bytes_for_any_number_of_workers() {
     let mut stopper = Stopper { after: 5, seen: 0 };
     run.data.workers = 3;
     let job = Job { run: run.clone(), out: out.clone(), resume: false };
-    let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| train(&job, &small(), &mut stopper)));
+    let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| fit::<RefinerTask>(&job, &mut stopper)));
     assert!(stopped.is_err() && !out.join("refiner.safetensors").exists());
     let (parts, kept) = trained(&run, &out, true).unwrap();
     assert!(whole == parts, "the refiners differ");
@@ -173,12 +203,16 @@ struct Stopper {
     seen: usize,
 }
 
-impl Observer<RefinerTerms> for Stopper {
-    fn begin(&mut self, _: Beginning) {}
+impl Callback for Stopper {
+    fn on_start(&mut self, _: Start) {}
 
-    fn step(&mut self, _: &Record<RefinerTerms>) {
+    fn on_step(&mut self, _: &StepSummary) {
         self.seen += 1;
         assert!(self.seen < self.after, "stopped");
+    }
+
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
     }
 }
 
@@ -188,37 +222,43 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
     let path = folder.path().join("refiner.toml");
     let error = |text: &str| {
         fs::write(&path, text).unwrap();
-        CropRun::read(&path).unwrap_err().to_string()
+        let options = FileOptions { out: folder.path().join("run"), ..FileOptions::default() };
+        train(&path, &options, &mut Kept::default()).unwrap_err().to_string()
     };
     for (text, expected) in [
-        ("[refiner]\nside = 90", "refiner.side is 90; expected a multiple of 16"),
-        ("[refiner]\n[train]\nepochs = 0", "train.epochs is 0; expected at least 1"),
-        ("[refiner]\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
-        ("[refiner]\n[train]\nema_decay = 1.0", "train.ema_decay is 1; expected a number between 0 and 1"),
-        ("[refiner]\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
-        ("[refiner]\nsides = 96", "unknown field `sides`"),
-        ("[refiner]\n[data.rendered]\n[train]\nfirst_looks = \"x\"", "train.first_looks needs data.root"),
-        ("[refiner]\n[plates]", "[refiner] and [plates]; expected one of them"),
-        ("[plates]\nside = 70", "plates.side is 70; expected a multiple of 8"),
-        ("[plates]\n[train]\nfirst_looks = \"x\"", "train.first_looks is for refiners"),
+        ("method = \"refiner\"\n[model]\nside = 90", "model.side is 90; expected a multiple of 16"),
+        ("method = \"refiner\"\n[train]\nepochs = 0", "train.epochs is 0; expected a positive number"),
+        ("method = \"refiner\"\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
+        ("method = \"refiner\"\n[train]\nema_decay = 1.0", "train.ema_decay is 1; expected a number between 0 and 1"),
+        ("method = \"refiner\"\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
+        ("method = \"refiner\"\n[model]\nsides = 96", "unknown field `sides`"),
+        ("method = \"refiner\"\n[data.rendered]\n[task]\ndetections = \"x\"", "task.detections needs data.root"),
+        ("method = \"refiner\"\n[task]\nimage_weight = 1", "unknown field `image_weight`"),
+        (
+            "method = \"refiner\"\n[validate]\nroot = \"x\"\nsplit = \"val\"\nevery_steps = 0",
+            "validate.every_steps is 0",
+        ),
+        ("method = \"plate_reader\"\n[model]\nside = 70", "model.side is 70; expected a multiple of 8"),
+        ("method = \"plate_reader\"\n[task]\ndetections = \"x\"", "unknown field `detections`"),
+        ("method = \"refiner\nepochs = 1", "TOML parse error at line 1"),
+        ("method = \"yolo\"", "method is \"yolo\"; expected one of smoke, refiner, plate_reader"),
+        ("[model]\nside = 96", "method is missing; expected one of smoke, refiner, plate_reader"),
     ] {
         let error = error(text);
         assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");
     }
-    let is_meant = ["[refiner]\n", "[plates]\n", "[model]\n"].map(CropRun::is_meant);
-    assert_eq!(is_meant, [true, true, false]);
 }
 
 #[test]
 fn the_built_in_engine_answers_as_libtorch_does() {
     let config = small();
-    let model = RefinerModel { weights: initial_weights(&config.graph(), 3), config: config.clone() };
+    let model = RefinerModel::new(config.clone(), initial_weights(&config.graph(), 3)).unwrap();
     let camera = Camera::from_intrinsics(210.0, 210.0, 100.0, 60.0).unwrap();
     let image =
         RgbImage::from_fn(200, 120, |x, y| Rgb([(x * 7 % 251) as u8, (y * 13 % 241) as u8, (x * y % 239) as u8]));
     let boxes =
         [Box2d::new(20.0, 30.0, 90.0, 80.0), Box2d::new(150.0, 10.0, 199.0, 119.0), Box2d::new(5.0, 5.0, 6.0, 6.0)];
-    let mut refiner = Refiner::new(&model, Some(1)).unwrap();
+    let mut refiner = runner(&model);
     let found = [Sides::AsItIs, Sides::Both].map(|sides| refiner.looks(&image, &camera, &boxes, sides).unwrap());
     assert!(found.iter().all(|looks| looks[2].is_none()), "a box of one pixel shows nothing");
 

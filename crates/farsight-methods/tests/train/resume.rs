@@ -7,9 +7,10 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use crate::tiny::{Silent, data_set, run_config};
-use farsight_train::config::RunConfig;
-use farsight_train::detector::{MODEL_FILE, train};
-use farsight_train::trainer::Job;
+use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
+use farsight_train::task::Task;
+use farsight_train::training::Job;
+use farsight_train::training::fit;
 
 /// Where the child finds its data; its presence makes [`child_process`] do something.
 const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";
@@ -17,7 +18,7 @@ const DATA_VARIABLE: &str = "FARSIGHT_TEST_RESUME_DATA";
 /// How often the run is killed.
 const KILLS: usize = 4;
 
-fn job(data: &Path, out: &str, resume: bool) -> Job<RunConfig> {
+fn job(data: &Path, out: &str, resume: bool) -> Job<SmokeRun> {
     let mut run = run_config(data);
     run.train.epochs = 8;
     run.train.checkpoint_steps = 3;
@@ -28,7 +29,7 @@ fn job(data: &Path, out: &str, resume: bool) -> Job<RunConfig> {
 #[test]
 fn child_process() {
     if let Some(data) = std::env::var_os(DATA_VARIABLE) {
-        train(&job(data.as_ref(), "killed", true), &mut Silent::default()).unwrap();
+        fit::<SmokeTask>(&job(data.as_ref(), "killed", true), &mut Silent::default()).unwrap();
     }
 }
 
@@ -50,7 +51,7 @@ fn lines(path: &Path) -> usize {
 fn a_killed_run_ends_in_the_same_bytes() {
     let folder = data_set(6);
     let data = folder.path();
-    train(&job(data, "whole", false), &mut Silent::default()).unwrap();
+    fit::<SmokeTask>(&job(data, "whole", false), &mut Silent::default()).unwrap();
 
     let killed = data.join("killed");
     let mut kills = 0;
@@ -72,7 +73,7 @@ fn a_killed_run_ends_in_the_same_bytes() {
     assert!(start_child(data).wait().unwrap().success());
 
     let read = |run: &str, file: &str| fs::read(data.join(run).join(file)).unwrap();
-    assert!(read("whole", MODEL_FILE) == read("killed", MODEL_FILE), "the models differ");
+    assert!(read("whole", SmokeTask::MODEL_FILE) == read("killed", SmokeTask::MODEL_FILE), "the models differ");
     // Nothing is missing from the metrics and nothing is there twice; only the speeds differ.
     let losses = |run: &str| {
         let text = String::from_utf8(read(run, "metrics.jsonl")).unwrap();

@@ -3,15 +3,16 @@
 use std::fs;
 use std::path::Path;
 
-use farsight_methods::smoke::targets::Targets;
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_data::AugmentationConfig;
 use farsight_data::kitti::{Calibration, write_labels};
-use farsight_methods::smoke::config::{SmokeConfig, NeckKind, NormKind};
-use farsight_train::config::{DataConfig, RunConfig, TrainConfig};
-use farsight_train::loss::LossTerms;
-use farsight_train::metrics::Record;
-use farsight_train::trainer::{Beginning, Observer};
+use farsight_graph::layers::{NeckKind, NormKind};
+use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::targets::Targets;
+use farsight_methods::smoke::train::{SmokeRun, SmokeTaskConfig};
+use farsight_train::config::{DataConfig, TrainConfig, ValidateConfig};
+use farsight_train::metrics::StepSummary;
+use farsight_train::training::{Callback, Start};
 use image::{Rgb, RgbImage};
 
 const IMAGE_SIZE: [u32; 2] = [200, 64];
@@ -22,10 +23,14 @@ pub(crate) struct Silent {
     pub(crate) losses: Vec<f64>,
 }
 
-impl Observer<LossTerms> for Silent {
-    fn begin(&mut self, _: Beginning) {}
+impl Callback for Silent {
+    fn on_start(&mut self, _: Start) {}
 
-    fn step(&mut self, record: &Record<LossTerms>) {
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
+    }
+
+    fn on_step(&mut self, record: &StepSummary) {
         self.losses.push(record.loss);
     }
 }
@@ -65,8 +70,9 @@ pub(crate) fn data_set(frames: usize) -> tempfile::TempDir {
 }
 
 /// A run of a few steps on the data set in `root`.
-pub(crate) fn run_config(root: &Path) -> RunConfig {
-    RunConfig {
+pub(crate) fn run_config(root: &Path) -> SmokeRun {
+    SmokeRun {
+        method: "smoke".to_owned(),
         model: SmokeConfig {
             input: [192, 64],
             level_channels: Some([16; 6]),
@@ -85,6 +91,8 @@ pub(crate) fn run_config(root: &Path) -> RunConfig {
             threads: 1,
             ..TrainConfig::default()
         },
+        task: SmokeTaskConfig::default(),
+        validate: None,
     }
 }
 

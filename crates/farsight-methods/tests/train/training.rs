@@ -2,20 +2,21 @@
 
 use std::fs;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::tiny::{Silent, data_set, run_config};
-use farsight_methods::smoke::corner_loss::corner_loss;
-use farsight_methods::smoke::config::NormKind;
 use farsight_graph::graph::Role;
-use farsight_graph::model::Model;
+use farsight_graph::layers::NormKind;
 use farsight_graph::weights::Weights;
-use farsight_train::config::RenderedConfig;
-use farsight_train::detector::train;
+use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::corner_loss::corner_loss;
+use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
+use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
+use farsight_train::config::{RenderedConfig, ValidateConfig};
 use farsight_train::executor::{Precision, values_from_tensor};
-use farsight_train::loss::{BatchTargets, CornerWeights, LossTerms, loss, surface_loss};
-use farsight_train::metrics::{Record, Terms};
-use farsight_train::trainer::{Beginning, CHECKPOINT_FILE, Job, Observer, TrainError};
+use farsight_train::metrics::{Metrics, StepSummary};
+use farsight_train::training::fit;
+use farsight_train::training::{CHECKPOINT_FILE, Callback, Job, Start, TrainError};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -25,7 +26,10 @@ fn the_same_seed_gives_the_same_weights_for_any_number_of_workers() {
         let mut run = run_config(folder.path());
         run.data.workers = workers;
         let out = folder.path().join(name);
-        Model::read(&train(&Job { run, out, resume: false }, &mut Silent::default()).unwrap()).unwrap().weights.tensors
+        SmokeModel::read(&fit::<SmokeTask>(&Job { run, out, resume: false }, &mut Silent::default()).unwrap())
+            .unwrap()
+            .weights
+            .tensors
     };
     assert!(model("one", 1) == model("three", 3));
 }
@@ -38,7 +42,7 @@ fn a_small_network_learns_a_small_set() {
     run.train.checkpoint_steps = 1000;
     run.train.learning_rate = 3e-3;
     let mut observer = Silent::default();
-    train(&Job { run, out: folder.path().join("run"), resume: false }, &mut observer).unwrap();
+    fit::<SmokeTask>(&Job { run, out: folder.path().join("run"), resume: false }, &mut observer).unwrap();
     let (first, last) = (observer.losses[0], observer.losses[observer.losses.len() - 1]);
     assert!(last < 0.3 * first, "{first} to {last}");
 }
@@ -50,7 +54,8 @@ fn a_loss_that_is_not_finite_stops_the_run_and_leaves_the_last_checkpoint() {
     run.train.epochs = 50;
     run.train.learning_rate = 1e20;
     let out = folder.path().join("run");
-    let error = train(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut Silent::default()).unwrap_err();
+    let error = fit::<SmokeTask>(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut Silent::default())
+        .unwrap_err();
     let TrainError::NotFinite { step, what, frames, .. } = &error else { panic!("{error}") };
     assert!(what.contains("loss term") || what.contains("gradient"), "{what}");
     assert_eq!(frames.len(), 2);
@@ -66,12 +71,12 @@ fn a_folder_with_a_run_is_not_overwritten_and_another_config_does_not_resume_it(
     let mut run = run_config(folder.path());
     run.train.epochs = 1;
     let out = folder.path().join("run");
-    let job = |run: &farsight_train::config::RunConfig, resume| Job { run: run.clone(), out: out.clone(), resume };
-    train(&job(&run, false), &mut Silent::default()).unwrap();
-    let again = train(&job(&run, false), &mut Silent::default()).unwrap_err().to_string();
+    let job = |run: &SmokeRun, resume| Job { run: run.clone(), out: out.clone(), resume };
+    fit::<SmokeTask>(&job(&run, false), &mut Silent::default()).unwrap();
+    let again = fit::<SmokeTask>(&job(&run, false), &mut Silent::default()).unwrap_err().to_string();
     assert!(again.contains("there is a run here already"), "{again}");
     run.train.seed += 1;
-    let other = train(&job(&run, true), &mut Silent::default()).unwrap_err().to_string();
+    let other = fit::<SmokeTask>(&job(&run, true), &mut Silent::default()).unwrap_err().to_string();
     assert!(other.contains("another config"), "{other}");
 }
 
@@ -81,7 +86,7 @@ fn metrics_are_one_json_line_a_record_and_tensorboard_events() {
     let mut run = run_config(folder.path());
     run.train.epochs = 2;
     let out = folder.path().join("run");
-    train(&Job { run, out: out.clone(), resume: false }, &mut Silent::default()).unwrap();
+    fit::<SmokeTask>(&Job { run, out: out.clone(), resume: false }, &mut Silent::default()).unwrap();
     let text = fs::read_to_string(out.join("metrics.jsonl")).unwrap();
     let steps: Vec<u64> = text
         .lines()
@@ -203,7 +208,7 @@ fn the_surface_loss_is_a_relative_error_and_leaves_the_sky_out() {
 }
 
 #[test]
-fn the_surface_is_taught_and_its_head_left_out_of_the_model() {
+fn the_surface_is_learnt_and_its_head_left_out_of_the_model() {
     let folder = tempfile::tempdir().unwrap();
     let mut run = run_config("unused".as_ref());
     run.data.root = None;
@@ -211,10 +216,10 @@ fn the_surface_is_taught_and_its_head_left_out_of_the_model() {
     run.train.epochs = 1;
     let model = |name: &str, surface_weight: f64| {
         let mut run = run.clone();
-        run.train.surface_weight = surface_weight;
+        run.task.surface_weight = surface_weight;
         let mut observer = Silent::default();
-        let path = train(&Job { run, out: folder.path().join(name), resume: false }, &mut observer).unwrap();
-        (Model::read(&path).unwrap(), observer.losses)
+        let path = fit::<SmokeTask>(&Job { run, out: folder.path().join(name), resume: false }, &mut observer).unwrap();
+        (SmokeModel::read(&path).unwrap(), observer.losses)
     };
     let ((without, less), (with, more)) = (model("without", 0.0), model("with", 1.0));
     assert!(more[0] > less[0], "{more:?} {less:?}");
@@ -222,8 +227,8 @@ fn the_surface_is_taught_and_its_head_left_out_of_the_model() {
     assert!(with.weights.tensors != without.weights.tensors);
 
     run.data.rendered = None;
-    run.train.surface_weight = 1.0;
-    assert!(run.problem().unwrap().contains("train.surface_weight needs data.rendered"));
+    run.task.surface_weight = 1.0;
+    assert!(run.problem().unwrap().contains("task.surface_weight needs data.rendered"));
 }
 
 #[test]
@@ -235,7 +240,7 @@ fn statistics_are_taken_anew_after_the_last_step_and_nothing_else_changes() {
     let mut tensors = |statistics_batches, resume| {
         run.train.statistics_batches = statistics_batches;
         let job = Job { run: run.clone(), out: folder.path().join("run"), resume };
-        Model::read(&train(&job, &mut Silent::default()).unwrap()).unwrap()
+        SmokeModel::read(&fit::<SmokeTask>(&job, &mut Silent::default()).unwrap()).unwrap()
     };
     let during = tensors(None, false);
     // The run is over, so that only the statistics are left to be taken.
@@ -252,10 +257,14 @@ struct Course {
     steps: Vec<Weights>,
 }
 
-impl Observer<LossTerms> for Course {
-    fn begin(&mut self, _: Beginning) {}
+impl Callback for Course {
+    fn on_start(&mut self, _: Start) {}
 
-    fn step(&mut self, record: &Record<LossTerms>) {
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
+    }
+
+    fn on_step(&mut self, record: &StepSummary) {
         // Told before the step's own checkpoint is written, so the one that is there is of the step before.
         if record.step > 1 {
             self.steps.push(Weights::read(&self.checkpoint).unwrap());
@@ -271,8 +280,8 @@ fn a_model_of_running_means_is_the_mean_of_its_steps_the_later_the_heavier() {
     run.model.norm = NormKind::Batch;
     let out = folder.path().join("run");
     let mut course = Course { checkpoint: out.join(CHECKPOINT_FILE), steps: Vec::new() };
-    let path = train(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut course).unwrap();
-    let model = Model::read(&path).unwrap();
+    let path = fit::<SmokeTask>(&Job { run: run.clone(), out: out.clone(), resume: false }, &mut course).unwrap();
+    let model = SmokeModel::read(&path).unwrap();
     course.steps.push(Weights::read(&course.checkpoint).unwrap());
     assert!(course.steps.len() >= 5, "{} steps", course.steps.len());
 
@@ -302,6 +311,6 @@ fn mixed_precision_and_clipping_train_too() {
     run.train.precision = Precision::Bf16;
     run.train.clip_norm = 1.0;
     let mut observer = Silent::default();
-    train(&Job { run, out: folder.path().join("run"), resume: false }, &mut observer).unwrap();
+    fit::<SmokeTask>(&Job { run, out: folder.path().join("run"), resume: false }, &mut observer).unwrap();
     assert!(observer.losses.iter().all(|loss| loss.is_finite()));
 }

@@ -167,8 +167,8 @@ impl SceneBuilder {
 
     pub(crate) fn finish(self) -> LabelledScene {
         let ground = Object { mesh: self.flat.mesh, instance: 0, casts_shadow: false };
-        let world = Object { mesh: self.solid.mesh, instance: 0, casts_shadow: true };
-        let mut objects = vec![ground, world];
+        let solid = Object { mesh: self.solid.mesh, instance: 0, casts_shadow: true };
+        let mut objects = vec![ground, solid];
         objects.extend(self.objects);
         let scene = Scene {
             camera: self.view.camera,

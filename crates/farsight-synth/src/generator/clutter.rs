@@ -1,6 +1,7 @@
 //! What stands about on pavements: what people are seen against in towns.
 //!
-//! Nothing of it is labelled. Built last, around the people that are there already, of whom it may hide parts: a scene with it is the scene without it and more.
+//! Nothing of it is labelled. Built last, around the people that are there already, of whom it may hide parts: a scene
+//! with it is the scene without it and more.
 
 use farsight_core::{Box3d, Dimensions};
 
@@ -28,7 +29,8 @@ struct Thing {
 type Maker = fn(&mut SceneBuilder, &StreetMaterials, &mut SceneRng) -> Thing;
 
 impl Surroundings<'_> {
-    /// Puts things along both sides of the street: about `self.clutter` for each ten metres of a side, as far as there is room.
+    /// Puts things along both sides of the street: about `self.clutter` for each ten metres of a side, as far as there
+    /// is room.
     pub(super) fn clutter(&mut self) {
         let mean = self.clutter * (ALONG_M[1] - ALONG_M[0]) / 10.0;
         for side in 0..2 {

@@ -1,4 +1,4 @@
-//! What worlds are drawn from.
+//! What scenes are drawn from.
 
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +24,8 @@ pub struct SceneConfig {
     pub unusual_share: f64,
     /// Share of scenes with random shapes lying and hanging about.
     pub distractor_share: f64,
-    /// Things that stand about on pavements (bicycles, boards, café tables): about so many for each ten metres of either side, as far as there is room. Above 0, some houses have shops, too.
+    /// Things that stand about on pavements (bicycles, boards, café tables): about so many for each ten metres of
+    /// either side, as far as there is room. Above 0, some houses have shops, too.
     pub clutter: f64,
     /// Share of scenes where people drive on the left.
     pub left_hand_share: f64,
@@ -220,7 +221,7 @@ impl Default for WeatherWeights {
 }
 
 impl SceneConfig {
-    /// Worlds for any camera: KITTI's, others in cars, and on masts.
+    /// Scenes for any camera: KITTI's, others in cars, and on masts.
     pub fn generic() -> Self {
         let cameras =
             [CameraRanges::kitti(), CameraRanges::varied(), CameraRanges::generic(), CameraRanges::roadside()];

@@ -16,8 +16,8 @@ pub(crate) struct Ground {
 }
 
 impl Ground {
-    /// Slopes of about 1 percent and bends of some decimetres over 50 m: the bottoms of the drawn cars spread about as those of KITTI's
-    /// labels do (`label_statistics`: 1.1 to 2.3 m below the camera for nine in ten).
+    /// Slopes of about 1 percent and bends of some decimetres over 50 m: the bottoms of the drawn cars spread about as
+    /// those of KITTI's labels do (`label_statistics`: 1.1 to 2.3 m below the camera for nine in ten).
     pub(crate) fn sample(at_camera: f64, rng: &mut SceneRng) -> Self {
         if rng.chance(0.2) {
             return Self { at_camera, across: 0.0, along: 0.0, bend: 0.0, twist: 0.0 };

@@ -1,6 +1,8 @@
-//! Random worlds: structured domain randomisation (Prakash et al. 2019).
+//! Random scenes: structured domain randomisation (Prakash et al. 2019).
 //!
-//! First the place, the light and the camera are drawn; then the streets with what lines them; then the things and the traffic along them.
+//! [`config`] says what may be drawn. First the kind of place, the light and the camera are drawn, then the streets
+//! with what lines them, then traffic, and last what surrounds it. `builder` collects the parts and keeps them from
+//! overlapping.
 
 mod background;
 pub(crate) mod builder;

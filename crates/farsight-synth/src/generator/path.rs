@@ -33,7 +33,8 @@ pub(crate) struct Path {
 }
 
 impl Path {
-    /// A path through `point` at `s = 0` in the direction of `yaw`, whose curvature (1/m, positive to the right) follows `curvature`.
+    /// A path through `point` at `s = 0` in the direction of `yaw`, whose curvature (1/m, positive to the right)
+    /// follows `curvature`.
     pub(crate) fn new(point: [f64; 2], yaw: f64, [start, end]: [f64; 2], curvature: impl Fn(f64) -> f64) -> Self {
         let ahead = walk(point, yaw, end, STEP_M, &curvature);
         let mut nodes = walk(point, yaw, -start, -STEP_M, &curvature);

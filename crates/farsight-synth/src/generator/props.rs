@@ -157,7 +157,8 @@ pub(crate) fn plain_wall(color: Color, rng: &mut SceneRng) -> Material {
     Material { pattern, ..matte(color) }
 }
 
-/// A house whose front (along x) lies at z = 0 and which reaches back to negative z; whole floors of about `height` together.
+/// A house whose front (along x) lies at z = 0 and which reaches back to negative z; whole floors of about `height`
+/// together.
 pub(crate) fn house(width: f32, depth: f32, height: f32, look: &HouseLook, rng: &mut SceneRng) -> Mesh {
     let mut shape = MeshBuilder::default();
     let half = width / 2.0;

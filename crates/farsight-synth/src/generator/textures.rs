@@ -1,7 +1,8 @@
-//! Patterns on surfaces that have none: what is seen in and behind a car's windows, reflections on its paint, and what nobody thought of.
+//! Patterns on surfaces that have none: what is seen in and behind a car's windows, reflections on its paint, and what
+//! nobody thought of.
 //!
-//! Rendered surfaces are plainer than photographed ones. A network that has only seen plain ones takes a face in a window for a car of its own; one that
-//! has seen anything on them has to go by the shape (domain randomisation).
+//! Rendered surfaces are plainer than photographed ones. A network that has only seen plain ones takes a face in a
+//! window for a car of its own; one that has seen anything on them has to go by the shape (domain randomisation).
 
 use crate::palette::{any_color, grey, times};
 use crate::rng::SceneRng;
@@ -13,7 +14,8 @@ const REPLACED: [f64; 2] = [0.15, 0.8];
 /// Strongest mirror that paint and glass get.
 const STRONGEST_MIRROR: f64 = 0.35;
 
-/// Gives some of the materials a pattern drawn by chance. Those that glow, and those with holes or a pattern of their own, stay; transparent glass does not, and can then no longer be seen through.
+/// Gives some of the materials a pattern drawn by chance. Those that glow, and those with holes or a pattern of their
+/// own, stay; transparent glass does not, and can then no longer be seen through.
 pub(crate) fn spread(materials: &mut [Material], rng: &mut SceneRng) {
     let share = rng.range(REPLACED[0], REPLACED[1]);
     for material in materials {

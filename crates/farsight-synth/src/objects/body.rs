@@ -1,6 +1,7 @@
 //! A car's body as a skin over cross-sections along its length.
 //!
-//! Shares along the length (`t`) run from 0 at the front to 1 at the rear; heights are shares of the height, above the ground.
+//! Shares along the length (`t`) run from 0 at the front to 1 at the rear; heights are shares of the height, above the
+//! ground.
 
 use super::context::Detail;
 use super::paint::VehicleMaterials;

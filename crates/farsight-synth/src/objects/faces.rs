@@ -6,7 +6,8 @@ use super::paint::VehicleMaterials;
 use crate::mesh_builder::MeshBuilder;
 use crate::scene::MaterialId;
 
-/// Paints flat parts on one end of a body. Heights are shares of the space between bumper and shoulder, offsets shares of the half width.
+/// Paints flat parts on one end of a body. Heights are shares of the space between bumper and shoulder, offsets shares
+/// of the half width.
 struct Panel<'a> {
     shape: &'a mut MeshBuilder,
     x: f32,
@@ -22,7 +23,8 @@ impl Panel<'_> {
         a[0] + (b[0] - a[0]) * share
     }
 
-    /// A piece between two heights (metres) and two offsets at its lower and its upper edge; `rank` lifts it over pieces below.
+    /// A piece between two heights (metres) and two offsets at its lower and its upper edge; `rank` lifts it over
+    /// pieces below.
     fn piece(&mut self, [low, high]: [f32; 2], lower: [f32; 2], upper: [f32; 2], rank: f32, material: MaterialId) {
         let x = self.x + self.x.signum() * 0.003 * rank;
         let at = |height: f32, share: f32| [x, -height, share * self.half_width(height)];

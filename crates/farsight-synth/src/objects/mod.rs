@@ -1,6 +1,10 @@
 //! Meshes of those who take part in traffic, fitted exactly to given sizes.
 //!
-//! Object coordinates: x along the heading, y **down** with 0 at the ground, z across; metres. A mesh's extents equal its size.
+//! One file for each kind of object or part: `car`, `truck`, `person`, and what they are made of. Whoever calls
+//! [`build`] chooses class, size and level of detail; where the object stands is not known here.
+//!
+//! Object coordinates: x along the heading, y **down** with 0 at the ground, z across; metres. A mesh's extents equal
+//! its size.
 
 mod bicycle;
 mod body;

@@ -5,7 +5,8 @@ use crate::palette::{Palette, any_color, grey, matte, times, varied};
 use crate::rng::SceneRng;
 use crate::scene::{Color, Material, MaterialId, Pattern};
 
-/// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen by eye, not counted.
+/// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen
+/// by eye, not counted.
 const CAR_COLORS: [(Color, f64); 14] = [
     ([0.018, 0.018, 0.02], 24.0),
     ([0.40, 0.41, 0.42], 17.0),

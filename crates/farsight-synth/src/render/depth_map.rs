@@ -130,7 +130,8 @@ impl DepthMap {
         [at(0), at(1)]
     }
 
-    /// Weighted mean of `hidden` over the three texels square around four points; 0 outside the map and in lanes that are not `wanted`.
+    /// Weighted mean of `hidden` over the three texels square around four points; 0 outside the map and in lanes that
+    /// are not `wanted`.
     ///
     /// `hidden` is given how far the nearest surface lies before the point, metres; it must be 0 up to `margin_m`.
     #[inline]

@@ -49,7 +49,8 @@ pub(crate) const fn unit(hash: u32) -> f32 {
 /// Side of the table of random values; an octave repeats after as many cells.
 const SIDE: usize = 32;
 
-/// The random values in `[-0.5, 0.5)` at the four corners of each cell: reading them is several times faster than hashing.
+/// The random values in `[-0.5, 0.5)` at the four corners of each cell: reading them is several times faster than
+/// hashing.
 static CORNERS: [[f32; 4]; SIDE * SIDE] = corners();
 
 const fn corners() -> [[f32; 4]; SIDE * SIDE] {
@@ -123,8 +124,9 @@ const GRAIN: f32 = 0.02;
 
 /// Fine grain, between -0.5 and 0.5 with mean 0, that gets fainter where a pixel covers many grains.
 ///
-/// A level road far away is seen at a grazing angle: pixels that cover many grains along it still cover few across. So the grains are stretched,
-/// in each direction by a power of two, to about the pixel's extent, and lose the strength that the mean over so many would.
+/// A level road far away is seen at a grazing angle: pixels that cover many grains along it still cover few across. So
+/// the grains are stretched, in each direction by a power of two, to about the pixel's extent, and lose the strength
+/// that the mean over so many would.
 #[inline]
 pub(crate) fn grain([u, v]: [Lanes; 2], [across, along]: [Lanes; 2], seed: u32) -> Lanes {
     let (wide, long) = (power_above(across * all(2.0 / GRAIN)), power_above(along * all(2.0 / GRAIN)));

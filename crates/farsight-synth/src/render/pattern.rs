@@ -189,7 +189,8 @@ impl Cells {
         scale(all3(color), exp2((self.units(0) - all(0.5)) * all(2.0 * variation) * self.shown()))
     }
 
-    /// Share of the pixel, across and up, that lies within `shares` of the cells, around `middle` of each (0 is its border).
+    /// Share of the pixel, across and up, that lies within `shares` of the cells, around `middle` of each (0 is its
+    /// border).
     fn covered(&self, shares: [f32; 2], middle: f32) -> [Lanes; 2] {
         let axis = |i: usize| pulse(self.at[i] + all(0.5 * shares[i] - middle), shares[i], self.footprint[i]);
         [axis(0), axis(1)]

@@ -1,6 +1,7 @@
 //! Which samples a triangle covers: edge functions on four samples at a time.
 //!
-//! Two triangles that share an edge compute the same number with opposite signs for it, and a sample on the edge belongs to both: no cracks.
+//! Two triangles that share an edge compute the same number with opposite signs for it, and a sample on the edge
+//! belongs to both: no cracks.
 
 use wide::f32x4;
 
@@ -96,7 +97,8 @@ impl Plane {
 
 /// The three edges of a triangle and its nearness, prepared for going through rows.
 struct Rows {
-    /// Changes a row, and values in row 0 and column 0, of the edges and of the nearness; that counts columns from its own origin.
+    /// Changes a row, and values in row 0 and column 0, of the edges and of the nearness; that counts columns from its
+    /// own origin.
     down: [f64; 4],
     at_zero: [f64; 4],
     /// Changes a column.

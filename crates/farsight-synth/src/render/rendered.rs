@@ -9,12 +9,13 @@ pub struct Rendered {
     pub size: [usize; 2],
     /// Colour, linear light, not limited to 1.
     pub color: Vec<Color>,
-    /// z of what most of the pixel shows, metres; infinite for the sky. At the pixel's centre, or amid the samples that see it.
+    /// z of what most of the pixel shows, metres; infinite for the sky. At the pixel's centre, or amid the samples
+    /// that see it.
     pub depth_m: Vec<f32>,
-    /// Instance that most of the pixel shows; 0 for the world and the sky.
+    /// Instance that most of the pixel shows; 0 for the background and the sky.
     pub instance: Vec<InstanceId>,
     /// Samples (four a pixel) in which each instance is seen, by instance.
     pub visible: Vec<u32>,
-    /// Samples inside the image that each instance would fill if nothing hid it, by instance; 0 for the world.
+    /// Samples inside the image that each instance would fill if nothing hid it, by instance; 0 for the background.
     pub amodal: Vec<u32>,
 }

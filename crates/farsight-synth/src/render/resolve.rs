@@ -1,7 +1,8 @@
 //! From what the samples see to what the pixels show.
 //!
-//! Row by row, four at a time: neighbouring pixels that show one triangle and nothing else are shaded together. Of the other pixels each distinct
-//! triangle gives a piece of surface; the row's pieces are sorted by material before they are shaded.
+//! Row by row, four at a time: neighbouring pixels that show one triangle and nothing else are shaded together. Of the
+//! other pixels each distinct triangle gives a piece of surface; the row's pieces are sorted by material before they
+//! are shaded.
 
 use super::lamps::Lamps;
 use super::lanes::{self, Lanes, all};
@@ -86,7 +87,8 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Shades what takes no sorting, collects the other pieces of a row, and adds depth and instance of its pixels to `rendered`.
+    /// Shades what takes no sorting, collects the other pieces of a row, and adds depth and instance of its pixels to
+    /// `rendered`.
     fn collect(&mut self, row: usize, colors: &mut [Color], rendered: &mut Rendered) {
         let width = self.scene.image_size[0];
         let mut column = 0;

@@ -15,7 +15,8 @@ const SUN_REACH_M: [Reach; 2] = [[0.5, 24.0], [20.0, 85.0]];
 /// Size of their texels, metres.
 const SUN_TEXEL_M: [f32; 2] = [0.055, 0.2];
 
-/// Heights between which shadows are looked for, metres below the camera (y): from the eaves of a low house to a dip in the road.
+/// Heights between which shadows are looked for, metres below the camera (y): from the eaves of a low house to a dip
+/// in the road.
 const HEIGHTS_M: [f32; 2] = [-7.0, 3.5];
 
 /// Reach, half width and texel of the map from above, metres.

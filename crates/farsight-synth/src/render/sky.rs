@@ -8,7 +8,8 @@ use crate::vector;
 /// How far one looks through the fog straight up, metres.
 const FOG_THICKNESS_M: f32 = 60.0;
 
-/// How far away the houses and trees are that surfaces mirror, metres. The nearer they are, the more their image changes from one end of a car to the other.
+/// How far away the houses and trees are that surfaces mirror, metres. The nearer they are, the more their image
+/// changes from one end of a car to the other.
 const SURROUNDINGS_M: f32 = 6.0;
 
 /// Colour of the sky in unit directions `d`, clouds and sun included; below the horizon it is that of the horizon.

@@ -129,13 +129,15 @@ impl Cutout {
         let u = all(at.place[3]) + all(u_across) * dx + all(u_down) * dy;
         let v = all(at.facing[3]) + all(v_across) * dx + all(v_down) * dy;
         let extent = (u_across.abs() + u_down.abs()).max(v_across.abs() + v_down.abs());
-        // A sample stands for a quarter of the pixel. Which sample asks for how much differs from pixel to pixel, so that no grain shows.
+        // A sample stands for a quarter of the pixel. Which sample asks for how much differs from pixel to pixel, so
+        // that no grain shows.
         let share = mask.cover([u, v], all(0.5 * extent));
         share.simd_gt(thresholds((x + 3 * y) & 3))
     }
 }
 
-/// How transparent a surface must be for each sample to show it: the same in all pixels, or edges behind it would be combed, and opposite samples first.
+/// How transparent a surface must be for each sample to show it: the same in all pixels, or edges behind it would be
+/// combed, and opposite samples first.
 const TRANSPARENCY_ORDER: [f32; 4] = [0.125, 0.625, 0.875, 0.375];
 
 /// How much of a sample must be solid for it to count, in four orders.

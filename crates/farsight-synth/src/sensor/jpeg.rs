@@ -1,8 +1,9 @@
 //! What a JPEG file would lose, without making one.
 //!
-//! Only the lossy steps of ITU-T T.81 baseline are done: colours to luma and halved chroma, cosine transform, rounding to the quantisation tables, and
-//! back. Entropy coding loses nothing, so it is left out: three times as fast as encoding and decoding, and the same bytes on every machine, which
-//! decoders with hand-written vector code do not promise.
+//! Only the lossy steps of ITU-T T.81 baseline are done: colours to luma and halved chroma, cosine transform, rounding
+//! to the quantisation tables, and back. Entropy coding loses nothing, so it is left out: three times as fast as
+//! encoding and decoding, and the same bytes on every machine, which decoders with hand-written vector code do not
+//! promise.
 
 use std::array::from_fn;
 

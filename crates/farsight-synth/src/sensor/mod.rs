@@ -1,7 +1,7 @@
 //! What a camera makes of light: exposure, blur, noise, tone curve and compression.
 //!
-//! [`SensorModel::sample`] draws a camera and its moment at random; [`SensorModel::capture`] is fixed: same settings, same light, same bytes, on
-//! every machine.
+//! [`SensorModel::sample`] draws a camera and its moment at random; [`SensorModel::capture`] is fixed: same settings,
+//! same light, same bytes, on every machine.
 
 mod blur;
 mod curve;

@@ -13,7 +13,8 @@ pub struct SensorModel {
     pub most_exposure: f32,
     /// Factors on red, green and blue.
     pub white_balance: [f32; 3],
-    /// 0 is the plain curve of sRGB; 1 makes dark darker and bright brighter, 2 lets what is dark drown and what is bright burn out.
+    /// 0 is the plain curve of sRGB; 1 makes dark darker and bright brighter, 2 lets what is dark drown and what is
+    /// bright burn out.
     pub contrast: f32,
     /// 0 is grey, 1 leaves colours as they are.
     pub saturation: f32,
@@ -58,8 +59,8 @@ impl SensorModel {
 
     /// A plausible dash camera under this atmosphere.
     ///
-    /// The ranges are chosen so that brightness and contrast spread like those of real street photographs (means of 85 to 130 of 255, a tenth of
-    /// the pixels white).
+    /// The ranges are chosen so that brightness and contrast spread like those of real street photographs (means of 85
+    /// to 130 of 255, a tenth of the pixels white).
     pub fn sample(atmosphere: &Atmosphere, rng: &mut impl Rng) -> Self {
         let mut between = |least: f32, most: f32| least + (most - least) * rng.random::<f32>();
         let warmth = between(-0.08, 0.08);

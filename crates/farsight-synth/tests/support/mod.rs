@@ -112,7 +112,8 @@ pub fn ground(far: f32, step: f32, material: MaterialId) -> Mesh {
     mesh
 }
 
-/// A street with all patterns: asphalt, markings, houses, trees, a pane of glass, and three blocks for vehicles (instances 1 to 3).
+/// A street with all patterns: asphalt, markings, houses, trees, a pane of glass, and three blocks for vehicles
+/// (instances 1 to 3).
 pub fn street() -> Scene {
     let mut scene = empty(camera(), [1242, 375]);
     let noise = |color, other, scale| Material {

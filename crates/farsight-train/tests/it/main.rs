@@ -1,4 +1,4 @@
-//! The training crate against reference tensors, and whole runs of it.
+//! The training crate against reference tensors and an independent optimiser.
 
 #![allow(
     clippy::unwrap_used,
@@ -6,13 +6,9 @@
     reason = "a test that cannot go on stops, and says so when it was skipped"
 )]
 
+mod adam;
 mod golden_layers;
-mod golden_network;
+mod golden_msfe;
 mod golden_support;
-mod imported_checkpoints;
-mod plate;
-mod pruning;
-mod refiner;
-mod resume;
-mod tiny;
-mod training;
+mod samplers;
+mod schedule;

@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use farsight_eval::ap::Metric;
 use farsight_eval::page::Page;
 use farsight_eval::ranging::{Bootstrap, MATCH_IOU, RangingComparison, RangingOptions};
-use farsight_eval::{Evaluation, Findings, FrameFiles, Report, Scores, text};
+use farsight_eval::{Evaluation, Findings, FrameFiles, LabelSource, Report, Scores, text};
 use farsight_files::write_quickly;
 use serde::Serialize;
 
@@ -137,7 +137,8 @@ struct Answer<'a> {
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     args.check_outputs()?;
     let mut source = Files::new(args, printer)?;
-    let files = FrameFiles::open(&source.labels, &source.results, source.ids.take())?.with_scores(args.scores.scores());
+    let files =
+        FrameFiles::open(source.labels.clone(), &source.results, source.ids.take())?.with_scores(args.scores.scores());
     let files = if source.by_model { files.with_any_classes() } else { files };
     if let Some(id) = &args.explain {
         return explained::run(args, &files, id, printer);
@@ -158,8 +159,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
     print(args, &report, comparison.as_ref(), printer);
     if args.classic {
-        let beside = source.labels.with_file_name("calib");
-        classic::run(args, args.calib.as_deref().unwrap_or(&beside), &files, printer)?;
+        classic::run(args, &source, &files, printer)?;
     }
     if let Some(path) = &args.json {
         write_json(path, args.scores.scores(), &report, &findings, comparison.as_ref())?;
@@ -167,7 +167,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let mut outcome = Outcome::Done;
     if let Some(folder) = &args.report {
         let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
-        let title = format!("{} against {}", args.title(), source.labels.display());
+        let title = format!("{} against {}", args.title(), source.labels);
         let comparison = comparison.as_ref();
         let page = Page { title: &title, report: &report, findings: &findings, comparison, worst: &worst };
         let page = page.write(folder)?;
@@ -294,10 +294,9 @@ fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -
     Ok(files.with_results(against)?.evaluate(&RangingOptions { bootstrap: None, ..options.clone() })?)
 }
 
-fn compare(args: &EvalArgs, labels: &Path, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
+fn compare(args: &EvalArgs, labels: &LabelSource, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
     let bootstrap = Bootstrap { resamples: args.resamples, seed: args.seed };
-    ours.compared_with(theirs, &bootstrap)
-        .with_context(|| format!("{}: the labels changed while they were read", labels.display()))
+    ours.compared_with(theirs, &bootstrap).with_context(|| format!("{labels}: the labels changed while they were read"))
 }
 
 fn write_json(

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
+use farsight_graph::model::ATTRIBUTION_KEY;
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::import::{ImportOptions, import};
 
@@ -14,7 +15,8 @@ use crate::printer::Printer;
 /// Arguments of `farsight import`.
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
-    /// A .pth file of official SMOKE, of mmdetection3d's SMOKE or of ImageNet's DLA-34
+    /// A .pth file of official SMOKE or of mmdetection3d's SMOKE, or of DLA-34 or MobileNetV2 trained on ImageNet; a
+    /// .tflite file of an SSD on MobileNetV2
     checkpoint: PathBuf,
     /// The file to write
     #[arg(long, value_name = "FILE.safetensors")]
@@ -33,6 +35,9 @@ pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
     let Some(config) = imported.config else {
         // A backbone alone is no model; training starts from its weights.
         imported.weights.write(&args.out)?;
+        if let Some(attribution) = imported.weights.metadata.get(ATTRIBUTION_KEY) {
+            printer.line(attribution);
+        }
         printer.line(&format!("{}: weights to start a training from (train.start_from)", args.out.display()));
         return Ok(Outcome::Done);
     };

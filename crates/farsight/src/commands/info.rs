@@ -13,6 +13,7 @@ use farsight_graph::model::NetworkConfig;
 use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::smoke::config::SmokeConfig;
+use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeModel};
 use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
@@ -131,6 +132,7 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
         ("training", key::TRAINING),
         ("trained on", key::TRAINING_DATA),
         ("its licence", key::TRAINING_DATA_LICENCE),
+        ("made from", key::ATTRIBUTION),
         ("camera", key::CAMERA),
         ("evaluation", key::EVALUATION),
         ("8 bits", key::QUANTIZATION),
@@ -142,11 +144,20 @@ fn told(facts: &Facts) -> Vec<(&'static str, String)> {
 fn facts(config: &SmokeConfig) -> Vec<(&'static str, String)> {
     let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
     let [width, height] = config.input;
+    let sizes = match config.backbone {
+        Backbone::Dla34 => {
+            [("channels", format!("{:?}", config.channels())), ("stem", format!("{:?}", config.stem).to_lowercase())]
+        }
+        other @ (Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow) => {
+            [("backbone", other.name().to_owned()), ("neck channels", config.neck_width().to_string())]
+        }
+    };
+    let [first, second] = sizes;
     vec![
         ("input", format!("{width} x {height} pixels")),
         ("classes", classes.join(", ")),
-        ("channels", format!("{:?}", config.channels())),
-        ("stem", format!("{:?}", config.stem).to_lowercase()),
+        first,
+        second,
         ("normalisation", format!("{:?}", config.norm).to_lowercase()),
         ("neck", format!("{:?}", config.neck).to_lowercase()),
         ("MSFE", format!("{:?}", config.msfe).to_lowercase()),

@@ -15,6 +15,8 @@ mod prune;
 mod range;
 mod synth;
 mod train;
+#[cfg(feature = "train")]
+mod validate;
 
 use anyhow::Result;
 use clap::Subcommand;

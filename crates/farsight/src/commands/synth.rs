@@ -7,8 +7,9 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use farsight_data::Frame;
+use farsight_data::annotations::FILE_FORMATS;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
-use farsight_data::{Frame, write_plates};
 use farsight_files::{write_atomically, write_quickly};
 use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
 use image::codecs::jpeg::JpegEncoder;
@@ -157,9 +158,13 @@ fn label_ids(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// The folders of a data set; the last one stays empty until all frames are written.
-const FOLDERS: [&str; 5] = ["training/image_2", "training/label_2", "training/calib", "training/plates", "ImageSets"];
+fn folders() -> impl Iterator<Item = String> {
+    let annotations = FILE_FORMATS.iter().map(|format| format.name);
+    let of_frames = ["image_2", "label_2", "calib"].into_iter().chain(annotations);
+    of_frames.map(|name| format!("training/{name}")).chain(["ImageSets".to_owned()])
+}
 
-/// What to say of a folder that has some of [`FOLDERS`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
+/// What to say of a folder that has some of the [`folders`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
 fn there_already(root: &Path) -> &'static str {
     let is_interrupted = fs::read_dir(root.join("ImageSets")).is_ok_and(|mut splits| splits.next().is_none());
     if is_interrupted {
@@ -177,7 +182,7 @@ struct Folder {
 
 impl Folder {
     fn new(root: &Path, jpeg: Option<u8>) -> Result<Self> {
-        let folders = FOLDERS.map(|name| root.join(name));
+        let folders: Vec<PathBuf> = folders().map(|name| root.join(name)).collect();
         if folders.iter().any(|folder| folder.exists()) {
             bail!("{}: {}", root.display(), there_already(root));
         }
@@ -193,7 +198,9 @@ impl Folder {
         let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
         write_quickly(&path("image_2", extension), |file| self.encode(&frame.image, file).map_err(io::Error::other))?;
         write_labels(&path("label_2", "txt"), &frame.labels)?;
-        write_plates(&path("plates", "txt"), &frame.plates)?;
+        for format in FILE_FORMATS {
+            format.write(&self.root.join("training"), &frame.id, &frame.annotations)?;
+        }
         Ok(Calibration::from_camera(&frame.camera).write(&path("calib", "txt"))?)
     }
 

@@ -25,17 +25,6 @@ pub(crate) struct TrainArgs {
     resume: bool,
 }
 
-#[cfg(feature = "train")]
-impl TrainArgs {
-    /// What the command line names is what the user means now.
-    fn override_data(&self, data: &mut farsight_train::config::DataConfig) {
-        if let Some(root) = &self.data {
-            data.root = Some(root.clone());
-            data.rendered = None;
-        }
-    }
-}
-
 /// Says how to get a build that can train.
 #[cfg(not(feature = "train"))]
 pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
@@ -44,30 +33,14 @@ pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
     )
 }
 
-/// Trains a detector, or a refiner or a plate reader where the config is one's.
+/// Trains the method that the config names.
 #[cfg(feature = "train")]
 pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
-    use anyhow::Context;
-    use farsight_train::config::RunConfig;
-    use farsight_train::crops::{CropNetwork, CropRun};
-    use farsight_train::trainer::Job;
-    use farsight_train::{detector, plate, refiner};
+    use farsight_methods::training::train;
+    use farsight_train::training::FileOptions;
 
-    let (out, resume) = (args.out.clone(), args.resume);
-    let mut progress = progress::Progress::new(printer);
-    let trained = if std::fs::read_to_string(&args.config).is_ok_and(|text| CropRun::is_meant(&text)) {
-        let mut run = CropRun::read(&args.config)?;
-        args.override_data(&mut run.data);
-        let job = Job { run, out, resume };
-        match job.run.network().context("no network")? {
-            CropNetwork::Refiner(config) => refiner::train(&job, config, &mut progress)?,
-            CropNetwork::Plates(config) => plate::train(&job, config, &mut progress)?,
-        }
-    } else {
-        let mut run = RunConfig::read(&args.config)?;
-        args.override_data(&mut run.data);
-        detector::train(&Job { run, out, resume }, &mut progress)?
-    };
+    let options = FileOptions { data: args.data.clone(), out: args.out.clone(), resume: args.resume };
+    let trained = train(&args.config, &options, &mut progress::Progress::new(printer))?;
     printer.line(&trained.display().to_string());
     Ok(Outcome::Done)
 }
@@ -75,12 +48,15 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
 #[cfg(feature = "train")]
 mod progress {
     use std::io::{IsTerminal, stderr};
+    use std::path::Path;
     use std::time::{Duration, Instant};
 
-    use farsight_train::metrics::{Record, Terms};
-    use farsight_train::trainer::{Beginning, Observer, Taken};
+    use farsight_train::config::ValidateConfig;
+    use farsight_train::metrics::StepSummary;
+    use farsight_train::training::{Callback, Loaded, Start};
     use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
+    use crate::commands::validate::validated;
     use crate::printer::Printer;
 
     /// Time between two lines where there is no terminal to redraw a bar on.
@@ -91,13 +67,15 @@ mod progress {
         bar: ProgressBar,
         printer: &'a mut Printer,
         last_line: Option<Instant>,
+        /// What the last validation measured.
+        validation: String,
     }
 
     impl<'a> Progress<'a> {
         pub(super) fn new(printer: &'a mut Printer) -> Self {
             let template = "{bar:30} {pos}/{len} steps  {eta} left  {msg}";
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-            Self { bar: ProgressBar::new(0).with_style(style), printer, last_line: None }
+            Self { bar: ProgressBar::new(0).with_style(style), printer, last_line: None, validation: String::new() }
         }
 
         fn line_is_due(&self) -> bool {
@@ -105,9 +83,9 @@ mod progress {
         }
     }
 
-    impl<T: Terms> Observer<T> for Progress<'_> {
-        fn begin(&mut self, Beginning { done, total, taken }: Beginning) {
-            if let Some(Taken { tensors, of }) = taken {
+    impl Callback for Progress<'_> {
+        fn on_start(&mut self, Start { done, total, loaded }: Start) {
+            if let Some(Loaded { tensors, of }) = loaded {
                 self.printer.status(&format!("starts from {tensors} of its {of} tensors; the others are random"));
             }
             self.bar.set_length(total);
@@ -115,27 +93,38 @@ mod progress {
             self.bar.reset_eta();
         }
 
-        fn step(&mut self, record: &Record<T>) {
-            let summary = summary(record);
-            self.bar.set_position(record.step);
+        fn on_step(&mut self, step: &StepSummary) {
+            let summary = self.summary(step);
+            self.bar.set_position(step.step);
             self.bar.set_message(summary.clone());
-            let total = self.bar.length().unwrap_or(record.step);
-            if self.line_is_due() || record.step == total {
+            let total = self.bar.length().unwrap_or(step.step);
+            if self.line_is_due() || step.step == total {
                 let left = HumanDuration(self.bar.eta());
-                self.printer.status(&format!("step {}/{total}  {left} left  {summary}", record.step));
+                self.printer.status(&format!("step {}/{total}  {left} left  {summary}", step.step));
                 self.last_line = Some(Instant::now());
             }
         }
+
+        fn validate(&mut self, step: u64, model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+            let measured = validated(model, config).map_err(|error| format!("{error:#}"))?;
+            let shown: Vec<String> = measured.iter().map(|(name, value)| format!("{name} {value:.3}")).collect();
+            self.printer.status(&format!("step {step}: {}", shown.join("  ")));
+            self.validation = shown.join("  ");
+            Ok(measured)
+        }
     }
 
-    fn summary<T: Terms>(record: &Record<T>) -> String {
-        let terms: Vec<String> =
-            record.terms.named().iter().map(|(name, value)| format!("{name} {value:.3}")).collect();
-        let Record { epoch, loss, learning_rate, samples_per_second, .. } = record;
-        format!(
-            "epoch {epoch}  loss {loss:.3}  {}  rate {learning_rate:.1e}  {samples_per_second:.1} {}/s",
-            terms.join("  "),
-            T::SAMPLES
-        )
+    impl Progress<'_> {
+        fn summary(&self, step: &StepSummary) -> String {
+            let metrics: Vec<String> = step.metrics.iter().map(|(name, value)| format!("{name} {value:.3}")).collect();
+            let StepSummary { epoch, loss, learning_rate, samples_per_second, samples, .. } = step;
+            format!(
+                "epoch {epoch}  loss {loss:.3}  {}  rate {learning_rate:.1e}  {samples_per_second:.1} {samples}/s  {}",
+                metrics.join("  "),
+                self.validation
+            )
+            .trim_end()
+            .to_owned()
+        }
     }
 }

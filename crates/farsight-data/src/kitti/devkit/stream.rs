@@ -2,7 +2,7 @@
 
 use farsight_core::ObjectClass;
 
-use super::{DevkitRow, DevkitRows, Oddity};
+use super::{DevkitRow, DevkitRows, Diagnostic};
 use crate::kitti::fields::{COLUMNS, Row, RowKind};
 
 /// Column of the occlusion, the only whole number.
@@ -23,7 +23,7 @@ enum Outcome {
     /// All fields were there.
     Row(DevkitRow),
     /// The row broke off; what was read is lost.
-    Broken(Oddity),
+    Broken(Diagnostic),
     /// Nothing was left to read.
     End,
 }
@@ -40,30 +40,30 @@ impl<'a> Stream<'a> {
         Self { text, rest: text, line }
     }
 
-    /// Reads rows, at least one, until the next starts a line: there the devkit is where it is at the start of a file. Returns what is left, and the number of
-    /// that line.
+    /// Reads rows, at least one, until the next starts a line: there the devkit is where it is at the start of a file.
+    /// Returns what is left, and the number of that line.
     pub(super) fn read(mut self, kind: RowKind, read: &mut DevkitRows) -> (&'a str, usize) {
         // Whether the last row read was whole, and the line where it ended.
         let mut whole_row_end = None;
         self.skip_blanks();
         loop {
             let line = self.line;
-            match self.row(kind, &mut read.oddities) {
+            match self.row(kind, &mut read.diagnostics) {
                 Outcome::End => return ("", self.line),
                 Outcome::Row(row) => {
                     if self.line != line {
-                        read.oddities.push((line, Oddity::SplitRow));
+                        read.diagnostics.push((line, Diagnostic::SplitRow));
                     }
                     read.push(row);
                     whole_row_end = Some(self.line);
                 }
-                Outcome::Broken(Oddity::DroppedRow { fields, .. }) if whole_row_end == Some(line) => {
+                Outcome::Broken(Diagnostic::DroppedRow { fields, .. }) if whole_row_end == Some(line) => {
                     // The devkit takes what follows a whole row for a new one and gives it up at the next class name.
-                    read.oddities.push((line, Oddity::ExtraFields { extra: fields, expected: kind.columns() }));
+                    read.diagnostics.push((line, Diagnostic::ExtraFields { extra: fields, expected: kind.columns() }));
                     whole_row_end = None;
                 }
-                Outcome::Broken(oddity) => {
-                    read.oddities.push((line, oddity));
+                Outcome::Broken(diagnostic) => {
+                    read.diagnostics.push((line, diagnostic));
                     whole_row_end = None;
                 }
             }
@@ -80,7 +80,7 @@ impl<'a> Stream<'a> {
         before.rsplit('\n').next().unwrap_or_default().chars().all(is_blank)
     }
 
-    fn row(&mut self, kind: RowKind, oddities: &mut Vec<(usize, Oddity)>) -> Outcome {
+    fn row(&mut self, kind: RowKind, diagnostics: &mut Vec<(usize, Diagnostic)>) -> Outcome {
         let (start, class) = (self.line, self.word());
         if class.is_empty() {
             return Outcome::End;
@@ -93,17 +93,17 @@ impl<'a> Stream<'a> {
             if kind == RowKind::Label && column == OCCLUSION && whole_number_length(word) < length {
                 let found = word.to_owned();
                 self.skip_line();
-                return Outcome::Broken(Oddity::FractionalOcclusion { found });
+                return Outcome::Broken(Diagnostic::FractionalOcclusion { found });
             }
             let Ok(number) = word[..length].parse() else {
                 let dropped =
-                    Oddity::DroppedRow { fields: column, name, found: word.to_owned(), expected: kind.columns() };
+                    Diagnostic::DroppedRow { fields: column, name, found: word.to_owned(), expected: kind.columns() };
                 return Outcome::Broken(dropped);
             };
             if length < word.len() {
-                oddities.push((
+                diagnostics.push((
                     self.line,
-                    Oddity::PartialNumber { number: column + 1, name, rest: word[length..].to_owned() },
+                    Diagnostic::PartialNumber { number: column + 1, name, rest: word[length..].to_owned() },
                 ));
             }
             partial.numbers[column] = number;
@@ -148,7 +148,8 @@ fn is_blank(c: char) -> bool {
     matches!(c, ' ' | '\t'..='\r')
 }
 
-/// Length of the longest beginning of `word` that is a number. Hexadecimal ones, which C would take too, are read up to the `x`.
+/// Length of the longest beginning of `word` that is a number. Hexadecimal ones, which C would take too, are read up to
+/// the `x`.
 fn number_length(word: &str) -> usize {
     let ends = (1..=word.len().min(MAX_NUMBER_LENGTH)).rev();
     let is_number = |end: &usize| word.get(..*end).is_some_and(|start| start.parse::<f64>().is_ok());

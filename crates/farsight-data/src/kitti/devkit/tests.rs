@@ -5,7 +5,7 @@ const LABEL: &str = "Car 0.00 0 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07
 const RESULT: &str = "Car -1 -1 -1.57 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 -1.62 0.9\n";
 
 fn kinds(read: &DevkitRows) -> Vec<(usize, &'static str)> {
-    read.oddities.iter().map(|(line, oddity)| (*line, oddity.kind())).collect()
+    read.diagnostics.iter().map(|(line, diagnostic)| (*line, diagnostic.kind())).collect()
 }
 
 #[test]

@@ -1,22 +1,23 @@
-//! From labelled frames to cut-outs of vehicles' ends and what the plate reader should answer.
+//! From labelled frames to crops of vehicles' ends and what the plate reader should answer.
+
+use std::sync::Arc;
 
 use farsight_core::Box3d;
-use crate::plate_reader::geometry::{INPUT_CHANNELS, PlateCrop, carries_plate};
-use crate::refiner::geometry::input_rules;
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
+use farsight_data::annotations::Plates;
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 
-use crate::crops::config::CropTrainConfig;
-use crate::crops::{LookErrors, drawn, is_seen, misjudged};
-use crate::sources::FrameSource;
+use super::PlateReaderTaskConfig;
+use crate::plate_reader::geometry::{INPUT_CHANNELS, PlateCrop, carries_plate};
+use crate::refiner::geometry::input_rules;
+use crate::roi::train::{BoxErrors, drawn, is_seen, jittered};
 
 /// Errors of the depths are twice those that come: so what is read says little about what was known.
-const SECOND_LOOK: LookErrors = LookErrors { depth: 0.1, size: 0.04, center: 0.03, heading_rad: 0.07 };
+const REFINER_ERRORS: BoxErrors = BoxErrors { depth: 0.1, size: 0.04, center: 0.03, heading_rad: 0.07 };
 
-/// How often each vehicle of a frame is cut out: to read the image takes as long as to learn from several cut-outs.
-const CUT_OUTS: usize = 2;
+/// How often each vehicle of a frame is cut out: to read the image takes as long as to learn from several crops.
+const CROPS: usize = 2;
 
 /// A vehicle, and the right and the left end of its plate, if the image shows it.
 #[derive(Debug, Clone, Copy)]
@@ -38,15 +39,15 @@ impl Vehicle {
 struct PlateSample {
     /// `[3, side, side]`.
     input: Vec<f32>,
-    /// Left and right end of the plate and its height in the cut-out, sides of that from its middle; no numbers where the plate is not seen.
+    /// Left and right end of the plate and its height in the crop, sides of that from its middle; no numbers where the plate is not seen.
     place: [f32; 3],
     /// By what factor the plate is wider than expected, as the network says it.
     wider: f32,
 }
 
-/// What a frame teaches.
+/// What is learnt from a frame.
 #[derive(Debug)]
-pub(crate) struct FramePlates {
+pub struct FramePlates {
     /// Name of the frame.
     pub(super) id: String,
     samples: Vec<PlateSample>,
@@ -54,32 +55,33 @@ pub(crate) struct FramePlates {
 
 /// Makes the samples of a frame. Shared by the loader's threads.
 #[derive(Debug)]
-pub(super) struct PlateSampler {
-    pub(super) source: Box<dyn FrameSource>,
+pub(super) struct PlateMaker {
+    pub(super) source: Arc<dyn Dataset>,
     pub(super) augmentation: AugmentationConfig,
-    pub(super) train: CropTrainConfig,
+    pub(super) task: PlateReaderTaskConfig,
     pub(super) side: usize,
 }
 
-impl PlateSampler {
+impl PlateMaker {
     /// The samples of the frame that `key` stands for; the same whenever and wherever they are asked for.
     pub(super) fn samples(&self, key: ItemKey) -> Result<FramePlates, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let mut rng = key.rng();
         let labels = frame.labels.iter().enumerate();
         let labels =
-            labels.filter(|(_, label)| carries_plate(&label.class) && is_seen(label, self.train.least_height_px));
+            labels.filter(|(_, label)| carries_plate(&label.class) && is_seen(label, self.task.least_height_px));
+        let plates = frame.annotation::<Plates>().map_or(&[][..], |Plates(plates)| plates);
         let vehicles = labels.map(|(place, label)| {
-            let plate = frame.plates.iter().find(|plate| plate.label == place).map(|plate| plate.ends);
+            let plate = plates.iter().find(|plate| plate.label == place).map(|plate| plate.ends);
             Vehicle { box3d: label.box3d, plate }
         });
         let (shown, hidden): (Vec<Vehicle>, Vec<Vehicle>) = vehicles.partition(|vehicle| vehicle.plate.is_some());
         let vehicles = [
-            drawn(shown, self.train.objects_per_frame, &mut rng),
-            drawn(hidden, self.train.hidden_plates_per_frame, &mut rng),
+            drawn(shown, self.task.objects_per_frame, &mut rng),
+            drawn(hidden, self.task.hidden_plates_per_frame, &mut rng),
         ];
-        let cut_outs = vehicles.into_iter().flatten().flat_map(|vehicle| [vehicle; CUT_OUTS]);
-        let samples = cut_outs.filter_map(|vehicle| self.sample(&frame, vehicle, &mut rng)).collect();
+        let crops = vehicles.into_iter().flatten().flat_map(|vehicle| [vehicle; CROPS]);
+        let samples = crops.filter_map(|vehicle| self.sample(&frame, vehicle, &mut rng)).collect();
         Ok(FramePlates { id: frame.id.clone(), samples })
     }
 
@@ -90,7 +92,7 @@ impl PlateSampler {
         let drawn = self.augmentation.draw(rng, image_size, &rules);
         let camera = if drawn.mirror { frame.camera.mirrored(image_size[0]) } else { frame.camera };
         let Vehicle { box3d, plate } = if drawn.mirror { vehicle.mirrored() } else { vehicle };
-        let expected = misjudged(&box3d, &camera, &SECOND_LOOK, rng)?;
+        let expected = jittered(&box3d, &camera, &REFINER_ERRORS, rng)?;
         let crop = PlateCrop::of(&expected, &camera, image_size, self.side)?;
         let place = match plate {
             Some([right, left]) => {
@@ -106,7 +108,7 @@ impl PlateSampler {
 
 /// What a step learns from.
 #[derive(Debug)]
-pub(super) struct PlateBatch {
+pub struct PlateBatch {
     /// `[vehicles, 3, side, side]`.
     pub(super) input: Tensor,
     /// Left and right end and height of the plates, `[vehicles, 3]`; no numbers where they are not seen.

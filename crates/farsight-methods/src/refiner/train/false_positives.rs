@@ -3,17 +3,17 @@
 use std::path::Path;
 
 use farsight_core::{Box3d, Detection, Label};
-use farsight_data::Frame;
-use farsight_data::kitti::{DatasetError, read_results};
+use farsight_data::kitti::read_results;
+use farsight_data::{DatasetError, Frame};
 
 /// A detection that overlaps anything labelled by more than this may be meant for it.
 const MOST_OVERLAP: f64 = 0.3;
 
-/// The false alarms among a detector's results for `frame`, which stand in `folder`.
+/// The false positives among a detector's results for `frame`, which stand in `folder`.
 ///
 /// # Errors
 /// When the frame's result file cannot be read.
-pub(super) fn false_alarms(folder: &Path, frame: &Frame, least_height_px: f64) -> Result<Vec<Box3d>, DatasetError> {
+pub(super) fn false_positives(folder: &Path, frame: &Frame, least_height_px: f64) -> Result<Vec<Box3d>, DatasetError> {
     let found = read_results(&folder.join(format!("{}.txt", frame.id)))?;
     let counts =
         |detection: &Detection| detection.box2d.height() >= least_height_px && is_on_nothing(detection, &frame.labels);

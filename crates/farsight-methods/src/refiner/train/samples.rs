@@ -1,19 +1,19 @@
-//! From labelled frames to cut-outs and what the refiner should answer.
+//! From labelled frames to crops and what the refiner should answer.
 
-use crate::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
+use std::sync::Arc;
+
 use farsight_core::{Box3d, Label};
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, Frame, ItemKey, Transform};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, Frame, ItemKey, Transform};
 use rand::Rng;
 use tch::{Device, Tensor};
 
-use super::false_alarms::false_alarms;
-use crate::crops::config::CropTrainConfig;
-use crate::crops::{LookErrors, drawn, is_seen, misjudged};
-use crate::sources::FrameSource;
+use super::RefinerTaskConfig;
+use super::false_positives::false_positives;
+use crate::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
+use crate::roi::train::{BoxErrors, drawn, is_seen, jittered};
 
 /// The detector's own errors are of this size.
-const FIRST_LOOK: LookErrors = LookErrors { depth: 0.06, size: 0.06, center: 0.04, heading_rad: 0.15 };
+const DETECTOR_ERRORS: BoxErrors = BoxErrors { depth: 0.06, size: 0.06, center: 0.04, heading_rad: 0.15 };
 
 /// What is cut out.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +24,7 @@ enum Seen {
     Nothing(Box3d),
 }
 
-/// One cut-out as the refiner sees it.
+/// One crop as the refiner sees it.
 #[derive(Debug)]
 struct CropSample {
     /// `[6, side, side]`.
@@ -35,9 +35,9 @@ struct CropSample {
     kind: Option<usize>,
 }
 
-/// What a frame teaches.
+/// What is learnt from a frame.
 #[derive(Debug)]
-pub(crate) struct FrameCrops {
+pub struct FrameCrops {
     /// Name of the frame.
     pub(super) id: String,
     crops: Vec<CropSample>,
@@ -45,33 +45,33 @@ pub(crate) struct FrameCrops {
 
 /// Makes the samples of a frame. Shared by the loader's threads.
 #[derive(Debug)]
-pub(super) struct CropSampler {
-    pub(super) source: Box<dyn FrameSource>,
+pub(super) struct CropMaker {
+    pub(super) source: Arc<dyn Dataset>,
     pub(super) augmentation: AugmentationConfig,
-    pub(super) train: CropTrainConfig,
+    pub(super) task: RefinerTaskConfig,
     pub(super) side: usize,
 }
 
-impl CropSampler {
+impl CropMaker {
     /// The samples of the frame that `key` stands for; the same whenever and wherever they are asked for.
     pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let mut rng = key.rng();
-        let labels = frame.labels.iter().filter(|label| is_seen(label, self.train.least_height_px));
+        let labels = frame.labels.iter().filter(|label| is_seen(label, self.task.least_height_px));
         let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));
-        let objects = drawn(labels.map(object).collect(), self.train.objects_per_frame, &mut rng);
-        let nothing = match &self.train.first_looks {
-            Some(folder) => false_alarms(folder, &frame, self.train.least_height_px)?,
+        let objects = drawn(labels.map(object).collect(), self.task.objects_per_frame, &mut rng);
+        let nothing = match &self.task.detections {
+            Some(folder) => false_positives(folder, &frame, self.task.least_height_px)?,
             None => Vec::new(),
         };
         let nothing = nothing.into_iter().map(Seen::Nothing).collect();
-        let nothing = drawn(nothing, self.train.false_alarms_per_frame, &mut rng);
+        let nothing = drawn(nothing, self.task.false_positives_per_frame, &mut rng);
         let seen = objects.into_iter().chain(nothing);
         let crops = seen.filter_map(|seen| self.sample(&frame, seen, &mut rng)).collect();
         Ok(FrameCrops { id: frame.id.clone(), crops })
     }
 
-    /// What is there, cut out where a first look with errors would see it.
+    /// What is there, cut out where a detector with errors would see it.
     fn sample(&self, frame: &Frame, seen: Seen, rng: &mut impl Rng) -> Option<CropSample> {
         let (width, height) = frame.image.dimensions();
         let rules = input_rules(self.side);
@@ -80,7 +80,7 @@ impl CropSampler {
         let camera = if drawn.mirror { frame.camera.mirrored(image_size[0]) } else { frame.camera };
         let (Seen::Object(box3d, _) | Seen::Nothing(box3d)) = seen;
         let box3d = if drawn.mirror { box3d.mirrored() } else { box3d };
-        let first_look = misjudged(&box3d, &camera, &FIRST_LOOK, rng)?.projected(&camera)?;
+        let first_look = jittered(&box3d, &camera, &DETECTOR_ERRORS, rng)?.projected(&camera)?;
         let crop = Crop::around(&first_look.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
         let (targets, kind) = match seen {
             Seen::Object(_, kind) => (Some(crop.encode(&box3d)?.map(|target| target as f32)), kind),
@@ -94,13 +94,13 @@ impl CropSampler {
 
 /// What a step learns from.
 #[derive(Debug)]
-pub(super) struct CropBatch {
-    /// `[cut-outs, 6, side, side]`.
+pub struct CropBatch {
+    /// `[crops, 6, side, side]`.
     pub(super) input: Tensor,
-    /// Which cut-outs show objects, and where those are: `[objects]` and `[objects, 8]`.
+    /// Which crops show objects, and where those are: `[objects]` and `[objects, 8]`.
     pub(super) objects: Tensor,
     pub(super) targets: Tensor,
-    /// Of which cut-outs the kind is known, and that: `[known]` each.
+    /// Of which crops the kind is known, and that: `[known]` each.
     pub(super) known: Tensor,
     pub(super) kinds: Tensor,
 }

@@ -1,12 +1,12 @@
-//! Where an earlier look could have placed an object.
+//! Where an earlier stage could have placed an object.
 
 use farsight_core::{Box3d, Camera, Dimensions, wrapped_angle};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-/// Errors of an earlier look, standard deviations.
+/// Errors of an earlier stage, standard deviations.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct LookErrors {
+pub(crate) struct BoxErrors {
     /// Of the logarithm of the depth.
     pub(crate) depth: f64,
     /// Of the logarithms of the sizes.
@@ -17,8 +17,8 @@ pub(crate) struct LookErrors {
     pub(crate) heading_rad: f64,
 }
 
-/// `object` as an earlier look could have placed it; `None` when its centre is not in front of the camera.
-pub(crate) fn misjudged(object: &Box3d, camera: &Camera, errors: &LookErrors, rng: &mut impl Rng) -> Option<Box3d> {
+/// `object` as an earlier stage could have placed it; `None` when its centre is not in front of the camera.
+pub(crate) fn jittered(object: &Box3d, camera: &Camera, errors: &BoxErrors, rng: &mut impl Rng) -> Option<Box3d> {
     let mut normal = |deviation: f64| deviation * rng.sample::<f64, _>(StandardNormal);
     let Dimensions { height, width, length } = object.dimensions;
     let dimensions = Dimensions {

@@ -3,6 +3,8 @@
 //! Farsight's canonical names are those of official SMOKE. The rules here are those of spec section 13; nothing is looked up in a table of
 //! whole names, so that narrower and wider networks of the same build map too.
 
+pub(super) mod mobilenet_v2;
+
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
@@ -15,6 +17,12 @@ pub enum Layout {
     Mmdet3d,
     /// DLA-34 trained on ImageNet, as the authors of DLA published it: the backbone alone.
     ImagenetDla34,
+    /// `MobileNetV2` as torchvision names it.
+    MobilenetV2,
+    /// `MobileNetV2` as torchvision and the repositories before it named it first: the layers of a block in one row, activations counted.
+    MobilenetV2InRows,
+    /// `MobileNetV2` in TensorFlow's object detection, batch norms folded, as TFLite files have it.
+    MobilenetV2Tensorflow,
 }
 
 /// How ImageNet's batch norms start the norms of our backbone.
@@ -54,6 +62,9 @@ impl Layout {
             ("backbone.body.base.", Self::OfficialSmoke),
             ("backbone.base_layer.", Self::Mmdet3d),
             ("base_layer.", Self::ImagenetDla34),
+            ("FeatureExtractor/MobilenetV2/", Self::MobilenetV2Tensorflow),
+            ("features.1.conv.0.0.", Self::MobilenetV2),
+            ("features.1.conv.0.", Self::MobilenetV2InRows),
         ];
         names.find_map(|name| signs.iter().find(|(sign, _)| name.starts_with(sign))).map(|(_, layout)| *layout)
     }
@@ -64,6 +75,9 @@ impl Layout {
             Self::OfficialSmoke => "official-smoke",
             Self::Mmdet3d => "mmdet3d",
             Self::ImagenetDla34 => "imagenet-dla34",
+            Self::MobilenetV2 => "mobilenet-v2",
+            Self::MobilenetV2InRows => "mobilenet-v2-in-rows",
+            Self::MobilenetV2Tensorflow => "mobilenet-v2-tensorflow",
         }
     }
 
@@ -79,6 +93,11 @@ impl Layout {
             Self::OfficialSmoke => Some(name.to_owned()),
             Self::Mmdet3d => canonical_from_mmdet3d(name),
             Self::ImagenetDla34 => canonical_from_imagenet(name, norms),
+            Self::MobilenetV2 => return mobilenet_v2::canonical_name(name),
+            Self::MobilenetV2InRows => return mobilenet_v2::canonical_name(&mobilenet_v2::modern_name(name)?),
+            Self::MobilenetV2Tensorflow => {
+                return mobilenet_v2::canonical_name(&mobilenet_v2::name_from_tensorflow(name)?);
+            }
         }
         .filter(|name| is_canonical(name))
     }

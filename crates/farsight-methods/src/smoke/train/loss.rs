@@ -1,18 +1,18 @@
-//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7). And a lesson in depth that rendered scenes allow.
+//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7). And an auxiliary loss in depth that rendered scenes allow.
 
 use std::collections::HashSet;
 
 use crate::smoke::codec::CHANNELS;
 use crate::smoke::corner_loss::{CornerLoss, corner_loss};
 use crate::smoke::targets::{ObjectTarget, Targets};
-use farsight_core::{Camera, Codec};
+use farsight_core::Camera;
 use serde::Serialize;
-use tch::{Device, Kind, Tensor};
+use tch::{Device, Tensor};
 
-use crate::metrics::Terms;
-
-/// Bounds of the probability in the focal loss (spec section 4).
-const PROBABILITY_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
+use crate::smoke::Codec;
+use farsight_train::executor::{doubles_from_tensor, wide_kind};
+use farsight_train::losses::focal_loss;
+use farsight_train::metrics::Metrics;
 
 /// Official SMOKE divides the corner loss of a GPU's 8 images by 10 * 30; ours divides by 300 for every 8 images, so
 /// that the balance with the heat map does not depend on the batch size (spec 7.2).
@@ -31,7 +31,7 @@ pub struct LossTerms {
     pub location: f64,
     /// Corner loss of the predicted box as the image shows it.
     pub image: f64,
-    /// Error of the surface's depth; zero where it is not taught.
+    /// Error of the surface's depth; zero where it is not learnt.
     pub surface: f64,
 }
 
@@ -42,7 +42,7 @@ impl LossTerms {
     }
 }
 
-impl Terms for LossTerms {
+impl Metrics for LossTerms {
     const SAMPLES: &'static str = "images";
 
     fn named(&self) -> Vec<(&'static str, f64)> {
@@ -147,18 +147,18 @@ impl BatchTargets {
         let map_size @ [width, height] = images.first().map_or([0, 0], |t| t.map_size);
         let values: Vec<f32> = images.iter().flat_map(|t| &t.heat_map).copied().collect();
         let shape = [images.len() as i64, -1, height as i64, width as i64];
-        let taught = images.iter().enumerate().filter(|&(i, _)| regress[i]);
+        let regressed = images.iter().enumerate().filter(|&(i, _)| regress[i]);
         let whole = |image: usize, object: &ObjectTarget| RegressionCell { image, object: object.clone(), share: 1.0 };
         Self {
             heat_map: Tensor::from_slice(&values).view(shape).to_device(device),
-            cells: taught.flat_map(|(i, t)| t.objects.iter().map(move |object| whole(i, object))).collect(),
+            cells: regressed.flat_map(|(i, t)| t.objects.iter().map(move |object| whole(i, object))).collect(),
             cameras: images.iter().map(|t| t.camera).collect(),
             map_size,
             surface_m: None,
         }
     }
 
-    /// The same objects, each taught at its own cell and at those up to `reach` cells away, which share its weight: a peak that is a cell off then finds
+    /// The same objects, each learnt at its own cell and at those up to `reach` cells away, which share its weight: a peak that is a cell off then finds
     /// an answer too. Cells that are another object's own are left to it.
     pub fn with_neighbours(self, reach: usize) -> Self {
         let own: HashSet<(usize, [usize; 2])> = self.cells.iter().map(|cell| (cell.image, cell.object.cell)).collect();
@@ -180,22 +180,6 @@ impl BatchTargets {
     }
 }
 
-/// Penalty-reduced focal loss of `logits` against the heat map `target`, alpha 2, beta 4 (spec 7.1).
-///
-/// Normalised by the number of cells equal to 1 in the whole batch; without any, the sum is not normalised, as in official SMOKE.
-pub fn focal_loss(logits: &Tensor, target: &Tensor) -> Tensor {
-    let (low, high) = PROBABILITY_LIMITS;
-    let probability = logits.to_kind(Kind::Float).sigmoid().clamp(low, high);
-    let complement = Tensor::from(1.0_f32) - &probability;
-    let positive = target.eq(1.0).to_kind(Kind::Float);
-    let negative_weight = (Tensor::from(1.0_f32) - target).pow_tensor_scalar(4);
-    let positive_terms = probability.log() * complement.square() * &positive;
-    // At a positive cell the weight (1 - 1)^4 is zero already.
-    let negative_terms = complement.log() * probability.square() * negative_weight;
-    let count = positive.sum(Kind::Float).clamp_min(1.0);
-    (positive_terms + negative_terms).sum(Kind::Float).neg() / count
-}
-
 /// The loss of a batch as a tensor to differentiate, and its terms.
 ///
 /// The corner loss is computed by `farsight-core` on the few cells that hold objects, with its exact gradient; the tensor returned has
@@ -212,22 +196,23 @@ pub fn loss(
 ) -> (Tensor, LossTerms) {
     let heat_map = focal_loss(logits, &targets.heat_map);
     let raw = regression_at_objects(regression, targets);
-    let values = crate::executor::values_from_tensor(&raw);
+    let values = doubles_from_tensor(&raw);
 
     let mut gradient = Vec::with_capacity(values.len());
     let mut terms = LossTerms::default();
     for (RegressionCell { image, object, share }, raw) in targets.cells.iter().zip(values.as_chunks::<CHANNELS>().0) {
-        let corners = weights.weighted(&corner_loss(codec, raw.map(f64::from), object, &targets.cameras[*image]));
+        let corners = weights.weighted(&corner_loss(codec, *raw, object, &targets.cameras[*image]));
         let factor = share * weights.factor(object.box3d.depth_m());
         terms.orientation += corners.orientation.value * factor;
         terms.dimensions += corners.dimensions.value * factor;
         terms.location += corners.location.value * factor;
         terms.image += corners.image.value * factor;
-        gradient.extend(corners.sum().gradient.map(|g| (g * factor) as f32));
+        gradient.extend(corners.sum().gradient.map(|g| g * factor));
     }
-    let gradient = Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_device(raw.device());
+    let gradient =
+        Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_kind(raw.kind()).to_device(raw.device());
     terms.heat_map = heat_map.double_value(&[]);
-    (heat_map + (raw * gradient).sum(Kind::Float), terms)
+    (heat_map + (&raw * gradient).sum(raw.kind()), terms)
 }
 
 /// Mean difference of the logarithms of depth, where `surface_m` (virtual, metres) knows one; `predicted` is the logarithm of depth over `mean_m`.
@@ -239,7 +224,8 @@ pub fn surface_loss(predicted: &Tensor, surface_m: &Tensor, mean_m: f64) -> Tens
     let nowhere = known.logical_not();
     let wanted = (surface_m / mean_m).log().masked_fill(&nowhere, 0.0);
     let error = (predicted - wanted).abs().masked_fill(&nowhere, 0.0);
-    error.sum(Kind::Float) / known.sum(Kind::Float).clamp_min(1.0)
+    let kind = wide_kind(predicted.kind());
+    error.sum(kind) / known.sum(kind).clamp_min(1.0)
 }
 
 /// The raw channels at the cells of the objects, `[objects, 8]`.
@@ -250,6 +236,6 @@ fn regression_at_objects(regression: &Tensor, targets: &BatchTargets) -> Tensor 
     };
     let cells: Vec<i64> = targets.cells.iter().map(index).collect();
     let cells = Tensor::from_slice(&cells).to_device(regression.device());
-    let by_cell = regression.to_kind(Kind::Float).permute([0, 2, 3, 1]).reshape([-1, CHANNELS as i64]);
+    let by_cell = regression.to_kind(wide_kind(regression.kind())).permute([0, 2, 3, 1]).reshape([-1, CHANNELS as i64]);
     by_cell.index_select(0, &cells)
 }

@@ -1,14 +1,14 @@
 //! From labelled frames to the tensors of a batch.
 
+use std::sync::Arc;
+
 use farsight_core::input::InputRules;
-use crate::smoke::targets::{TargetRules, Targets};
-use farsight_data::kitti::dataset::DatasetError;
-use farsight_data::{AugmentationConfig, ItemKey};
-use crate::smoke::config::{SmokeConfig, Quirks};
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
 use tch::{Device, Tensor};
 
-use crate::loss::BatchTargets;
-use crate::sources::FrameSource;
+use super::loss::BatchTargets;
+use crate::smoke::targets::{TargetRules, Targets};
+use crate::smoke::{Quirks, SmokeConfig};
 
 /// One image as the network sees it, and what it should answer.
 #[derive(Debug)]
@@ -27,17 +27,17 @@ pub struct TrainSample {
 
 /// Makes samples: frame, transform, targets. Shared by the loader's threads.
 #[derive(Debug)]
-pub struct Sampler {
-    source: Box<dyn FrameSource>,
+pub struct SampleMaker {
+    source: Arc<dyn Dataset>,
     quirks: Quirks,
     input_rules: InputRules,
     target_rules: TargetRules,
     augmentation: AugmentationConfig,
 }
 
-impl Sampler {
+impl SampleMaker {
     /// Samples of `source` for `model`.
-    pub fn new(source: Box<dyn FrameSource>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
+    pub fn new(source: Arc<dyn Dataset>, model: &SmokeConfig, augmentation: AugmentationConfig) -> Self {
         let (input_rules, target_rules) = (model.input_rules(), model.target_rules());
         Self { source, quirks: model.quirks, input_rules, target_rules, augmentation }
     }
@@ -57,7 +57,7 @@ impl Sampler {
     /// # Errors
     /// When the frame cannot be read.
     pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.frame(key)?;
+        let frame = self.source.item(key)?;
         let (width, height) = frame.image.dimensions();
         let image_size = [width as usize, height as usize];
         let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);
@@ -66,7 +66,7 @@ impl Sampler {
         let camera = self.quirks.camera(&sample.camera);
         let targets = self.target_rules.targets(&sample.labels, &camera, sample.size);
         let depth = self.target_rules.codec.depth;
-        let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), &targets.camera) as f32;
+        let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), camera.focal_y()) as f32;
         let surface_m = sample.surface_m.map(|surface_m| surface_m.iter().map(seen).collect());
         Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress, surface_m })
     }

@@ -1,16 +1,13 @@
 //! `farsight eval --classic`: the same detections with the distances that they would have without a network.
 
-use std::path::Path;
-
 use anyhow::Result;
 use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height};
 use farsight_core::{Camera, Detection};
-use farsight_data::kitti::Calibration;
 use farsight_eval::ranging::RangingOptions;
 use farsight_eval::{EvaluatedClass, Evaluation, Frame, FrameFiles, text};
 use farsight_synth::sizes::SizeStatistics;
 
-use super::EvalArgs;
+use super::{EvalArgs, Files};
 use crate::printer::Printer;
 
 /// Height of KITTI's camera above the road, metres (Geiger et al. 2013).
@@ -20,7 +17,7 @@ pub(super) const CAMERA_HEIGHT_M: f64 = 1.65;
 type Ranger<'a> = &'a dyn Fn(&Detection, &Camera) -> Option<f64>;
 
 /// Prints the errors of the two classic rangers on the detections of `files`. Detections that a ranger can say nothing about count as not found.
-pub(super) fn run(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, printer: &mut Printer) -> Result<()> {
+pub(super) fn run(args: &EvalArgs, source: &Files, files: &FrameFiles, printer: &mut Printer) -> Result<()> {
     let camera_height_m = args.camera_height;
     let by_height = |detection: &Detection, camera: &Camera| {
         let sizes = SizeStatistics::of(&detection.class);
@@ -35,7 +32,7 @@ pub(super) fn run(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, prin
         ("inverse perspective: the bottom edge of the 2D box on flat ground", &by_ground),
     ];
     for (name, ranger) in rangers {
-        let report = evaluated(args, calibrations, files, ranger)?.report();
+        let report = evaluated(args, source, files, ranger)?.report();
         printer.line("");
         printer.heading(&format!("the same detections, ranged by {name}"));
         for line in text::moderate_lines(&report.ranging, EvaluatedClass::Car) {
@@ -45,10 +42,10 @@ pub(super) fn run(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, prin
     Ok(())
 }
 
-fn evaluated(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, ranger: Ranger) -> Result<Evaluation> {
+fn evaluated(args: &EvalArgs, source: &Files, files: &FrameFiles, ranger: Ranger) -> Result<Evaluation> {
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..args.ranging_options() });
     for id in files.ids() {
-        let camera = Calibration::read(&calibrations.join(format!("{id}.txt")))?.camera();
+        let camera = source.camera(id)?;
         let (Frame { id, labels, predictions }, _) = files.read(id)?;
         let moved = predictions.into_iter().filter_map(|prediction| moved(prediction.detection, &camera, ranger));
         evaluation.add(&Frame::new(id, labels, moved.collect()));

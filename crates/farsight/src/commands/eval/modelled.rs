@@ -2,13 +2,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use farsight::object::detections;
 use farsight::{Detection, Pipeline};
-use farsight_data::KittiDataset;
-use farsight_data::kitti::{read_split, write_results};
-use farsight_data::read_image;
+use farsight_core::Camera;
+use farsight_data::kitti::{Calibration, read_split, write_results};
+use farsight_data::{Dataset, open_labelled};
+use farsight_eval::LabelSource;
 use tempfile::TempDir;
 
 use super::EvalArgs;
@@ -22,9 +24,19 @@ pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
 /// Frames that failed are told one by one up to this number, and the rest in one line: a folder without its images has thousands.
 const TOLD_FAILURES: usize = 5;
 
+/// Where the cameras of the frames are.
+enum Cameras {
+    /// Calibration files in a folder.
+    Folder(PathBuf),
+    /// The data set has them.
+    Dataset(Arc<dyn Dataset>),
+}
+
 /// Where the files to evaluate are.
 pub(super) struct Files {
-    pub(super) labels: PathBuf,
+    pub(super) labels: LabelSource,
+    /// Where the cameras are.
+    cameras: Cameras,
     pub(super) results: PathBuf,
     pub(super) ids: Option<Vec<String>>,
     /// Whether a model has made the results just now.
@@ -46,7 +58,8 @@ impl Files {
                 );
                 let ids = args.split.as_deref().map(split_of_files).transpose()?;
                 Ok(Self {
-                    labels: labels.clone(),
+                    labels: labels.into(),
+                    cameras: Cameras::Folder(args.calib.clone().unwrap_or_else(|| labels.with_file_name("calib"))),
                     results: results.clone(),
                     ids,
                     by_model: false,
@@ -60,6 +73,20 @@ impl Files {
     }
 }
 
+impl Files {
+    /// The camera of the frame called `id`.
+    pub(super) fn camera(&self, id: &str) -> Result<Camera> {
+        match &self.cameras {
+            Cameras::Folder(folder) => Ok(Calibration::read(&folder.join(format!("{id}.txt")))?.camera()),
+            Cameras::Dataset(dataset) => {
+                let index = dataset.ids().iter().position(|known| known == id);
+                let index = index.with_context(|| format!("{}: no frame {id}", dataset.name()))?;
+                Ok(dataset.camera(index)?)
+            }
+        }
+    }
+}
+
 /// Ids from a file; names of splits need a data set that has them.
 fn split_of_files(split: &Path) -> Result<Vec<String>> {
     ensure!(split.is_file(), "{}: no such file; a bare name such as val is for --data", split.display());
@@ -67,9 +94,9 @@ fn split_of_files(split: &Path) -> Result<Vec<String>> {
 }
 
 fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut Printer) -> Result<Files> {
-    let dataset = KittiDataset::open(data, args.split.as_deref())?;
+    let dataset = open_labelled(data, args.split.as_deref())?;
     let (results, folder) = if let Some(kept) = results {
-        outputs::check_results(kept, dataset.ids(), &outputs::layout_folders(&dataset.label_folder()))?;
+        outputs::check_results(kept, &dataset.ids(), &dataset.folders())?;
         outputs::make_folder(kept)?;
         (kept.to_owned(), None)
     } else {
@@ -78,28 +105,30 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     };
     let min_score = args.min_score.unwrap_or(MIN_SCORE);
     let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(min_score))?;
-    let ids = write_results_of(&pipeline, &dataset, &results, printer)?;
+    let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
     printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
-    Ok(Files { labels: dataset.label_folder(), results, ids: Some(ids), by_model: true, failed, _folder: folder })
+    let labels = LabelSource::from(&dataset);
+    let cameras = args.calib.clone().map_or(Cameras::Dataset(dataset), Cameras::Folder);
+    Ok(Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: folder })
 }
 
 /// Writes a result file for each frame of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
     pipeline: &Pipeline,
-    dataset: &KittiDataset,
+    dataset: &dyn Dataset,
     results: &Path,
     printer: &mut Printer,
 ) -> Result<Vec<String>> {
     let bar = progress_bar(dataset.len());
     let (mut done, mut failed) = (Vec::new(), 0);
-    for (index, id) in dataset.ids().iter().enumerate() {
+    for (index, id) in dataset.ids().into_iter().enumerate() {
         let path = results.join(format!("{id}.txt"));
         match looked_at(pipeline, dataset, index) {
             Ok(detections) => {
                 write_results(&path, &detections)?;
-                done.push(id.clone());
+                done.push(id);
             }
             Err(error) => {
                 failed += 1;
@@ -121,8 +150,7 @@ pub(in crate::commands) fn write_results_of(
     Ok(done)
 }
 
-fn looked_at(pipeline: &Pipeline, dataset: &KittiDataset, index: usize) -> Result<Vec<Detection>> {
-    let path = dataset.image_path(index);
-    let objects = pipeline.detect(&read_image(&path)?, &dataset.load_camera(index)?);
-    Ok(detections(&objects.with_context(|| path.display().to_string())?))
+fn looked_at(pipeline: &Pipeline, dataset: &dyn Dataset, index: usize) -> Result<Vec<Detection>> {
+    let objects = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
+    Ok(detections(&objects.with_context(|| dataset.origin(index))?))
 }

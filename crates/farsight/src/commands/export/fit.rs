@@ -11,7 +11,7 @@ use farsight_core::detection::DecodeOptions;
 use farsight_core::range_error::DepthExample;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
 use farsight_core::{Camera, DepthFusion, Detection, ObjectClass, RangeError, ScoreCalibration};
-use farsight_data::{KittiDataset, read_image};
+use farsight_data::{Dataset, open_labelled};
 use farsight_eval::ranging::{RangingOptions, Target, match_frame};
 use farsight_eval::{Difficulty, Frame};
 use farsight_methods::smoke::SmokeModel;
@@ -53,10 +53,10 @@ pub(super) fn fit(model: &mut SmokeModel, source: &Path, data: &Path, printer: &
         class.score = None;
     }
     model.config.depth.error = None;
-    let dataset = KittiDataset::open(data, None)?;
-    let first = judged_by_model(model, source, &dataset)?;
+    let dataset = open_labelled(data, None)?;
+    let first = judged_by_model(model, source, &*dataset)?;
     fit_distances(model, &first, printer).with_context(|| data.display().to_string())?;
-    let mut second = judged_by_model(model, source, &dataset)?;
+    let mut second = judged_by_model(model, source, &*dataset)?;
     fit_scores(model, &second, printer).with_context(|| data.display().to_string())?;
     for judged in &mut second {
         judged.score = probability(model, judged);
@@ -118,7 +118,7 @@ fn probability(model: &SmokeModel, judged: &Judged) -> f64 {
 }
 
 /// What `model` finds in all frames of `dataset`, but for what the labels do not judge.
-fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &KittiDataset) -> Result<Vec<Judged>> {
+fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &dyn Dataset) -> Result<Vec<Judged>> {
     let file = DetectorFile::from_model(model, farsight_onnx::Target::Portable, source)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let mut detector = smoke_detector(&EngineOptions::default(), file, source)?;
@@ -135,14 +135,13 @@ fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &KittiDataset) ->
 fn judged_in_frame(
     detector: &mut SmokeDetector,
     options: &DecodeOptions,
-    dataset: &KittiDataset,
+    dataset: &dyn Dataset,
     index: usize,
 ) -> Result<Vec<Judged>> {
-    let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
-    let image = read_image(&path)?;
+    let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
     let view = detector.input().view([image.width() as usize, image.height() as usize], &camera);
-    let detections = first_look(detector, options, &image, &camera).with_context(|| path.display().to_string())?;
-    let frame = Frame::new(String::new(), dataset.load_labels(index)?, detections);
+    let detections = first_look(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
+    let frame = Frame::new(String::new(), dataset.labels(index)?, detections);
     let reference = &detector.codec().depth;
     let judged = |(place, target): (usize, Option<Target>)| {
         let detection = &frame.predictions[place].detection;

@@ -9,7 +9,7 @@ use farsight::{EngineOptions, Pipeline, Road, StageSource};
 use farsight_core::MeasuredDepth;
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::score::LEAST_PEAK;
-use farsight_data::{KittiDataset, read_image};
+use farsight_data::{Dataset, open_labelled};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
 use farsight_methods::plate_reader::PlateReader;
@@ -31,7 +31,7 @@ pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Resu
 
 /// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
 fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> {
-    let dataset = KittiDataset::open(data, None)?;
+    let dataset = open_labelled(data, None)?;
     // What is known before a plate is read; every look counts, two in one place, too.
     let builder = Pipeline::builder().plates(StageSource::Off).road(Road::Ignored);
     let pipeline = builder.min_score(LEAST_PEAK).max_overlap(1.0).open()?;
@@ -39,7 +39,7 @@ fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> 
     let bar = progress_bar(dataset.len());
     let mut pairs = Vec::new();
     for index in 0..dataset.len() {
-        pairs.extend(pairs_of_frame(&pipeline, &mut reader, &dataset, index)?);
+        pairs.extend(pairs_of_frame(&pipeline, &mut reader, &*dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -49,14 +49,13 @@ fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> 
 fn pairs_of_frame(
     pipeline: &Pipeline,
     reader: &mut PlateReader,
-    dataset: &KittiDataset,
+    dataset: &dyn Dataset,
     index: usize,
 ) -> Result<Vec<DepthPair>> {
-    let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
-    let image = read_image(&path)?;
-    let known = detections(&pipeline.detect(&image, &camera).with_context(|| path.display().to_string())?);
+    let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
+    let known = detections(&pipeline.detect(&image, &camera).with_context(|| dataset.origin(index))?);
     let readings = reader.readings(&image, &camera, &known)?;
-    let frame = Frame::new(String::new(), dataset.load_labels(index)?, known);
+    let frame = Frame::new(String::new(), dataset.labels(index)?, known);
     let pair = |(place, target): (usize, Option<Target>)| {
         let target = target.filter(is_plain)?;
         let first = MeasuredDepth::of(&frame.predictions[place].detection)?;

@@ -10,7 +10,7 @@ use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
 use farsight_core::{Camera, Detection, Label, MeasuredDepth, ObjectClass};
-use farsight_data::{KittiDataset, read_image};
+use farsight_data::{Dataset, open_labelled};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
 use farsight_methods::Detector;
@@ -98,7 +98,7 @@ impl SeenTwice {
 
 /// All frames of `data` as the shipped model and the refiner see them, and the shipped model's classes.
 fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<ObjectClass>)> {
-    let dataset = KittiDataset::open(data, None)?;
+    let dataset = open_labelled(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let engine = EngineOptions::default();
     let source = Path::new(shipped::NAME);
@@ -113,7 +113,7 @@ fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<
     let bar = progress_bar(dataset.len());
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
-        seen.push(frame_seen_twice(&mut detector, &options, &mut refiner, &dataset, index)?);
+        seen.push(frame_seen_twice(&mut detector, &options, &mut refiner, &*dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -124,13 +124,12 @@ fn frame_seen_twice(
     detector: &mut SmokeDetector,
     options: &DecodeOptions,
     refiner: &mut Refiner,
-    dataset: &KittiDataset,
+    dataset: &dyn Dataset,
     index: usize,
 ) -> Result<SeenTwice> {
-    let (path, camera) = (dataset.image_path(index), dataset.load_camera(index)?);
-    let image = read_image(&path)?;
-    let first = first_look(detector, options, &image, &camera).with_context(|| path.display().to_string())?;
+    let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
+    let first = first_look(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
     let second = refiner.second_looks(&image, &camera, &first)?;
     let image_size = [image.width(), image.height()].map(|side| side as usize);
-    Ok(SeenTwice { camera, image_size, labels: dataset.load_labels(index)?, first, second })
+    Ok(SeenTwice { camera, image_size, labels: dataset.labels(index)?, first, second })
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use farsight::{ModelSource, Pipeline, Road, StageSource};
-use farsight_data::KittiDataset;
+use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Bootstrap, Difference, Group, RangingComparison, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
@@ -48,7 +48,7 @@ impl Metres {
         args: &ExportArgs,
         printer: &mut Printer,
     ) -> Result<Self> {
-        let dataset = KittiDataset::open(data, args.int8.split.as_deref())?;
+        let dataset = open_labelled(data, args.int8.split.as_deref())?;
         let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
             let source = ModelSource::Memory { file: Box::new(file.clone()), name: args.model.clone() };
@@ -56,9 +56,9 @@ impl Metres {
             // The network alone.
             let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
             let pipeline = pipeline_args::open(&builder.min_score(MIN_SCORE))?;
-            let done = write_results_of(&pipeline, &dataset, folder.path(), printer)?;
+            let done = write_results_of(&pipeline, &*dataset, folder.path(), printer)?;
             ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
-            let files = FrameFiles::open(&dataset.label_folder(), folder.path(), Some(dataset.ids().to_vec()))?;
+            let files = FrameFiles::open(&dataset, folder.path(), Some(dataset.ids()))?;
             let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
             Ok((files.evaluate(&options)?.0, pipeline.engine().to_owned()))
         };

@@ -1,30 +1,30 @@
-//! More or less fine detail than an image has.
+//! Sharpness: more or less fine detail than an image has (torchvision's `adjust_sharpness`).
 //!
-//! Photographs have more of it than rendered images, and a network that has only seen these sees photographed cars near by too far away, the farther the more
-//! detail they have. This is to make detail say nothing about distance.
+//! Photographs have more of it than rendered images. A network that has only seen these sees photographed cars near by
+//! too far away, the farther the more detail they have. This is to make detail say nothing about distance.
 
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
 use image::imageops::fast_blur;
 use image::{ImageBuffer, Luma};
 use rand::{Rng, RngExt};
 
-/// Range of [`Detail::blur_px`].
-const BLURS_PX: [f64; 2] = [0.8, 4.0];
+/// Range of [`Sharpness::sigma_px`].
+const SIGMAS_PX: [f64; 2] = [0.8, 4.0];
 
 /// A factor on fine detail.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Detail {
-    /// Detail is what a blur this wide (standard deviation, pixels of the input) takes away.
-    pub blur_px: f32,
+pub struct Sharpness {
+    /// Detail is what a Gaussian blur takes away that has this standard deviation, pixels of the input.
+    pub sigma_px: f32,
     /// Factor on it: 0 is the blurred image, 1 changes nothing.
     pub factor: f32,
 }
 
-impl Detail {
+impl Sharpness {
     /// Draws a factor between one over `most` and `most`.
     pub fn draw(rng: &mut impl Rng, most: f64) -> Self {
         let mut between = |low: f64, high: f64| (low.ln() + (high.ln() - low.ln()) * rng.random::<f64>()).exp() as f32;
-        Self { blur_px: between(BLURS_PX[0], BLURS_PX[1]), factor: between(1.0 / most, most) }
+        Self { sigma_px: between(SIGMAS_PX[0], SIGMAS_PX[1]), factor: between(1.0 / most, most) }
     }
 
     /// Changes the normalised planes of `input` (width, height, pixels); colours stay between black and white.
@@ -35,7 +35,7 @@ impl Detail {
             let Some(sharp) = ImageBuffer::<Luma<f32>, _>::from_raw(width as u32, height as u32, colours) else {
                 return;
             };
-            let blurred = fast_blur(&sharp, self.blur_px);
+            let blurred = fast_blur(&sharp, self.sigma_px);
             for ((value, sharp), blurred) in values.iter_mut().zip(sharp.iter()).zip(blurred.iter()) {
                 let colour = blurred + self.factor * (sharp - blurred);
                 *value = (colour.clamp(0.0, 1.0) - mean) / std;
@@ -78,7 +78,7 @@ mod tests {
     fn the_factor_is_that_of_the_detail_and_the_mean_stays() {
         for (factor, expected) in [(0.5, 0.05), (1.0, 0.1), (2.0, 0.2)] {
             let mut input = board();
-            Detail { blur_px: 4.0, factor }.apply(&mut input, SIZE);
+            Sharpness { sigma_px: 4.0, factor }.apply(&mut input, SIZE);
             for plane in 0..3 {
                 let [mean, deviation] = colours(&input, plane);
                 assert!((mean - 0.5).abs() < 0.003, "{mean}");
@@ -92,7 +92,7 @@ mod tests {
         for seed in 0..200 {
             let mut rng = Pcg64Mcg::seed_from_u64(seed);
             for size in [[1, 1], [1, 7], SIZE] {
-                let drawn = Detail::draw(&mut rng, 3.0);
+                let drawn = Sharpness::draw(&mut rng, 3.0);
                 assert!((1.0 / 3.0 - 1e-6..=3.0 + 1e-6).contains(&drawn.factor));
                 let mut input = vec![0.7; 3 * size[0] * size[1]];
                 drawn.apply(&mut input, size);

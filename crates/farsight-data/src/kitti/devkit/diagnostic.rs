@@ -7,7 +7,7 @@ use crate::kitti::fields::RowError;
 
 /// Something about a file that the devkit accepts, or passes over, without a word.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum Oddity {
+pub enum Diagnostic {
     /// A row that ends too early, or holds a word where a number belongs.
     #[error("row dropped: field {} \"{name}\" is \"{found}\"; expected a number (a row of {expected} fields)", .fields + 1)]
     DroppedRow {
@@ -87,8 +87,8 @@ pub enum Oddity {
     CarriageReturn,
 }
 
-impl Oddity {
-    /// What all oddities of this kind have in common, for a summary.
+impl Diagnostic {
+    /// What all diagnostics of this kind have in common, for a summary.
     pub const fn kind(&self) -> &'static str {
         match self {
             Self::DroppedRow { .. } => "rows dropped",
@@ -105,8 +105,8 @@ impl Oddity {
         }
     }
 
-    /// Whether the devkit's reading is plainly wrong, so that no figure should be made from it: the row is left out, and the caller
-    /// should stop.
+    /// Whether the devkit's reading is plainly wrong, so that no figure should be made from it: the row is left out,
+    /// and the caller should stop.
     pub const fn is_fatal(&self) -> bool {
         matches!(self, Self::FractionalOcclusion { .. })
     }

