@@ -118,7 +118,7 @@ mod present {
         }
 
         fn dimensions(&self) -> Vec<Dimension> {
-            let batch = self.batch.map_or(Dimension::new(1, -1), known);
+            let batch = self.batch.map_or(Dimension::new(-1, -1), known);
             [batch].into_iter().chain(self.rest.iter().map(|&side| known(side))).collect()
         }
     }

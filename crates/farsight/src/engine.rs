@@ -105,8 +105,11 @@ impl EngineOptions {
     /// Options of another engine than the one that is asked for would be ignored without a word.
     ///
     /// # Errors
-    /// When there are such.
+    /// When there are such, or libtorch is asked for and not built in.
     pub fn check(&self) -> Result<(), Error> {
+        if self.kind == EngineKind::Libtorch && !libtorch::IS_BUILT_IN {
+            return Err(Error::NoLibtorch);
+        }
         let unused = |option, expected| Error::Option { option, engine: self.kind, expected };
         if self.library.is_some() && self.kind.library().is_none() {
             return Err(unused("a library", "onnxruntime or openvino"));
