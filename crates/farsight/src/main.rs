@@ -5,6 +5,7 @@
 mod camera_source;
 mod commands;
 mod engines;
+mod figures;
 mod inputs;
 mod libraries;
 mod model_files;

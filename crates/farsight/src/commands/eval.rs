@@ -22,6 +22,7 @@ use crate::engines::{EngineArgs, RoadArgs, SecondLookArgs};
 use crate::outputs;
 use crate::printer::{Printer, counted};
 use crate::shipped;
+pub(super) use classic::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
 pub(super) use modelled::{MIN_SCORE, write_results_of};
 

@@ -1,11 +1,15 @@
 //! `farsight info`: what a model is made of and what it costs.
 
+mod picture;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
 use farsight_core::DepthFusion;
 use farsight_core::DepthReference;
+use farsight_files::write_quickly;
+use farsight_graph::blocks::blocks;
 use farsight_graph::count::{StageCount, count, total};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::NetworkConfig;
@@ -18,7 +22,7 @@ use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 use super::Outcome;
 use crate::printer::Printer;
 use crate::untrained::Untrained;
-use crate::{model_files, untrained};
+use crate::{model_files, outputs, untrained};
 
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
@@ -26,10 +30,16 @@ pub(crate) struct InfoArgs {
     /// A model, a refiner or a plate reader (.safetensors, .onnx), or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
+    /// Draw the network: its stages as boxes with parameters and multiply-accumulates
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
+    if let Some(path) = &args.svg {
+        outputs::check_file(path)?;
+    }
     let Described { input: [width, height], graph, facts } = read(&args.model)?;
     let stages = count(&graph, width, height).with_context(|| {
         format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
@@ -42,7 +52,19 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
     for stage in stages.iter().chain([&total(&stages)]) {
         printer.line(&row(stage));
     }
+    if let Some(path) = &args.svg {
+        draw(path, &args.model, &graph, [width, height], &total(&stages))?;
+    }
     Ok(Outcome::Done)
+}
+
+fn draw(path: &Path, model: &Path, graph: &Graph, [width, height]: [usize; 2], total: &StageCount) -> Result<()> {
+    let blocks = blocks(graph, width, height).context("the input does not fit the network")?;
+    let name = model.file_name().unwrap_or(model.as_os_str()).to_string_lossy();
+    let gmacs = total.macs as f64 / 1e9;
+    let title = format!("{name}: {} parameters, {gmacs:.2} GMAC", grouped(total.parameters));
+    let svg = picture::svg(&title, &blocks);
+    Ok(write_quickly(path, |file| file.write_all(svg.as_bytes()))?)
 }
 
 /// A file as it describes itself.

@@ -8,6 +8,7 @@ mod eval;
 mod export;
 mod import;
 mod info;
+mod measure;
 mod parity;
 mod prune;
 mod range;
@@ -49,6 +50,8 @@ pub(crate) enum Command {
     Prune(prune::PruneArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
+    /// Measure a model on several data sets, and put the figures into documents
+    Measure(measure::MeasureArgs),
 }
 
 /// How a command ended that could run.
@@ -77,6 +80,7 @@ impl Command {
             Self::Bench(args) => bench::run(&args, printer),
             Self::Prune(args) => prune::run(&args, printer),
             Self::Info(args) => info::run(&args, printer),
+            Self::Measure(args) => measure::run(&args, printer),
         }
     }
 }

@@ -14,14 +14,31 @@ use super::EvalArgs;
 use crate::printer::Printer;
 
 /// Height of KITTI's camera above the road, metres (Geiger et al. 2013).
-pub(super) const CAMERA_HEIGHT_M: f64 = 1.65;
+pub(in crate::commands) const CAMERA_HEIGHT_M: f64 = 1.65;
 
 /// Depth of a detection by its 2D box; `None` when the box says nothing.
 type Ranger<'a> = &'a dyn Fn(&Detection, &Camera) -> Option<f64>;
 
 /// Prints the errors of the two classic rangers on the detections of `files`. Detections that a ranger can say nothing about count as not found.
 pub(super) fn run(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, printer: &mut Printer) -> Result<()> {
-    let camera_height_m = args.camera_height;
+    let options = RangingOptions { bootstrap: None, ..args.ranging_options() };
+    for (_, what, evaluation) in evaluations(calibrations, files, args.camera_height, &options)? {
+        printer.line("");
+        printer.heading(&format!("the same detections, ranged by {what}"));
+        for line in text::moderate_lines(&evaluation.report().ranging, EvaluatedClass::Car) {
+            printer.line(&line);
+        }
+    }
+    Ok(())
+}
+
+/// Name and description of each classic ranger, and the detections of `files` with its distances. The camera is so high above the ground.
+pub(in crate::commands) fn evaluations(
+    calibrations: &Path,
+    files: &FrameFiles,
+    camera_height_m: f64,
+    options: &RangingOptions,
+) -> Result<[(&'static str, &'static str, Evaluation); 2]> {
     let by_height = |detection: &Detection, camera: &Camera| {
         let sizes = SizeStatistics::of(&detection.class);
         depth_from_height(&detection.box2d, camera, sizes.height.mean, sizes.length.mean / 2.0)
@@ -30,23 +47,22 @@ pub(super) fn run(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, prin
         let sizes = SizeStatistics::of(&detection.class);
         depth_from_ground(&detection.box2d, camera, camera_height_m, sizes.length.mean / 2.0)
     };
-    let rangers: [(&str, Ranger); 2] = [
-        ("similar triangles: mean height of the class over the height of the 2D box", &by_height),
-        ("inverse perspective: the bottom edge of the 2D box on flat ground", &by_ground),
-    ];
-    for (name, ranger) in rangers {
-        let report = evaluated(args, calibrations, files, ranger)?.report();
-        printer.line("");
-        printer.heading(&format!("the same detections, ranged by {name}"));
-        for line in text::moderate_lines(&report.ranging, EvaluatedClass::Car) {
-            printer.line(&line);
-        }
-    }
-    Ok(())
+    Ok([
+        (
+            "similar_triangles",
+            "similar triangles: mean height of the class over the height of the 2D box",
+            evaluated(calibrations, files, options, &by_height)?,
+        ),
+        (
+            "inverse_perspective",
+            "inverse perspective: the bottom edge of the 2D box on flat ground",
+            evaluated(calibrations, files, options, &by_ground)?,
+        ),
+    ])
 }
 
-fn evaluated(args: &EvalArgs, calibrations: &Path, files: &FrameFiles, ranger: Ranger) -> Result<Evaluation> {
-    let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..args.ranging_options() });
+fn evaluated(calibrations: &Path, files: &FrameFiles, options: &RangingOptions, ranger: Ranger) -> Result<Evaluation> {
+    let mut evaluation = Evaluation::new(options.clone());
     for id in files.ids() {
         let camera = Calibration::read(&calibrations.join(format!("{id}.txt")))?.camera();
         let (Frame { id, labels, claims }, _) = files.read(id)?;
