@@ -61,6 +61,19 @@ fn documents_say_what_was_measured() {
     assert!(text(copy.path(), "README.md").contains("| 7 of 123 (6%) |"));
 }
 
+#[test]
+fn the_picture_of_the_shipped_network_is_what_info_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawn = folder.path().join("drawn.svg");
+    let output = farsight(&root(), &["info", "models/farsight-s.safetensors", "--svg", drawn.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let kept = fs::read_to_string(root().join("docs/farsight-s.svg")).unwrap();
+    assert!(
+        fs::read_to_string(drawn).unwrap() == kept,
+        "docs/farsight-s.svg is old; docs/training.md says what draws it"
+    );
+}
+
 /// Two data sets in two folders, of which one is measured anew.
 const SETS: &str = "\
 [[sets]]

@@ -20,7 +20,7 @@ use farsight_methods::smoke::{DetectorFile, SmokeModel};
 use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
-use crate::printer::Printer;
+use crate::printer::{Printer, grouped};
 use crate::untrained::Untrained;
 use crate::{model_files, outputs, untrained};
 
@@ -179,30 +179,4 @@ fn depth(reference: &DepthReference) -> String {
 fn row(stage: &StageCount) -> String {
     let gmacs = stage.macs as f64 / 1e9;
     format!("{:15} {:>12} {gmacs:>10.3}", stage.stage, grouped(stage.parameters))
-}
-
-/// `19510976` as `19,510,976`.
-fn grouped(number: usize) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::grouped;
-
-    #[test]
-    fn digits_are_grouped() {
-        let table = [(0, "0"), (999, "999"), (1000, "1,000"), (19_510_976, "19,510,976")];
-        for (number, expected) in table {
-            assert_eq!(grouped(number), expected);
-        }
-    }
 }

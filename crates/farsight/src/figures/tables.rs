@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use crate::printer::grouped;
+
 use super::{AveragePrecision, ClassFigures, Errors, Figures, Operating, SetFigures};
 
 /// What may stand in the mark of a table.
@@ -136,7 +138,11 @@ fn distance(options: &Options) -> Result<Vec<String>> {
         let cell = |bin: &&str| {
             let row = figures.by_distance.iter().find(|row| row.metres == **bin);
             let Errors { objects, found, mae_m, .. } = row.with_context(|| format!("{}: no {bin} m", set.name))?.errors;
-            Ok(if objects > 0 { format!("{found} of {objects}, {}", metres(mae_m)) } else { dash() })
+            Ok(if objects > 0 {
+                format!("{} of {}, {}", grouped(found), grouped(objects), metres(mae_m))
+            } else {
+                dash()
+            })
         };
         let cells = bins.iter().map(cell).collect::<Result<Vec<_>>>()?;
         rows.push(std::iter::once(options.title(set, class)).chain(cells).collect());
@@ -150,7 +156,7 @@ fn error_bars(options: &Options) -> Result<Vec<String>> {
         let bars = figures.error_bars.with_context(|| format!("{}: no error bars of {class}s", set.name))?;
         Ok(vec![
             options.title(set, class),
-            bars.count.to_string(),
+            grouped(bars.count),
             signed_metres(figures.all_scores.bias_m),
             metres(Some(bars.mean_sigma_m)),
             percent(bars.within_1_sigma),
@@ -164,8 +170,8 @@ fn error_bars(options: &Options) -> Result<Vec<String>> {
 fn average_precision(options: &Options) -> Vec<String> {
     let mut rows = Vec::new();
     for (set, class, figures) in options.each() {
-        let [easy, moderate, hard] = figures.ap.objects;
-        let title = format!("{} ({easy} / {moderate} / {hard} objects)", options.title(set, class));
+        let counts = figures.ap.objects.map(grouped).join(" / ");
+        let title = format!("{} ({counts} objects)", options.title(set, class));
         for (title, ap) in [(title, &figures.ap), ("by place scores".to_owned(), &figures.ap_by_place)] {
             let AveragePrecision { image, orientation, bev_strict, bev_loose, box3d_strict, box3d_loose, .. } = *ap;
             let [image, orientation, bev, bev_loose, box3d, box3d_loose] =
@@ -212,7 +218,7 @@ fn at(figures: &ClassFigures, score: f64) -> Result<&Operating> {
 }
 
 fn found(found: usize, objects: usize) -> String {
-    format!("{found} of {objects} ({})", percent(found as f64 / objects.max(1) as f64))
+    format!("{} of {} ({})", grouped(found), grouped(objects), percent(found as f64 / objects.max(1) as f64))
 }
 
 fn percent(share: f64) -> String {

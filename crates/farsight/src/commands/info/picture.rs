@@ -5,12 +5,14 @@ use std::fmt::Write;
 
 use farsight_graph::blocks::{Block, INPUT_STAGE};
 
-use super::grouped;
+use crate::printer::grouped;
 
 /// Sizes and distances, units of the picture.
 const BOX: [usize; 2] = [190, 76];
 const GAP: [usize; 2] = [64, 34];
 const MARGIN: usize = 24;
+/// How far from a box's corner an arrow starts or ends that goes around other boxes.
+const CORNER: usize = 12;
 /// Heights of the title and of the names of the columns, and width of the sizes at the left and of the outputs' names at the right.
 const TITLE_HEIGHT: usize = 64;
 const LEFT: usize = 90;
@@ -131,8 +133,11 @@ fn arrow(out: &mut String, places: &[[usize; 2]], from: usize, to: usize) {
         let (start, end) = (x0 + width, x1.saturating_sub(2));
         format!("M{start} {middle0}C{} {middle0} {} {middle1} {end} {middle1}", start + bend, end.saturating_sub(bend))
     } else if places.iter().any(lies_between) {
+        // At the corners, away from the arrows to other columns.
+        let (low, high) = (CORNER, height - CORNER);
+        let [start, end] = if y1 > y0 { [y0 + high, y1 + low] } else { [y0 + low, y1 + high] };
         let (edge, out) = (x0 + width, x0 + width + bend);
-        format!("M{edge} {middle0}C{out} {middle0} {out} {middle1} {} {middle1}", edge + 2)
+        format!("M{edge} {start}C{out} {start} {out} {end} {} {end}", edge + 2)
     } else if y1 > y0 {
         format!("M{0} {1}L{0} {2}", x0 + width / 2, y0 + height, y1.saturating_sub(2))
     } else {
@@ -156,6 +161,7 @@ mod tests {
     use farsight_graph::blocks::{Block, blocks};
     use farsight_graph::count::{count, total};
     use farsight_graph::graph::{Parameter, Role};
+    use farsight_graph::model::NetworkConfig;
     use farsight_methods::smoke::config::SmokeConfig;
 
     use super::{Layout, svg};
