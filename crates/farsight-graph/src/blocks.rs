@@ -29,7 +29,8 @@ pub struct Block {
     pub outputs: Vec<String>,
 }
 
-/// The blocks of `graph` for an input of `width` x `height` pixels, in the order of their first nodes; `None` when the input does not fit the network.
+/// The blocks of `graph` for an input of `width` x `height` pixels, in the order of their first nodes; `None` when the
+/// input does not fit the network.
 pub fn blocks(graph: &Graph, width: usize, height: usize) -> Option<Vec<Block>> {
     let shapes = graph.shapes(width, height)?;
     let sizes = sizes(graph, &shapes);
@@ -77,7 +78,8 @@ fn stage(graph: &Graph, id: NodeId) -> &'static str {
     if node.op == Op::Input { INPUT_STAGE } else { node.stage }
 }
 
-/// Width and height that each node is drawn at: its own, or for a gate (one cell that a whole map is multiplied by) those of the map.
+/// Width and height that each node is drawn at: its own, or for a gate (one cell that a whole map is multiplied by)
+/// those of the map.
 fn sizes(graph: &Graph, shapes: &[[usize; 3]]) -> Vec<[usize; 2]> {
     let mut sizes: Vec<[usize; 2]> = shapes.iter().map(|&[_, height, width]| [width, height]).collect();
     for (id, node) in graph.nodes.iter().enumerate().rev() {

@@ -49,7 +49,8 @@ pub(crate) struct Source {
     pub(crate) date: String,
 }
 
-/// Figures of one class. Distances are z; objects are those that count at Moderate; all scores from 0.05 unless a field says otherwise.
+/// Figures of one class. Distances are z; objects are those that count at Moderate; all scores from 0.05 unless a field
+/// says otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ClassFigures {
@@ -116,7 +117,8 @@ pub(crate) struct Operating {
     pub(crate) relative_median: Option<f64>,
 }
 
-/// Average precision over 40 recall points: easy, moderate, hard; percent. Strict overlaps are KITTI's (cars 0.7, others 0.5), loose ones 0.5 and 0.25.
+/// Average precision over 40 recall points: easy, moderate, hard; percent. Strict overlaps are KITTI's (cars 0.7,
+/// others 0.5), loose ones 0.5 and 0.25.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct AveragePrecision {
@@ -154,7 +156,8 @@ impl Figures {
 /// Levels of the file that have a line for each of their values: file, data sets, data set, classes, class.
 const OPEN_LEVELS: usize = 5;
 
-/// Appends `value` as JSON: the outer levels a line each, what is within them on one line, so that a diff shows what has changed.
+/// Appends `value` as JSON: the outer levels a line each, what is within them on one line, so that a diff shows what
+/// has changed.
 fn lay_out(value: &Value, level: usize, text: &mut String) {
     let (ends, members): ([char; 2], Vec<(String, &Value)>) = match value {
         Value::Object(map) if level < OPEN_LEVELS => {

@@ -13,7 +13,8 @@ const GAP: [usize; 2] = [64, 34];
 const MARGIN: usize = 24;
 /// How far from a box's corner an arrow starts or ends that goes around other boxes.
 const CORNER: usize = 12;
-/// Heights of the title and of the names of the columns, and width of the sizes at the left and of the outputs' names at the right.
+/// Heights of the title and of the names of the columns, and width of the sizes at the left and of the outputs' names
+/// at the right.
 const TITLE_HEIGHT: usize = 64;
 const LEFT: usize = 90;
 const RIGHT: usize = 130;
@@ -33,9 +34,11 @@ pub(super) fn svg(title: &str, blocks: &[Block]) -> String {
     let layout = Layout::new(blocks);
     let [width, height] = layout.size;
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" \
          font-family=\"Helvetica, Arial, sans-serif\" font-size=\"13\">\n\
-         <defs><marker id=\"tip\" viewBox=\"0 0 10 10\" refX=\"9\" refY=\"5\" markerWidth=\"7\" markerHeight=\"7\" orient=\"auto-start-reverse\">\
+         <defs><marker id=\"tip\" viewBox=\"0 0 10 10\" refX=\"9\" refY=\"5\" \
+         markerWidth=\"7\" markerHeight=\"7\" orient=\"auto-start-reverse\">\
          <path d=\"M0 0L10 5L0 10z\" fill=\"#555\"/></marker></defs>\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
@@ -104,7 +107,8 @@ fn draw_box(out: &mut String, block: &Block, [x, y]: [usize; 2]) {
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
-        "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" rx=\"6\" fill=\"{fill}\" stroke=\"{edge}\" stroke-width=\"1.5\"/>"
+        "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" rx=\"6\" \
+         fill=\"{fill}\" stroke=\"{edge}\" stroke-width=\"1.5\"/>"
     );
     let middle = x + width / 2;
     let centred = "text-anchor=\"middle\"";
@@ -123,7 +127,8 @@ fn draw_box(out: &mut String, block: &Block, [x, y]: [usize; 2]) {
     }
 }
 
-/// From one block to another: down or up within a column, around what lies between, and from the right edge to the left one otherwise.
+/// From one block to another: down or up within a column, around what lies between, and from the right edge to the left
+/// one otherwise.
 fn arrow(out: &mut String, places: &[[usize; 2]], from: usize, to: usize) {
     let [width, height] = BOX;
     let ([x0, y0], [x1, y1]) = (places[from], places[to]);

@@ -71,7 +71,8 @@ impl MeasuredSet {
         Some(if file.is_file() { file } else { split.clone() })
     }
 
-    /// The command that gives the same figures, with the folder's name for the folder; the config is in the folder `beside`.
+    /// The command that gives the same figures, with the folder's name for the folder; the config is in the folder
+    /// `beside`.
     pub(super) fn eval_command(&self, beside: &Path, model: Option<&Path>) -> String {
         let split = self.split_in(beside);
         let mut words = vec!["farsight eval --data".to_owned(), self.folder.to_uppercase()];
