@@ -10,6 +10,7 @@ mod export;
 mod import;
 mod info;
 mod man;
+mod measure;
 mod parity;
 mod prune;
 mod range;
@@ -58,6 +59,8 @@ pub(crate) enum Command {
     Completions(completions::CompletionsArgs),
     /// Print a manual page
     Man(man::ManArgs),
+    /// Measure a model on several data sets, and put the figures into documents
+    Measure(measure::MeasureArgs),
 }
 
 /// How a command ended that could run.
@@ -88,6 +91,7 @@ impl Command {
             Self::Info(args) => info::run(&args, printer),
             Self::Completions(args) => completions::run(&args, printer),
             Self::Man(args) => man::run(&args, printer),
+            Self::Measure(args) => measure::run(&args, printer),
         }
     }
 }
