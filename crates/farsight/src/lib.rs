@@ -5,10 +5,12 @@
 //! # let folder = tempfile::tempdir()?;
 //! # std::fs::copy("../../assets/scenes/image_2/000000.jpg", folder.path().join("photo.jpg"))?;
 //! # std::env::set_current_dir(&folder)?;
-//! let pipeline = farsight::Pipeline::shipped()?;                 // or ::open(model), builder for engine, threads, refiner, plates, road
+//! let pipeline = farsight::Pipeline::shipped()?;
 //! let image = farsight::read_image("photo.jpg")?;
 //! let camera = farsight::Camera::from_hfov(65.0, image.width(), image.height())?;
-//! for object in pipeline.detect(&image, &camera)? { println!("{} {:.1} m ±{:.1}", object.class, object.range_m, object.range_sigma_m); }
+//! for object in pipeline.detect(&image, &camera)? {
+//!     println!("{} {:.1} m ±{:.1}", object.class, object.range_m, object.range_sigma_m);
+//! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

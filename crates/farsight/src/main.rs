@@ -31,9 +31,9 @@ struct Cli {
     /// Print nothing about the results but what failed; the same as --log-level error
     #[arg(short, long, global = true, conflicts_with = "log_level")]
     quiet: bool,
-    /// What to print about the results
-    #[arg(long, global = true, value_enum, default_value_t = LogLevel::Info)]
-    log_level: LogLevel,
+    /// What to print about the results: error, warn or info [default: info]
+    #[arg(long, global = true, value_name = "LEVEL", value_enum, hide_possible_values = true)]
+    log_level: Option<LogLevel>,
 }
 
 fn main() -> ExitCode {
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
             .exit();
     }
     let cli = Cli::parse();
-    printer::set_log_level(if cli.quiet { LogLevel::Error } else { cli.log_level });
+    printer::set_log_level(if cli.quiet { LogLevel::Error } else { cli.log_level.unwrap_or_default() });
     report_no_caught_panics();
     let mut printer = Printer::new();
     let ended = cli.command.run(&mut printer).and_then(|outcome| printer.finish().map(|()| outcome));

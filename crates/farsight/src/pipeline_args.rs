@@ -163,10 +163,22 @@ pub(crate) struct PipelineArgs {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) engine: EngineArgs,
+    /// What runs refiner and plate reader, in single precision [default: the same engine, as it is to run]
+    #[arg(long, value_name = "ENGINE", value_enum)]
+    pub(crate) second_stage_engine: Option<EngineName>,
     #[command(flatten)]
     pub(crate) second_look: SecondLookArgs,
     #[command(flatten)]
     pub(crate) road: RoadArgs,
+    /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does [default: 0.1]
+    #[arg(long, value_name = "IOU", value_parser = overlap_from_text, allow_negative_numbers = true)]
+    pub(crate) max_overlap: Option<f64>,
+}
+
+/// An intersection over union that can be reached.
+pub(crate) fn overlap_from_text(text: &str) -> Result<f64, String> {
+    let overlap = text.parse().ok().filter(|overlap| *overlap > 0.0 && *overlap <= 1.0);
+    overlap.ok_or_else(|| "expected a number above 0 and at most 1".to_owned())
 }
 
 impl PipelineArgs {
@@ -184,7 +196,10 @@ impl PipelineArgs {
     pub(crate) fn builder(&self, printer: &mut Printer) -> Result<PipelineBuilder> {
         self.engine.tell_threads(printer);
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
+        let second_engine = self.second_stage_engine.map(EngineName::kind);
+        let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
         let builder = self.second_look.choose(builder);
+        let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
     }
 }

@@ -30,28 +30,32 @@ fn no_arguments() {
     let expected = "\
 Finds vehicles in images of one camera and says how far away each is
 
-Usage: farsight <COMMAND>
+Usage: farsight [OPTIONS] <COMMAND>
 
 Commands:
-  demo     Try it: the model that comes with the program on scenes that come with it
-  range    Find vehicles in images and say how far away each is
-  eval     Judge result files as KITTI does, and their errors of distance
-  synth    Render traffic scenes with exact labels
-  train    Train a model
-  import   Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
-  export   Write a model as an ONNX file, checked before it is kept
-  parity   Compare an engine's answers with stored reference tensors
-  engine   Manage the libraries of the optional engines
-  doctor   Show what this machine has to run models with, and what would help
-  bench    Time every stage, from the image file to the picture
-  prune    Remove the channels of a model that matter least
-  info     Show what a model is made of and what it costs
-  measure  Measure a model on several data sets, and put the figures into documents
-  help     Print this message or the help of the given subcommand(s)
+  demo         Try it: the model that comes with the program on scenes that come with it
+  range        Find vehicles in images and say how far away each is
+  eval         Judge result files as KITTI does, and their errors of distance
+  synth        Render traffic scenes with exact labels
+  train        Train a model
+  import       Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
+  export       Write a model as an ONNX file, checked before it is kept
+  parity       Compare an engine's answers with stored reference tensors
+  engine       Manage the libraries of the optional engines
+  doctor       Show what this machine has to run models with, and what would help
+  bench        Time every stage, from the image file to the picture
+  prune        Remove the channels of a model that matter least
+  info         Show what a model is made of and what it costs
+  measure      Measure a model on several data sets, and put the figures into documents
+  completions  Print the script by which a shell completes commands and options
+  man          Print a manual page
+  help         Print this message or the help of the given subcommand(s)
 
 Options:
-  -h, --help     Print help
-  -V, --version  Print version
+  -q, --quiet              Print nothing about the results but what failed; the same as --log-level error
+      --log-level <LEVEL>  What to print about the results: error, warn or info [default: info]
+  -h, --help               Print help
+  -V, --version            Print version
 ";
     assert_eq!(refusal(&[]), expected);
     let (status, out, err) = farsight_in(Path::new("."), &["--help"]);
@@ -65,7 +69,7 @@ error: unrecognized subcommand 'rnage'
 
   tip: some similar subcommands exist: 'engine', 'range'
 
-Usage: farsight <COMMAND>
+Usage: farsight [OPTIONS] <COMMAND>
 
 For more information, try '--help'.
 ";

@@ -10,7 +10,7 @@ mod program;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use farsight::{EngineKind, EngineOptions};
+use farsight::{Camera, EngineKind, EngineOptions, Pipeline, read_image};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
@@ -250,4 +250,48 @@ fn parity_tells_by_its_status() {
     assert_eq!(parity["within"], false);
     let largest = parity["outputs"][1]["largest_difference"].as_f64().unwrap();
     assert!((largest - 0.01).abs() < 1e-4, "{largest}");
+}
+
+/// Distances after refiner, plate reader and road plane, metres: what rounds differently is looked at again three times.
+const PIPELINE_M: f64 = 0.02;
+
+/// What `pipeline` says of a shipped scene: class, distance and score of each sure object.
+fn sure(pipeline: &Pipeline) -> Vec<(String, f64, f64)> {
+    let image = read_image(root().join("assets/scenes/image_2/000000.jpg")).unwrap();
+    let camera = Camera::from_hfov(81.4, image.width(), image.height()).unwrap();
+    let objects = pipeline.detect(&image, &camera).unwrap();
+    objects.into_iter().map(|object| (object.class.to_string(), object.range_m, object.score)).collect()
+}
+
+#[test]
+fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let ready = engines(folder.path());
+    let kinds: Vec<EngineKind> =
+        EngineKind::ALL.into_iter().filter(|kind| ready.iter().any(|name| kind.name() == name)).collect();
+    let expected = sure(&Pipeline::shipped().unwrap());
+    assert!(expected.len() > 2, "{expected:?} prove little");
+    let assert_same = |what: &str, found: &[(String, f64, f64)]| {
+        assert_eq!(found.len(), expected.len(), "{what}: {found:?}\n{expected:?}");
+        for (class, range_m, score) in &expected {
+            let twin = |(other, other_m, other_score): &(String, f64, f64)| {
+                other == class
+                    && (other_m - range_m).abs() <= PIPELINE_M
+                    && (other_score - score).abs() <= 10.0 * SCORES
+            };
+            assert!(found.iter().any(twin), "{what}: {class} at {range_m} m has no twin in {found:?}");
+        }
+    };
+    for kind in kinds {
+        let whole = Pipeline::builder().engine(kind).open().unwrap();
+        assert_eq!(whole.engine(), kind.name());
+        assert_same(kind.name(), &sure(&whole));
+        let second = Pipeline::builder().second_stage_engine(kind).open().unwrap();
+        assert_eq!(second.engine(), "rten");
+        assert_same(&format!("rten, then {kind}"), &sure(&second));
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..2).map(|_| scope.spawn(|| sure(&whole))).collect();
+            threads.into_iter().for_each(|thread| assert_same(kind.name(), &thread.join().unwrap()));
+        });
+    }
 }

@@ -47,6 +47,25 @@ fn every_command_is_one_that_the_program_understands() {
     assert!(seen >= 10, "{seen}");
 }
 
+/// Lines of the first block of Rust in a text.
+fn first_code(text: &str) -> Vec<&str> {
+    let lines = text.lines().skip_while(|line| !matches!(line.trim_end(), "```rust" | "```")).skip(1);
+    lines.take_while(|line| line.trim_end() != "```").collect()
+}
+
+#[test]
+fn the_first_code_is_what_the_documentation_runs() {
+    let library = fs::read_to_string(root().join("crates/farsight/src/lib.rs")).unwrap();
+    let docs: Vec<&str> = library.lines().map_while(|line| line.strip_prefix("//!")).collect();
+    let docs = docs.iter().map(|line| line.strip_prefix(' ').unwrap_or(line)).collect::<Vec<_>>().join("\n");
+    // Hidden lines put a photo.jpg there.
+    let run: Vec<&str> = first_code(&docs).into_iter().filter(|line| !line.starts_with("# ")).collect();
+    let readme = document("README.md");
+    let start = readme.find("```rust").unwrap();
+    assert_eq!(first_code(&readme[start..]), run);
+    assert_eq!(run.len(), 6);
+}
+
 #[test]
 fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
     let page = document("docs/training.md");

@@ -8,6 +8,7 @@
 
 mod golden_network;
 #[path = "../../../farsight-train/tests/it/golden_support.rs"]
+#[allow(dead_code, reason = "each test program uses a part")]
 mod golden_support;
 mod imported_checkpoints;
 mod parts;

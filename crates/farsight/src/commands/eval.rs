@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use super::Outcome;
 use crate::outputs;
-use crate::pipeline_args::PipelineArgs;
+use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
 pub(super) use classic::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
@@ -82,7 +82,8 @@ pub(crate) struct EvalArgs {
     /// What is taken for the scores, in everything that goes by them
     #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]
     scores: ScoresName,
-    /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores)
+    /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores in the files); with --data, out of the
+    /// results altogether, which are then those of `farsight range` [default with --data: 0.05 for the results]
     #[arg(long, value_name = "SCORE", value_parser = score_from_text, allow_negative_numbers = true)]
     min_score: Option<f64>,
     /// Smallest 2D overlap at which a detection counts as having found an object, in the ranging errors
@@ -243,11 +244,6 @@ impl ScoresName {
             Self::Place => Scores::Place,
         }
     }
-}
-
-pub(super) fn overlap_from_text(text: &str) -> Result<f64, String> {
-    let overlap = text.parse().ok().filter(|overlap| *overlap > 0.0 && *overlap <= 1.0);
-    overlap.ok_or_else(|| "expected a number above 0 and at most 1".to_owned())
 }
 
 /// Any score: those of others need not be probabilities.

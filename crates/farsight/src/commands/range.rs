@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight::builder::MAX_OVERLAP;
 use farsight::{ImageLimits, RangeKind};
 
 use super::Outcome;
@@ -51,9 +50,6 @@ pub(crate) struct RangeArgs {
     /// Leave out what has a lower score [default: 0.25, or 0.5 for a model whose scores are probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
-    /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does
-    #[arg(long, value_name = "IOU", default_value_t = MAX_OVERLAP, value_parser = super::eval::overlap_from_text, allow_negative_numbers = true)]
-    max_overlap: f64,
     /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more
     #[arg(long, value_name = "N", default_value = "100M", value_parser = pixels)]
     max_pixels: u64,
@@ -78,7 +74,6 @@ impl RangeArgs {
             kitti: None,
             range: RangeName::Depth,
             min_score: None,
-            max_overlap: MAX_OVERLAP,
             max_pixels: ImageLimits::default().max_pixels,
             strict: false,
             camera: CameraArgs::default(),
@@ -107,7 +102,10 @@ impl RangeArgs {
 
     fn check_resume(&self) -> Result<()> {
         let writes_files = [self.json_file(), self.out.as_deref(), self.kitti.as_deref()].iter().any(Option::is_some);
-        ensure!(writes_files || !self.resume, "--resume goes by the files of an earlier run; expected --json FILE, --out or --kitti beside it");
+        ensure!(
+            writes_files || !self.resume,
+            "--resume goes by the files of an earlier run; expected --json FILE, --out or --kitti beside it"
+        );
         Ok(())
     }
 }
@@ -156,7 +154,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
         bail!("no image to look at");
     }
     let job = Job::new(args, found.images, printer)?;
-    let builder = args.pipeline.builder(printer)?.max_overlap(args.max_overlap).range(args.range.kind());
+    let builder = args.pipeline.builder(printer)?.range(args.range.kind());
     let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
     let pipeline = pipeline_args::open(&builder)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?;

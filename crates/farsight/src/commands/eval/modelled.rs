@@ -55,7 +55,7 @@ impl Files {
             (Some(labels), Some(results), None) => {
                 ensure!(
                     !args.names_what_looks(),
-                    "--model, --engine and what belongs to them, --refiner, --plates and --above-road are for a model that looks at images first; expected --data"
+                    "--model, --engine and what belongs to them, --refiner, --plates, --above-road and --max-overlap are for a model that looks at images first; expected --data"
                 );
                 let ids = args.split.as_deref().map(split_of_files).transpose()?;
                 Ok(Self {
@@ -101,7 +101,8 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
-    let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(MIN_SCORE).max_overlap(1.0))?;
+    let min_score = args.min_score.unwrap_or(MIN_SCORE);
+    let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(min_score))?;
     let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));

@@ -133,12 +133,14 @@ fn read(path: &Path) -> Result<Vec<ImageRecord>> {
         Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
     };
     if text.trim_start().starts_with('[') {
-        return serde_json::from_str(&text).with_context(|| format!("{}: no answers of `farsight range`", path.display()));
+        return serde_json::from_str(&text)
+            .with_context(|| format!("{}: no answers of `farsight range`", path.display()));
     }
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
     let numbered = whole.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let record = |(number, line): (usize, &str)| {
-        serde_json::from_str(line).with_context(|| format!("{}:{}: no answer of `farsight range`", path.display(), number + 1))
+        serde_json::from_str(line)
+            .with_context(|| format!("{}:{}: no answer of `farsight range`", path.display(), number + 1))
     };
     numbered.map(record).collect()
 }

@@ -122,14 +122,16 @@ impl<'a> Job<'a> {
     /// An error when none could be done, or an output could not be written; the others are done before.
     pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<usize> {
         let mut left = self.left_by_earlier_run(pipeline)?;
-        let todo: Vec<bool> = self.images.iter().zip(&self.names).map(|(image, name)| !self.is_done(image, name, &left)).collect();
+        let todo: Vec<bool> =
+            self.images.iter().zip(&self.names).map(|(image, name)| !self.is_done(image, name, &left)).collect();
         let skipped = todo.iter().filter(|todo| !**todo).count();
         if skipped > 0 {
             printer.note(&format!("{} left out, whose answers are there (--resume)", counted(skipped, "image")));
         }
         let mut file = self.begin_file(&mut left, &todo)?;
         let mut answers = Answers::new(self.format, &self.names);
-        let bar = if todo.len() - skipped < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(todo.len() - skipped) };
+        let bar =
+            if todo.len() - skipped < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(todo.len() - skipped) };
         let mut tally = Tally { skipped, ..Tally::default() };
         for ((image, name), _) in self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo) {
             let looked = self.image(image, name, pipeline);

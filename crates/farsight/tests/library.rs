@@ -1,0 +1,133 @@
+//! The library and the program on it: what one says, the other says, digit for digit; and `eval` measures what `range` shows.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+mod program;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+use farsight::json::{DetectionRecord, ImageRecord, SCHEMA_VERSION};
+use farsight::{
+    Camera, CameraSource, EngineKind, Error, Exif, ModelSource, Pipeline, RangeKind, Road, StageSource, read_image,
+};
+use program::{done, root};
+
+fn scene(id: &str) -> PathBuf {
+    root().join(format!("assets/scenes/image_2/{id}.jpg"))
+}
+
+/// What `pipeline` says of a shipped scene.
+fn record(pipeline: &Pipeline, id: &str) -> ImageRecord {
+    let path = scene(id);
+    let image = read_image(&path).unwrap();
+    let cameras = CameraSource::of_images(std::slice::from_ref(&path)).unwrap();
+    let size = [image.width(), image.height()].map(|side| side as usize);
+    let camera = cameras.camera(&path, size, &Exif::NONE).unwrap();
+    let objects = pipeline.detect(&image, &camera).unwrap();
+    ImageRecord::new(&path, &image, &camera, &objects, pipeline).with_camera_origin(cameras.origin(&path))
+}
+
+fn records(path: &Path) -> Vec<ImageRecord> {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn the_library_says_what_the_program_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = ["000000", "000001"].map(|id| scene(id).display().to_string());
+    done(folder.path(), &["range", &paths[0], &paths[1], "--min-score", "0.05", "--json", "all.json"]);
+    let pipeline = Pipeline::builder().min_score(0.05).open().unwrap();
+    let told = ["000000", "000001"].map(|id| record(&pipeline, id));
+    // Every number, every field.
+    assert_eq!(records(&folder.path().join("all.json")), told);
+    assert!(told.iter().all(|record| record.schema_version == SCHEMA_VERSION && record.detections.len() > 3));
+
+    let options = ["--refiner", "none", "--above-road", "none", "--max-overlap", "0.5", "--range", "nearest"];
+    done(folder.path(), &[&["range", &paths[0], "--json", "some.json"], &options[..]].concat());
+    let builder = Pipeline::builder().refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
+    let pipeline = builder.max_overlap(0.5).range(RangeKind::Nearest).open().unwrap();
+    let mut told = record(&pipeline, "000000");
+    let found = records(&folder.path().join("some.json")).remove(0);
+    // The program leaves the plate reader to its default, which goes with the shipped refiner.
+    told.model = found.model.clone();
+    assert_eq!(found, told);
+}
+
+#[test]
+fn eval_measures_what_range_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    done(folder, &["synth", "--out", "data", "--frames", "3", "--seed", "7"]);
+    let rows = |name: &str| {
+        ["000000", "000001", "000002"]
+            .map(|id| fs::read_to_string(folder.join(name).join(format!("{id}.txt"))).unwrap())
+    };
+    let eval = ["eval", "--data", "data", "--resamples", "0", "--results"];
+    let range = ["range", "data/training/image_2", "--kitti"];
+    done(folder, &[&eval[..], &["evaluated"]].concat());
+    done(folder, &[&range[..], &["shown", "--min-score", "0.05"]].concat());
+    assert_eq!(rows("evaluated"), rows("shown"));
+    // Its threshold is that of the pipeline, too.
+    done(folder, &[&eval[..], &["sure", "--min-score", "0.5", "--max-overlap", "1"]].concat());
+    done(folder, &[&range[..], &["sure-shown", "--min-score", "0.5", "--max-overlap", "1"]].concat());
+    assert_eq!(rows("sure"), rows("sure-shown"));
+    assert!(rows("sure").concat().lines().count() < rows("evaluated").concat().lines().count());
+}
+
+#[test]
+fn threads_share_a_pipeline_and_get_the_same_answers() {
+    let pipeline = Pipeline::builder().threads(1).open().unwrap();
+    let alone = record(&pipeline, "000002");
+    let together: Vec<ImageRecord> = thread::scope(|scope| {
+        let started: Vec<_> = (0..3)
+            .map(|_| {
+                let pipeline = pipeline.clone();
+                scope.spawn(move || record(&pipeline, "000002"))
+            })
+            .collect();
+        started.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert!(together.iter().all(|record| *record == alone));
+}
+
+#[test]
+fn records_survive_being_read_and_old_ones_are_read() {
+    let pipeline = Pipeline::shipped().unwrap();
+    let record = record(&pipeline, "000003");
+    let text = serde_json::to_string(&record).unwrap();
+    assert_eq!(serde_json::from_str::<ImageRecord>(&text).unwrap(), record);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let names: BTreeSet<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+    let expected = ["camera", "detections", "height", "image", "model", "program_version", "schema_version", "width"];
+    assert_eq!(names.into_iter().collect::<Vec<_>>(), expected);
+    assert_eq!(value["camera"]["origin"], "calibration");
+    assert_eq!(value["model"]["weights_sha256"].as_str().map(str::len), Some(64));
+
+    let old = r#"{"image": "a.png", "width": 2, "height": 1, "detections": [{"class": "Car", "score": 0.5,
+        "box2d": [0, 0, 1, 1], "dimensions_hwl": [1, 2, 3], "location": [0, 0, 9], "rotation_y": 0, "alpha": 0,
+        "range_m": 9, "range_sigma_m": null}]}"#;
+    let old: ImageRecord = serde_json::from_str(old).unwrap();
+    let DetectionRecord { range_m, range_sigma_m, .. } = &old.detections[0];
+    assert_eq!((old.schema_version, old.camera, *range_m, *range_sigma_m), (0, None, 9.0, None));
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_by_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = folder.path().join("photo.png");
+    image::RgbImage::new(4, 4).save(&photo).unwrap();
+    assert!(matches!(Pipeline::open(&photo), Err(Error::Kind { .. })));
+    let other_library = Pipeline::builder().engine_library(folder.path());
+    assert!(matches!(other_library.open(), Err(Error::Option { engine: EngineKind::Rten, .. })));
+    let engine = Pipeline::builder().engine(EngineKind::OnnxRuntime).engine_library(folder.path());
+    assert!(matches!(engine.open(), Err(Error::Library(_))));
+    let refiner = Pipeline::builder().refiner(StageSource::File(root().join("models/farsight-plates.safetensors")));
+    assert!(matches!(refiner.open(), Err(Error::Model(_))));
+    let named = Pipeline::builder().model(ModelSource::from_word("shipped")).open().unwrap();
+    assert_eq!(named.info(), Pipeline::shipped().unwrap().info());
+    let empty = named.detect(&image::RgbImage::new(0, 0), &Camera::from_hfov(60.0, 1, 1).unwrap());
+    assert!(empty.unwrap_err().to_string().contains("expected at least one pixel"));
+}
