@@ -27,9 +27,8 @@ impl InputBatch {
     ) -> Result<Option<([usize; 2], Vec<View>)>, DetectError> {
         let Some(size) = common_size(images, spec)? else { return Ok(None) };
         self.inputs.resize_with(images.len(), Vec::new);
-        let one = |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| {
-            spec.input_into(input, image, camera).1
-        };
+        let one =
+            |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| spec.input_into(input, image, camera).1;
         Ok(Some((size, images.iter().zip(&mut self.inputs).map(one).collect())))
     }
 

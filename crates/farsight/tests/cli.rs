@@ -310,7 +310,11 @@ error: this farsight was built without training, which needs libtorch; `cargo xt
 #[test]
 fn info_reads_the_model_part_of_a_config() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("run.toml"), "method = \"smoke\"\n[model]\ninput = [640, 192]\n[train]\nepochs = 1\n").unwrap();
+    std::fs::write(
+        folder.path().join("run.toml"),
+        "method = \"smoke\"\n[model]\ninput = [640, 192]\n[train]\nepochs = 1\n",
+    )
+    .unwrap();
     let (status, out, err) = farsight_in(folder.path(), &["info", "run.toml"]);
     assert_eq!((status, err.as_str()), (0, ""));
     assert!(out.starts_with("input           640 x 192 pixels\nclasses         Car, Cyclist, Pedestrian\n"), "{out}");

@@ -291,7 +291,9 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
         assert_same(&format!("rten, then {kind}"), &sure(&second));
         std::thread::scope(|scope| {
             let threads: Vec<_> = (0..2).map(|_| scope.spawn(|| sure(&whole))).collect();
-            threads.into_iter().for_each(|thread| assert_same(kind.name(), &thread.join().unwrap()));
+            for thread in threads {
+                assert_same(kind.name(), &thread.join().unwrap());
+            }
         });
     }
 }

@@ -10,7 +10,8 @@ use crate::laws;
 
 fn saved() -> Vec<Vec<u8>> {
     let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
-    let entries = ["corpus/image", "artifacts/image"].into_iter().filter_map(|folder| fs::read_dir(fuzz.join(folder)).ok());
+    let entries =
+        ["corpus/image", "artifacts/image"].into_iter().filter_map(|folder| fs::read_dir(fuzz.join(folder)).ok());
     entries.flatten().map(|entry| fs::read(entry.unwrap().path()).unwrap()).collect()
 }
 

@@ -137,7 +137,7 @@ impl<'a> Job<'a> {
             let looked = self.image(image, name, pipeline);
             bar.suspend(|| match looked {
                 Ok(looked) => {
-                    self.tell(&looked, image, &mut tally, printer);
+                    Self::tell(&looked, image, &mut tally, printer);
                     answers.print(name, &looked.objects, &looked.record, printer)?;
                     tally.done += 1;
                     file.as_mut().map_or(Ok(()), |file| file.add(looked.record))
@@ -198,7 +198,7 @@ impl<'a> Job<'a> {
     }
 
     /// What is to be said of an image beside its rows.
-    fn tell(&self, looked: &Looked, image: &Path, tally: &mut Tally, printer: &mut Printer) {
+    fn tell(looked: &Looked, image: &Path, tally: &mut Tally, printer: &mut Printer) {
         if let Some(camera) = &looked.unfamiliar {
             *tally.warnings.entry(camera.to_string()).or_insert(0) += 1;
         }
