@@ -14,6 +14,8 @@ use farsight_graph::blocks::blocks;
 use farsight_graph::count::{StageCount, count, total};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::NetworkConfig;
+use farsight_methods::centernet3d::{CenterNet3dConfig, CenterNet3dModel};
+use farsight_methods::detectors::config_of;
 use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::smoke::config::SmokeConfig;
@@ -87,7 +89,8 @@ impl Described {
 fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
         return Ok(match untrained::read(path)? {
-            Untrained::Detector(config) => Described::new(&config, config.graph(), Vec::new()),
+            Untrained::Smoke(config) => Described::new(&config, config.graph(), Vec::new()),
+            Untrained::CenterNet3d(config) => centernet3d(&config, None),
             Untrained::Refiner(config) => refiner(&config, None),
             Untrained::Plates(config) => plates(&config, None),
         });
@@ -105,9 +108,17 @@ fn read(path: &Path) -> Result<Described> {
             let PlateReaderModel { config, weights, .. } = PlateReaderModel::read(path)?;
             return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
         }
+        if CenterNet3dModel::is_one(path) {
+            let CenterNet3dModel { config, weights, .. } = CenterNet3dModel::read(path)?;
+            return Ok(centernet3d(&config, weights.metadata.get(key::TRAINING)));
+        }
         return Ok(detector(&SmokeModel::read(path)?));
     }
-    let file = DetectorFile::from_onnx(OnnxModel::read(path)?, path)?;
+    let onnx = OnnxModel::read(path)?;
+    if onnx.facts().get(key::METHOD) == Some(CenterNet3dConfig::METHOD) {
+        return Ok(centernet3d(&config_of(&onnx, path)?, None));
+    }
+    let file = DetectorFile::from_onnx(onnx, path)?;
     let mut told = told(file.onnx.facts());
     if file.onnx.facts().get(key::NARROWED).is_some() {
         // How wide the layers are stands in the file's constants alone.
@@ -120,6 +131,21 @@ fn read(path: &Path) -> Result<Described> {
 fn detector(model: &SmokeModel) -> Described {
     let told = told(&DetectorFile::facts(model, Target::default()));
     Described::new(&model.config, model.graph.clone(), told)
+}
+
+fn centernet3d(config: &CenterNet3dConfig, training: Option<&String>) -> Described {
+    let [width, height] = config.input;
+    let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
+    let mut facts = vec![
+        ("input", format!("{width} x {height} pixels")),
+        ("classes", classes.join(", ")),
+        ("channels", format!("{:?}", config.channels())),
+        ("normalisation", format!("{:?}", config.norm).to_lowercase()),
+        ("neck", format!("{:?}", config.neck).to_lowercase()),
+        ("keypoints", "centres of 2D boxes (CenterNet)".to_owned()),
+    ];
+    facts.extend(training.map(|training| ("training", training.clone())));
+    Described { input: config.input, graph: config.graph(), facts }
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
