@@ -131,7 +131,7 @@ fn numbers_that_no_camera_has() {
 
 #[test]
 fn one_dash_before_a_long_option() {
-    let expected = "error: '-hfov' has one dash; expected '--hfov'\n\nUsage: farsight <COMMAND>\n\nFor more information, try '--help'.\n";
+    let expected = "error: '-hfov' has one dash; expected '--hfov'\n\nUsage: farsight [OPTIONS] <COMMAND>\n\nFor more information, try '--help'.\n";
     assert_eq!(refusal(&["range", "a.png", "-hfov", "65"]), expected);
 }
 
@@ -429,5 +429,5 @@ fn export_and_range_with_the_model_and_with_the_file() {
     };
     let from_file = answer("m.onnx");
     assert!(from_file.contains("range_m"));
-    assert_eq!(from_file, answer("m.safetensors"));
+    assert_eq!(from_file.replace("m.onnx", "m.safetensors"), answer("m.safetensors"));
 }

@@ -55,12 +55,12 @@ pub(crate) enum Command {
     Prune(prune::PruneArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
+    /// Measure a model on several data sets, and put the figures into documents
+    Measure(measure::MeasureArgs),
     /// Print the script by which a shell completes commands and options
     Completions(completions::CompletionsArgs),
     /// Print a manual page
     Man(man::ManArgs),
-    /// Measure a model on several data sets, and put the figures into documents
-    Measure(measure::MeasureArgs),
 }
 
 /// How a command ended that could run.
