@@ -82,6 +82,9 @@ pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result
 }
 
 /// The network of an ONNX file of ours, if it is of a method that is listed here.
+///
+/// # Errors
+/// The file itself, when it is of no such method.
 pub fn from_onnx(onnx: OnnxModel) -> Result<DetectorNetwork, OnnxModel> {
     let tag = onnx.facts().get(key::METHOD);
     match tag.and_then(|tag| METHODS.iter().find(|row| row.0 == tag)) {

@@ -19,7 +19,9 @@ fn saved() -> Vec<Vec<u8>> {
 fn images() {
     let saved = saved();
     assert!(!saved.is_empty());
-    saved.iter().for_each(|bytes| laws::image(bytes));
+    for bytes in &saved {
+        laws::image(bytes);
+    }
 }
 
 #[test]

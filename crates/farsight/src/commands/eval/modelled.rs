@@ -108,10 +108,12 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
     printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
     let labels = LabelSource::from(&dataset);
-    let cameras = args.calib.clone().map(Cameras::Folder).unwrap_or_else(|| {
+    let cameras = if let Some(folder) = &args.calib {
+        Cameras::Folder(folder.clone())
+    } else {
         let indices = dataset.ids().into_iter().zip(0..).collect();
         Cameras::Dataset(dataset, indices)
-    });
+    };
     Ok(Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: folder })
 }
 
