@@ -68,7 +68,8 @@ mod tests {
             angles in prop::array::uniform4(-3.0..3.0_f64), points in prop::array::uniform9(-50.0..50.0_f64),
         ) {
             let [a, b, c, d, e, f, x, y, z] = points;
-            let (first, second, p) = (pose(angles[0], angles[1], [a, b, c]), pose(angles[2], angles[3], [d, e, f]), [x, y, z]);
+            let (first, second) = (pose(angles[0], angles[1], [a, b, c]), pose(angles[2], angles[3], [d, e, f]));
+            let p = [x, y, z];
             prop_assert!(is_close(first.inverse().apply(first.apply(p)), p));
             prop_assert!(is_close(first.then(&second).apply(p), second.apply(first.apply(p))));
             let lengths = [p, [0.0; 3]].map(|p| first.apply(p));

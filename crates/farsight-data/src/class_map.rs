@@ -26,7 +26,10 @@ pub enum ClassMapError {
         source: io::Error,
     },
     /// A line is malformed.
-    #[error("{}:{line}: \"{found}\"; expected a class name of the labels and the class that it means, such as: Bus Truck", path.display())]
+    #[error(
+        "{}:{line}: \"{found}\"; expected a class name of the labels and the class that it means, such as: Bus Truck",
+        path.display()
+    )]
     Line {
         /// The file.
         path: PathBuf,

@@ -13,8 +13,8 @@ use paint::Paint;
 
 /// The network's input, planar `[3, height, width]` of `rules.size`, normalised (spec section 8, items 4 and 5).
 ///
-/// `affine` takes pixels of `image` to pixels of the input; mirror, crop, scale and rotation are all allowed. What lies outside the
-/// image is black, before and after the jitter. A singular `affine` gives a black input.
+/// `affine` takes pixels of `image` to pixels of the input; mirror, crop, scale and rotation are all allowed. What lies
+/// outside the image is black, before and after the jitter. A singular `affine` gives a black input.
 ///
 /// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with [`Sampling::PixelExact`] they stay
 /// as they are.

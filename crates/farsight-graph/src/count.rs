@@ -1,6 +1,6 @@
 //! Parameters and multiply-accumulates of a network, by stage.
 
-use crate::graph::{Graph, Op, Role};
+use crate::graph::{Graph, NodeId, Op, Role};
 
 /// What one stage costs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,20 +18,25 @@ pub fn count(graph: &Graph, width: usize, height: usize) -> Option<Vec<StageCoun
     let shapes = graph.shapes(width, height)?;
     let mut stages: Vec<StageCount> = Vec::new();
     for (id, node) in graph.nodes.iter().enumerate() {
-        let [_, h, w] = shapes[id];
-        let macs_per_cell = match node.op {
-            Op::Conv { weight, .. } | Op::DeformConv { weight, .. } => graph.parameters[weight].len(),
-            // Each output cell of a depthwise enlargement by f gathers (2 f / f)^2 = 4 taps a channel.
-            Op::UpConv { .. } => 4 * node.channels,
-            _ => 0,
-        };
-        stage_mut(&mut stages, node.stage).macs += (macs_per_cell * h * w) as u64;
+        stage_mut(&mut stages, node.stage).macs += macs_of_node(graph, id, shapes[id]);
     }
     for parameter in graph.parameters.iter().filter(|p| p.role != Role::Statistic) {
         stage_mut(&mut stages, parameter.stage).parameters += parameter.len();
     }
     stages.retain(|s| s.parameters > 0 || s.macs > 0);
     Some(stages)
+}
+
+/// Multiply-accumulates of one node, whose output has this shape (`[channels, height, width]`).
+pub fn macs_of_node(graph: &Graph, id: NodeId, [_, height, width]: [usize; 3]) -> u64 {
+    let node = &graph.nodes[id];
+    let macs_per_cell = match node.op {
+        Op::Conv { weight, .. } | Op::DeformConv { weight, .. } => graph.parameters[weight].len(),
+        // Each output cell of a depthwise enlargement by f gathers (2 f / f)^2 = 4 taps a channel.
+        Op::UpConv { .. } => 4 * node.channels,
+        _ => 0,
+    };
+    (macs_per_cell * height * width) as u64
 }
 
 /// The sum of all stages.

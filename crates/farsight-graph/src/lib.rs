@@ -4,6 +4,7 @@
 //! parameter names to numbers; a [`model::Model`] is a graph with its weights, in one file that says of which method it is. Everything else reads these:
 //! [`count`], [`transform`] (the same answers with less), [`prune`] and [`quantize`] here; ONNX files and the libtorch executor in their own crates.
 
+pub mod blocks;
 pub mod count;
 pub mod graph;
 pub mod init;

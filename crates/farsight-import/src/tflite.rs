@@ -26,6 +26,9 @@ pub fn is_tflite(bytes: &[u8]) -> bool {
 
 /// Weight and bias of every convolution, as `layer.weight` `[out, in, height, width]` (depthwise: `[channels, 1,
 /// height, width]`) and `layer.bias` `[out]`; the layer is called as TensorFlow called it.
+///
+/// # Errors
+/// When the bytes are no TFLite file, or of one that this reader does not know.
 pub fn read_convolutions(bytes: &[u8]) -> Result<BTreeMap<String, WeightTensor>, CheckpointProblem> {
     let file = File::open(bytes).ok_or(CheckpointProblem::Tflite("a table lies outside the file"))?;
     file.convolutions()

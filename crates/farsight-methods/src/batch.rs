@@ -15,6 +15,9 @@ pub(crate) struct InputBatch {
     inputs: Vec<Vec<f32>>,
 }
 
+/// Width and height of the inputs, and how each of them sees the world.
+type Views = ([usize; 2], Vec<View>);
+
 impl InputBatch {
     /// Fills the inputs; returns their width and height, and how each of them sees the world. None without images.
     ///
@@ -24,12 +27,11 @@ impl InputBatch {
         &mut self,
         images: &[(&RgbImage, &Camera)],
         spec: &InputSpec,
-    ) -> Result<Option<([usize; 2], Vec<View>)>, DetectError> {
+    ) -> Result<Option<Views>, DetectError> {
         let Some(size) = common_size(images, spec)? else { return Ok(None) };
         self.inputs.resize_with(images.len(), Vec::new);
-        let one = |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| {
-            spec.input_into(input, image, camera).1
-        };
+        let one =
+            |((image, camera), input): (&(&RgbImage, &Camera), &mut Vec<f32>)| spec.input_into(input, image, camera).1;
         Ok(Some((size, images.iter().zip(&mut self.inputs).map(one).collect())))
     }
 

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use farsight_graph::model::{METHOD_KEY, Model, ModelError, NetworkConfig};
+use farsight_graph::transform::Network;
 use farsight_graph::weights::Weights;
-use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, key};
+use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
 use farsight_runtime::Runner;
 
 use crate::Detector;
@@ -39,9 +40,18 @@ impl DetectorNetwork {
     }
 }
 
-/// What becomes of the weights of a model file, for a target; the path is only what errors call it.
-type FromWeights = fn(Weights, Target, &Path) -> Result<OnnxModel, ReadError>;
+/// What becomes of the weights of a model file, in a form and for a target; the path is only what errors call it.
+type FromWeights = fn(Weights, NetworkForm, Target, &Path) -> Result<OnnxModel, ReadError>;
 type Make = fn(Box<dyn Runner>, &OnnxModel, &Path) -> Result<Box<dyn Detector>, OnnxError>;
+
+/// In which form a network is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NetworkForm {
+    /// As it was trained: the reference.
+    AsTrained,
+    /// With normalisation folded into the convolutions, as it is run.
+    Deployable,
+}
 
 /// The methods, by their tags. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be computed at the peaks alone.
 const METHODS: [(&str, FromWeights, Make); 1] =
@@ -62,16 +72,19 @@ pub enum ReadError {
 ///
 /// # Errors
 /// When the file is of such a method and broken.
-pub fn from_model_file(path: &Path, target: Target) -> Result<Option<DetectorNetwork>, ReadError> {
+pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result<Option<DetectorNetwork>, ReadError> {
     let metadata = Weights::read_metadata(path).unwrap_or_default();
     let Some((_, onnx, make)) = metadata.get(METHOD_KEY).and_then(|tag| METHODS.iter().find(|row| row.0 == tag)) else {
         return Ok(None);
     };
     let weights = Weights::read(path).map_err(ModelError::from)?;
-    Ok(Some(DetectorNetwork { onnx: onnx(weights, target, path)?, make: *make }))
+    Ok(Some(DetectorNetwork { onnx: onnx(weights, form, target, path)?, make: *make }))
 }
 
 /// The network of an ONNX file of ours, if it is of a method that is listed here.
+///
+/// # Errors
+/// The file itself, when it is of no such method.
 pub fn from_onnx(onnx: OnnxModel) -> Result<DetectorNetwork, OnnxModel> {
     let tag = onnx.facts().get(key::METHOD);
     match tag.and_then(|tag| METHODS.iter().find(|row| row.0 == tag)) {
@@ -80,9 +93,20 @@ pub fn from_onnx(onnx: OnnxModel) -> Result<DetectorNetwork, OnnxModel> {
     }
 }
 
-fn onnx_of<C: NetworkConfig>(weights: Weights, target: Target, source: &Path) -> Result<OnnxModel, ReadError> {
+fn onnx_of<C: NetworkConfig>(
+    weights: Weights,
+    form: NetworkForm,
+    target: Target,
+    source: &Path,
+) -> Result<OnnxModel, ReadError> {
     let model: Model<C> = Model::from_weights(weights, source)?;
-    Ok(OnnxModel::from_model(&model, &Facts::new(&model, target), target, source)?)
+    let facts = Facts::new(&model, target);
+    if form == NetworkForm::Deployable {
+        return Ok(OnnxModel::from_model(&model, &facts, target, source)?);
+    }
+    let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
+    let bytes = write(&Network::new(&model).keeping(C::OUTPUTS), &facts, target).map_err(failed)?;
+    Ok(OnnxModel::from_bytes(bytes, source)?)
 }
 
 fn detector_of<C: WholeNetwork>(

@@ -96,8 +96,8 @@ impl InputSpec {
 
 #[cfg(test)]
 mod tests {
-    use farsight_core::Camera;
     use crate::smoke::SmokeConfig;
+    use farsight_core::Camera;
 
     #[test]
     fn input_sizes() {

@@ -60,6 +60,9 @@ pub struct Loaded {
 
 impl Learner {
     /// Fresh, or as the checkpoint of the run with this `identity` has it, and how far that run has come.
+    ///
+    /// # Errors
+    /// When the checkpoint cannot be read, or is of another run.
     pub fn start(
         graph: Graph,
         settings: &LearnerSettings,
@@ -98,6 +101,9 @@ impl Learner {
     }
 
     /// One step against the gradient of `objective`. Returns its norm.
+    ///
+    /// # Errors
+    /// When a gradient is not finite; the weights then stay as they are.
     pub fn descend(&mut self, objective: &Tensor, rate: f64) -> Result<f64, BadGradient> {
         let norm = self.adam.descend(&self.network, objective, self.clip_norm, rate)?;
         self.follow();
@@ -134,6 +140,9 @@ impl Learner {
     }
 
     /// Writes a checkpoint, whole or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be written.
     pub fn write(&self, path: &Path, progress: Progress, identity: &impl Serialize) -> Result<(), CheckpointError> {
         let mut weights = self.weights();
         self.adam.store(&mut weights);

@@ -121,7 +121,7 @@ fn in_a_smaller_picture_boxes_are_where_they_are_in_the_image() {
     let drawn = picture(&image, &scene, &DrawOptions::default());
     assert_eq!(picture_divisor([6000, 3000]), 2);
     for corner in detection.box3d.corners() {
-        let [u, v] = camera.pixel_from_point(corner).unwrap().map(|at| ((at + 0.5) / 2.0 - 0.5).round() as u32);
+        let [u, v] = camera.pixel_from_point(corner).unwrap().map(|at| (f64::midpoint(at, 0.5) - 0.5).round() as u32);
         assert_ne!(*drawn.get_pixel(u, v), GREY, "corner at {u}, {v}");
     }
     assert_eq!(*drawn.get_pixel(2900, 1400), GREY);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use farsight_methods::Detector;
-use farsight_methods::detectors::{self, DetectorNetwork};
+use farsight_methods::detectors::{self, DetectorNetwork, NetworkForm};
 use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
@@ -117,7 +117,7 @@ fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<Detec
     let ModelSource::File(path) = source else { return Ok(None) };
     model_file::check_detector(path)?;
     if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
-        return Ok(detectors::from_model_file(path, engine.target())?);
+        return Ok(detectors::from_model_file(path, NetworkForm::Deployable, engine.target())?);
     }
     Ok(detectors::from_onnx(OnnxModel::read(path)?).ok())
 }

@@ -5,17 +5,19 @@
 //! # let folder = tempfile::tempdir()?;
 //! # std::fs::copy("../../assets/scenes/image_2/000000.jpg", folder.path().join("photo.jpg"))?;
 //! # std::env::set_current_dir(&folder)?;
-//! let pipeline = farsight::Pipeline::shipped()?;                 // or ::open(model), builder for engine, threads, refiner, plates, road
+//! let pipeline = farsight::Pipeline::shipped()?;
 //! let image = farsight::read_image("photo.jpg")?;
 //! let camera = farsight::Camera::from_hfov(65.0, image.width(), image.height())?;
-//! for object in pipeline.detect(&image, &camera)? { println!("{} {:.1} m ±{:.1}", object.class, object.range_m, object.range_sigma_m); }
+//! for object in pipeline.detect(&image, &camera)? {
+//!     println!("{} {:.1} m ±{:.1}", object.class, object.range_m, object.range_sigma_m);
+//! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! A [`Pipeline`] is everything that `farsight range` does with an image: the detector, the refiner and the plate reader
 //! that look again at what it found, suppression of what stands in one place, and the road plane under all of it.
 //! [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
-//! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw`]
+//! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw()`]
 //! draws it.
 //!
 //! Frames of reference are KITTI's: camera coordinates are metres with x right, y down, z forward; an object stands at

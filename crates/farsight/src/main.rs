@@ -4,6 +4,7 @@
 
 mod camera_args;
 mod commands;
+mod figures;
 mod inputs;
 mod names;
 mod one_dash;

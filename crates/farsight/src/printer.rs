@@ -191,13 +191,26 @@ fn with_causes(error: &anyhow::Error) -> String {
     })
 }
 
+/// `19510976` as `19,510,976`.
+pub(crate) fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::{self, ErrorKind, Write};
 
     use anyhow::{Context, Error};
 
-    use super::{Printer, with_causes};
+    use super::{Printer, grouped, with_causes};
 
     /// Takes the first so many writes.
     struct Full(usize, ErrorKind);
@@ -234,5 +247,13 @@ mod tests {
         assert_eq!(with_causes(&cause().context("a.txt")), "a.txt: disk on fire");
         let embedded: anyhow::Result<()> = Err(cause()).context("a.txt: disk on fire").context("while cleaning");
         assert_eq!(with_causes(&embedded.unwrap_err()), "while cleaning: a.txt: disk on fire");
+    }
+
+    #[test]
+    fn digits_are_grouped() {
+        let table = [(0, "0"), (999, "999"), (1000, "1,000"), (19_510_976, "19,510,976")];
+        for (number, expected) in table {
+            assert_eq!(grouped(number), expected);
+        }
     }
 }

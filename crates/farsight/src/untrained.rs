@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use farsight_data::AugmentationConfig;
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::NetworkConfig;
+use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeModel;
@@ -43,7 +44,8 @@ impl RunFile {
 
 /// What a config's training is of.
 pub(crate) enum Untrained {
-    Detector(SmokeConfig),
+    Smoke(SmokeConfig),
+    CenterNet3d(CenterNet3dConfig),
     Refiner(RefinerConfig),
     Plates(PlateReaderConfig),
 }
@@ -57,13 +59,15 @@ pub(crate) fn is_config(path: &Path) -> bool {
 pub(crate) fn read(path: &Path) -> Result<Untrained> {
     let RunFile { method, model, .. } = RunFile::read(path)?;
     let found = match method.as_deref() {
-        Some(SmokeConfig::METHOD) => return Ok(Untrained::Detector(model_config(model, path)?)),
+        Some(SmokeConfig::METHOD) => return Ok(Untrained::Smoke(model_config(model, path)?)),
+        Some(CenterNet3dConfig::METHOD) => return Ok(Untrained::CenterNet3d(model_config(model, path)?)),
         Some(RefinerConfig::METHOD) => return Ok(Untrained::Refiner(model_config(model, path)?)),
         Some(PlateReaderConfig::METHOD) => return Ok(Untrained::Plates(model_config(model, path)?)),
         Some(other) => format!("\"{other}\""),
         None => "missing".to_owned(),
     };
-    let known = [SmokeConfig::METHOD, RefinerConfig::METHOD, PlateReaderConfig::METHOD].join(", ");
+    let known =
+        [SmokeConfig::METHOD, CenterNet3dConfig::METHOD, RefinerConfig::METHOD, PlateReaderConfig::METHOD].join(", ");
     bail!("{}: method is {found}; expected one of {known}", path.display())
 }
 
@@ -79,14 +83,15 @@ fn usable<C: NetworkConfig>(config: C, path: &Path) -> Result<C> {
     }
 }
 
-/// What the config of a training says about its detector.
+/// What the config of a training says about its SMOKE.
 pub(crate) fn read_config(path: &Path) -> Result<SmokeConfig> {
     let other = match read(path)? {
-        Untrained::Detector(config) => return Ok(config),
+        Untrained::Smoke(config) => return Ok(config),
+        Untrained::CenterNet3d(_) => CenterNet3dConfig::NAME,
         Untrained::Refiner(_) => RefinerConfig::NAME,
         Untrained::Plates(_) => PlateReaderConfig::NAME,
     };
-    bail!("{}: the config of {other}; expected that of a detector", path.display())
+    bail!("{}: the config of {other}; expected that of a SMOKE", path.display())
 }
 
 /// The network of a config with random weights.

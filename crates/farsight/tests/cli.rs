@@ -46,6 +46,7 @@ Commands:
   bench        Time every stage, from the image file to the picture
   prune        Remove the channels of a model that matter least
   info         Show what a model is made of and what it costs
+  measure      Measure a model on several data sets, and put the figures into documents
   completions  Print the script by which a shell completes commands and options
   man          Print a manual page
   help         Print this message or the help of the given subcommand(s)
@@ -428,7 +429,5 @@ fn export_and_range_with_the_model_and_with_the_file() {
     };
     let from_file = answer("m.onnx");
     assert!(from_file.contains("range_m"));
-    // The name of the file is all that differs.
-    let renamed = answer("m.safetensors").replace("\"name\": \"m.safetensors\"", "\"name\": \"m.onnx\"");
-    assert_eq!(from_file, renamed);
+    assert_eq!(from_file.replace("m.onnx", "m.safetensors"), answer("m.safetensors"));
 }

@@ -15,6 +15,7 @@ use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::{WeightTensor, Weights};
+use farsight_methods::centernet3d::{CenterNet3dConfig, CenterNet3dModel};
 use farsight_methods::smoke::config::SmokeConfig;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeModel};
@@ -296,4 +297,59 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
             }
         });
     }
+}
+
+/// A small CenterNet with drawn weights, whose answers are of the size that a trained one's are.
+fn centernet3d() -> CenterNet3dModel {
+    let config = CenterNet3dConfig {
+        input: [320, 96],
+        width: 0.25,
+        depth_focal_px: Some(200.0),
+        ..CenterNet3dConfig::default()
+    };
+    let mut weights = initial_weights(&config.graph(), 4);
+    // Scores about a half, depths about 20 m, sizes of small cars, 2D boxes of eight cells.
+    for (head, bias) in [("hm", 0.0), ("dep", -3.0), ("dim", 1.7), ("wh", 8.0)] {
+        weights.tensors.get_mut(&format!("heads.{head}.2.bias")).unwrap().values.fill(bias);
+    }
+    CenterNet3dModel::new(config, weights).unwrap()
+}
+
+#[test]
+fn a_centernet_is_exported_shown_run_on_every_engine_and_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (engines, images) = (engines(folder), images(folder));
+    centernet3d().write(&folder.join("c.safetensors")).unwrap();
+    let told = done(folder, &["export", "--model", "c.safetensors", "--out", "c.onnx"]);
+    assert!(told.contains("hm") && told.contains("largest difference"), "{told}");
+    let shown = ["c.safetensors", "c.onnx"].map(|model| done(folder, &["info", model]));
+    assert!(shown[0] == shown[1] && shown[0].contains("CenterNet"), "{shown:?}");
+    let refused = farsight(folder, &["export", "--model", "c.safetensors", "--half", "--out", "h.safetensors"]);
+    assert_eq!(refused.status.code(), Some(2));
+
+    let mut expected = detections(folder, "c.safetensors", "rten", &images);
+    expected.sort_by(|a, b| b["score"].as_f64().unwrap().total_cmp(&a["score"].as_f64().unwrap()));
+    expected.truncate(10);
+    assert!(expected.len() > 5 && expected[0]["score"].as_f64() > Some(BEST), "{expected:?} prove little");
+    for engine in &engines {
+        for model in ["c.safetensors", "c.onnx"] {
+            let found = detections(folder, model, engine, &images);
+            for best in &expected {
+                assert!(found.iter().any(|other| same(best, other)), "{engine} {model}: {best} has no twin");
+            }
+        }
+    }
+
+    for part in ["image_2", "calib", "label_2"] {
+        std::fs::create_dir_all(folder.join("data/training").join(part)).unwrap();
+    }
+    let scenes = root().join("assets/scenes");
+    for (from, to) in [("image_2/000000.jpg", "image_2/000000.jpg"), ("calib/000000.txt", "calib/000000.txt")] {
+        std::fs::copy(scenes.join(from), folder.join("data/training").join(to)).unwrap();
+    }
+    let car = "Car 0.00 0 0.00 500.00 170.00 560.00 220.00 1.50 1.60 3.90 0.00 1.70 20.00 0.00\n";
+    std::fs::write(folder.join("data/training/label_2/000000.txt"), car).unwrap();
+    done(folder, &["eval", "--data", "data", "--model", "c.onnx", "--json", "e.json", "--resamples", "0"]);
+    assert!(std::fs::read_to_string(folder.join("e.json")).unwrap().contains("\"objects\": 1"));
 }

@@ -148,7 +148,7 @@ fn mistakes_are_told_with_the_file() {
     assert!(missing.contains("nothing.safetensors: no such file") && missing.contains("or none"), "{missing}");
     let model = root().join("models/farsight-s.safetensors").display().to_string();
     let detector = range(&model);
-    assert!(detector.contains("farsight-s.safetensors") && detector.contains("farsight.refiner"), "{detector}");
+    assert!(detector.contains("farsight-s.safetensors") && detector.contains("expected a refiner"), "{detector}");
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
     let export = told(folder, &["export", "--model", &refiner, "--out", "x.onnx"]);
     assert!(export.contains("a refiner; expected --half and --fit-on"), "{export}");

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use farsight_core::camera::CameraError;
 use farsight_core::{Camera, Label};
-use image::{ImageDecoder, ImageReader, RgbImage};
+use image::RgbImage;
 use thiserror::Error;
 
 use super::{Dataset, DatasetError};
-use crate::image_io::{ImageError, has_image_extension, read_image};
+use crate::image_io::{ImageLimits, has_image_extension, read_header, read_image};
 
 /// The images in a folder, sorted by name, without labels. Folders in it are not looked into.
 #[derive(Debug, Clone)]
@@ -47,7 +47,10 @@ pub enum ImageFolderError {
         path: PathBuf,
     },
     /// Two images would have the same name.
-    #[error("{}: there is another image of this name; expected names that differ in more than the extension", path.display())]
+    #[error(
+        "{}: there is another image of this name; expected names that differ in more than the extension",
+        path.display()
+    )]
     SameName {
         /// The second of them.
         path: PathBuf,
@@ -118,7 +121,7 @@ impl Dataset for ImageFolder {
             FolderCamera::HorizontalFov(degrees) => degrees,
         };
         let path = &self.files[index];
-        let [width, height] = upright_size(path)?;
+        let [width, height] = read_header(path, ImageLimits::default())?.size.map(|side| side as usize);
         let camera = Camera::from_hfov(hfov_deg, width, height);
         Ok(camera.map_err(|source| ImageFolderError::Camera { path: path.clone(), source })?)
     }
@@ -134,18 +137,4 @@ impl Dataset for ImageFolder {
     fn folders(&self) -> Vec<PathBuf> {
         vec![self.folder.clone()]
     }
-}
-
-/// Width and height of the image that [`read_image`] gives, from the file's header alone.
-fn upright_size(path: &Path) -> Result<[usize; 2], ImageError> {
-    use image::metadata::Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
-    let read_failed = |source| ImageError::Read { path: path.to_owned(), source };
-    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(read_failed)?;
-    let damaged = |source| ImageError::Damaged { path: path.to_owned(), source };
-    let mut decoder = reader.into_decoder().map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
-    let size = [width as usize, height as usize];
-    let is_on_its_side =
-        matches!(decoder.orientation().map_err(damaged)?, Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH);
-    Ok(if is_on_its_side { [size[1], size[0]] } else { size })
 }

@@ -10,7 +10,8 @@ use crate::laws;
 
 fn saved() -> Vec<Vec<u8>> {
     let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
-    let entries = ["corpus/image", "artifacts/image"].into_iter().filter_map(|folder| fs::read_dir(fuzz.join(folder)).ok());
+    let entries =
+        ["corpus/image", "artifacts/image"].into_iter().filter_map(|folder| fs::read_dir(fuzz.join(folder)).ok());
     entries.flatten().map(|entry| fs::read(entry.unwrap().path()).unwrap()).collect()
 }
 
@@ -18,7 +19,9 @@ fn saved() -> Vec<Vec<u8>> {
 fn images() {
     let saved = saved();
     assert!(!saved.is_empty());
-    saved.iter().for_each(|bytes| laws::image(bytes));
+    for bytes in &saved {
+        laws::image(bytes);
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@
 //! | which layers and maps there are | [`layers`], [`maps`] |
 //! | what values the maps take | [`Histogram`], one a map, filled by running the network on images |
 //! | which range each map gets | [`Observer`] |
-//! | all of it together, for [`crate::onnx::write_quantized`] | [`Quantization`] |
+//! | all of it together, for `farsight_onnx::write_quantized` | [`Quantization`] |
 
 mod histogram;
 mod points;

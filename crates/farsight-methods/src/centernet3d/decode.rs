@@ -55,12 +55,7 @@ impl Maps<'_> {
 }
 
 /// The detections in `maps`, highest score first. Boxes that do not come out finite or lie behind the camera are left out.
-pub fn detections(
-    config: &CenterNet3dConfig,
-    maps: &Maps<'_>,
-    view: &View,
-    options: &DecodeOptions,
-) -> Vec<Detection> {
+pub fn detections(config: &CenterNet3dConfig, maps: &Maps<'_>, view: &View, options: &DecodeOptions) -> Vec<Detection> {
     let classes = &config.classes;
     let min_score = options.min_score(classes);
     // A low peak of a near object can stand for a high probability.
@@ -105,10 +100,8 @@ fn detection(config: &CenterNet3dConfig, peak: &Peak, encoded: &Encoded, view: &
 /// A box in cells of the feature map as pixels of the original image: the input is a scaled and shifted image.
 fn image_box(cells: &Box2d, view: &View) -> Box2d {
     let (from, to) = (view.input_camera.principal_point(), view.camera.principal_point());
-    let scale = [
-        view.camera.focal_x() / view.input_camera.focal_x(),
-        view.camera.focal_y() / view.input_camera.focal_y(),
-    ];
+    let scale =
+        [view.camera.focal_x() / view.input_camera.focal_x(), view.camera.focal_y() / view.input_camera.focal_y()];
     let at = |cell: f64, axis: usize| (cell * STRIDE as f64 - from[axis]) * scale[axis] + to[axis];
     Box2d::new(at(cells.x1, 0), at(cells.y1, 1), at(cells.x2, 0), at(cells.y2, 1))
 }

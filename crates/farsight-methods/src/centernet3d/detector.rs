@@ -28,11 +28,15 @@ impl CenterNet3dDetector {
     }
 
     /// The outputs, their shapes checked, in the order heatmap, depth, rotation, dimensions, size, offset.
-    fn maps(&self, mut outputs: Vec<Tensor>, images: usize, input_size: [usize; 2]) -> Result<[Tensor; 6], DetectError> {
+    fn maps(
+        &self,
+        mut outputs: Vec<Tensor>,
+        images: usize,
+        input_size: [usize; 2],
+    ) -> Result<[Tensor; 6], DetectError> {
         let [width, height] = input_size.map(|side| side / STRIDE);
-        let mut map = |name: &str, channels: usize| {
-            output(&*self.runner, &mut outputs, name, [images, channels, height, width])
-        };
+        let mut map =
+            |name: &str, channels: usize| output(&*self.runner, &mut outputs, name, [images, channels, height, width]);
         Ok([
             map(HEATMAP, self.config.classes.len())?,
             map(DEPTH, 1)?,

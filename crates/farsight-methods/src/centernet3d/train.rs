@@ -89,8 +89,7 @@ impl SampleMaker {
         let image_size = [width as usize, height as usize];
         let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input.rules);
         let sample = transform.apply(&frame, &self.input.rules);
-        let targets =
-            targets(&sample.labels, &self.classes, &self.heatmap, &self.codec, &sample.camera, sample.size);
+        let targets = targets(&sample.labels, &self.classes, &self.heatmap, &self.codec, &sample.camera, sample.size);
         Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
     }
 }
@@ -227,8 +226,7 @@ impl Task for CenterNet3dTask {
             mean_l1(&at(offset), &batch.offset) * weights.offset_weight,
         ];
         let [depth, dimensions, rotation, size, offset] = parts.each_ref().map(|part| part.double_value(&[]));
-        let metrics =
-            LossTerms { heatmap: heatmap.double_value(&[]), depth, dimensions, rotation, size, offset };
+        let metrics = LossTerms { heatmap: heatmap.double_value(&[]), depth, dimensions, rotation, size, offset };
         let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
         let loss = metrics.named().iter().map(|(_, value)| value).sum();
         StepOutput { objective, loss, metrics, samples: batch.input.size()[0] as usize }
@@ -248,8 +246,9 @@ impl TrainBatch {
         let values: Vec<f32> = samples.iter().flat_map(|sample| &sample.targets.heatmap).copied().collect();
         let heatmap = Tensor::from_slice(&values).view([samples.len() as i64, -1, map_height as i64, map_width as i64]);
         let taught = samples.iter().enumerate().filter(|(_, sample)| sample.regress);
-        let objects: Vec<(usize, &Encoded)> =
-            taught.flat_map(|(image, sample)| sample.targets.objects.iter().map(move |object| (image, object))).collect();
+        let objects: Vec<(usize, &Encoded)> = taught
+            .flat_map(|(image, sample)| sample.targets.objects.iter().map(move |object| (image, object)))
+            .collect();
         let index = |(image, object): &(usize, &Encoded)| {
             ((image * map_height + object.cell[1]) * map_width + object.cell[0]) as i64
         };

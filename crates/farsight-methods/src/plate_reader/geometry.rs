@@ -4,9 +4,9 @@
 //! camera is cut out of the image where an earlier look has it, at so many pixels a metre that a plate is as wide as expected if that look is right, and a
 //! small network says how much wider it is.
 
-use farsight_core::box3d::NEAR_PLANE_M;
 use crate::refiner::geometry::{LOG_UNIT, told_sigma};
-use farsight_core::{Affine2, DepthFusion, Box3d, Camera, Detection, MeasuredDepth, ObjectClass};
+use farsight_core::box3d::NEAR_PLANE_M;
+use farsight_core::{Affine2, Box3d, Camera, DepthFusion, Detection, MeasuredDepth, ObjectClass};
 
 /// Channels of the cut-out: red, green, blue.
 pub const INPUT_CHANNELS: usize = 3;

@@ -1,10 +1,10 @@
 //! Number plates as yardsticks ([`crate::plate_reader::geometry`]).
 
+use crate::plate_reader::PlateReaderConfig;
 use crate::plate_reader::geometry::{ANSWER_CHANNELS, INPUT_CHANNELS, PlateCrop, carries_plate, mean_answer, measured};
 use crate::refiner::geometry::input_rules;
 use farsight_core::{Camera, Detection, MeasuredDepth};
 use farsight_data::network_input_into;
-use crate::plate_reader::PlateReaderConfig;
 use farsight_runtime::EngineError;
 use image::RgbImage;
 

@@ -5,14 +5,14 @@
 //! boxes of any class.
 
 mod kinds;
-mod stages;
 mod scores;
+mod stages;
 
 use std::f64::consts::SQRT_2;
 
 pub use kinds::{KINDS, NOTHING, kind_of};
-pub use stages::TwoLooks;
 pub use scores::{Evidence, LooksScore, LooksScores, ScoredLooks};
+pub use stages::TwoLooks;
 
 use farsight_core::box3d::ray_angle;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};

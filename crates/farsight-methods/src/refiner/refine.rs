@@ -1,10 +1,10 @@
 //! The second look at what was found ([`crate::refiner::geometry`]).
 
-use farsight_core::nms::{class_nms, soft_suppression};
+use crate::refiner::RefinerConfig;
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
+use farsight_core::nms::{class_nms, soft_suppression};
 use farsight_core::{Box2d, Camera, ClassReference, Detection};
 use farsight_data::network_input_into;
-use crate::refiner::RefinerConfig;
 use farsight_runtime::EngineError;
 use image::RgbImage;
 

@@ -93,7 +93,8 @@ impl Codec {
         let reference = self.classes.get(class)?.dimensions_lhw;
         let alpha = object.alpha();
         let regression = Regression {
-            depth: (self.depth.virtual_depth_m(object.depth_m(), input_focal_px(camera)) - self.depth.mean_m) / self.depth.std_m,
+            depth: (self.depth.virtual_depth_m(object.depth_m(), input_focal_px(camera)) - self.depth.mean_m)
+                / self.depth.std_m,
             offset: pixel.map(f64::fract),
             log_dimensions_lhw: [
                 (length / reference[0]).ln(),

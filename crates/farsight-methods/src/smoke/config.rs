@@ -281,11 +281,7 @@ impl SmokeConfig {
 
     /// How images become inputs.
     pub fn input_spec(&self) -> InputSpec {
-        InputSpec {
-            rules: self.input_rules(),
-            camera_3x3: self.quirks.camera_3x3,
-            focal_range_px: self.focal_range_px,
-        }
+        InputSpec { rules: self.input_rules(), camera_3x3: self.quirks.camera_3x3, focal_range_px: self.focal_range_px }
     }
 
     /// What the network expects of its input.

@@ -3,10 +3,10 @@
 //! The loss is the decoder seen from the other side, so it *is* the decoder: the same generic functions run on dual numbers
 //! that carry the derivatives with respect to the eight raw channels. There is no second, tensor-shaped decoder to keep in step.
 
-use farsight_core::box3d::{corners, ray_angle};
 use super::codec::{CHANNELS, Regression};
-use farsight_core::scalar::Dual;
 use super::targets::ObjectTarget;
+use farsight_core::box3d::{corners, ray_angle};
+use farsight_core::scalar::Dual;
 use farsight_core::{Camera, Dimensions};
 
 use super::Codec;

@@ -67,7 +67,8 @@ pub fn detections_at_peaks(
                 found.score = probability.clamp(SCORE_LIMITS.0, SCORE_LIMITS.1);
             }
             let is_cut = view.cuts(&found.box2d);
-            found.range_sigma_m = codec.depth.sigma_m(found.box3d.depth_m(), found.score, is_cut, view.input_camera.focal_y());
+            found.range_sigma_m =
+                codec.depth.sigma_m(found.box3d.depth_m(), found.score, is_cut, view.input_camera.focal_y());
             Some(found)
         })
         .filter(|detection| detection.score > min_score)

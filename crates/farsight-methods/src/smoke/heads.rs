@@ -1,6 +1,5 @@
 //! The two heads (spec section 4), and one for training.
 
-
 use farsight_graph::graph::{Init, NodeId};
 use farsight_graph::layers::Builder;
 

@@ -7,8 +7,8 @@ use std::path::Path;
 use farsight_core::input::{ChannelOrder, Sampling};
 
 use farsight_graph::layers::NormKind;
-use farsight_graph::weights::{WeightTensor, Weights, is_step_counter};
 use farsight_graph::model::ATTRIBUTION_KEY;
+use farsight_graph::weights::{WeightTensor, Weights, is_step_counter};
 use farsight_import::tflite::{is_tflite, read_convolutions};
 use farsight_import::{CheckpointError, CheckpointProblem, attribution, tensors_from_pth};
 

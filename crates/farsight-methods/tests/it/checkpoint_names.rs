@@ -1,6 +1,5 @@
 //! The naming rules against the table of the specification, which was read off the real modules.
 
-
 use farsight_methods::smoke::import::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
 
 /// One row of `statedict_map.csv`.

@@ -2,7 +2,6 @@
 //! `topk_decode`).
 // Clippy's exceptions for tests reach functions marked `#[test]`, not the helpers beside them.
 
-
 use farsight_core::DepthReference;
 use farsight_core::box3d::NEAR_PLANE_M;
 use farsight_core::detection::{Detection, View};

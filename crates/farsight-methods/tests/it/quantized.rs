@@ -13,11 +13,11 @@ use farsight_graph::transform::Network;
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_methods::smoke::SmokeConfig;
 use farsight_methods::smoke::SmokeModel;
+use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::sensitivity::Answers;
 use farsight_methods::smoke::{DetectorFile, HeadMaps, LOGITS, REGRESSION, SparseHead};
 use farsight_onnx::{Facts, LocalHeadFile, OnnxModel, Target, write, write_quantized};
 use farsight_runtime::{Calibration, RtenRunner, TensorView, probe};
-use farsight_methods::smoke::network::Backbone;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

@@ -10,8 +10,8 @@ use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
 use farsight_graph::model::NetworkConfig;
 use farsight_methods::smoke::SmokeConfig;
 use farsight_methods::smoke::SmokeModel;
-use farsight_methods::smoke::{LOGITS, REGRESSION};
 use farsight_methods::smoke::network::Backbone;
+use farsight_methods::smoke::{LOGITS, REGRESSION};
 
 #[test]
 fn every_combination_is_a_network_with_heads_at_stride_four() {

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::golden_support::{assert_close, golden, large_golden};
-use farsight_methods::smoke::import::{ImportOptions, import};
-use farsight_methods::smoke::{LOGITS, REGRESSION, SmokeModel};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::NormKind;
 use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::Weights;
 use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::import::{ImportOptions, import};
 use farsight_methods::smoke::network::Backbone;
+use farsight_methods::smoke::{LOGITS, REGRESSION, SmokeModel};
 use farsight_train::executor::{Mode, Network, Precision, values_from_tensor};
 use tch::{Device, Kind, Tensor, no_grad};
 
@@ -65,11 +65,8 @@ const BACKBONE_TOLERANCE: f64 = 1e-4;
 #[test]
 fn imported_backbones_give_the_maps_of_pytorch_in_training_too() {
     const LEVELS: [&str; 4] = ["level2", "level3", "level4", "level5"];
-    let fixture = |name: &str| {
-        Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("tests/fixtures")
-            .join(format!("mobilenet_v2_{name}"))
-    };
+    let fixture =
+        |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(format!("mobilenet_v2_{name}"));
     let values = (0..3 * 64 * 96).map(|k| (2.0 * (0.37 * f64::from(k)).sin() * (0.0011 * f64::from(k)).cos()) as f32);
     let image = Tensor::from_slice(&values.collect::<Vec<f32>>()).view([1, 3, 64, 96]);
     let rows = [

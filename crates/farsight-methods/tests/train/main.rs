@@ -6,8 +6,10 @@
     reason = "a test that cannot go on stops, and says so when it was skipped"
 )]
 
+mod centernet3d;
 mod golden_network;
 #[path = "../../../farsight-train/tests/it/golden_support.rs"]
+#[allow(dead_code, reason = "each test program uses a part")]
 mod golden_support;
 mod imported_checkpoints;
 mod parts;

@@ -40,8 +40,8 @@ impl Callback for Counter {
     }
 }
 
-fn validate(root: &Path, every_steps: u64) -> Option<ValidateConfig> {
-    Some(ValidateConfig { root: root.to_owned(), split: "train".into(), every_steps, limit: 3 })
+fn validate(root: &Path, every_steps: u64) -> ValidateConfig {
+    ValidateConfig { root: root.to_owned(), split: "train".into(), every_steps, limit: 3 }
 }
 
 #[test]
@@ -53,7 +53,7 @@ fn what_is_measured_is_the_model_so_far_and_measuring_changes_nothing() {
     let alone = Job { run: run.clone(), out: out("alone"), resume: false };
     let alone = fs::read(fit::<SmokeTask>(&alone, &mut Silent::default()).unwrap()).unwrap();
 
-    run.validate = validate(folder.path(), 4);
+    run.validate = Some(validate(folder.path(), 4));
     let mut counter = Counter::new(9);
     let model = fit::<SmokeTask>(&Job { run, out: out("measured"), resume: false }, &mut counter).unwrap();
     assert_eq!(counter.steps, [4, 6], "every four steps, and after the last one");
@@ -73,7 +73,7 @@ fn what_is_measured_is_the_model_so_far_and_measuring_changes_nothing() {
 fn frames_that_are_not_there_are_told_before_the_first_step() {
     let folder = data_set(4);
     let mut run = run_config(folder.path());
-    run.validate = validate(&folder.path().join("nowhere"), 1);
+    run.validate = Some(validate(&folder.path().join("nowhere"), 1));
     let mut counter = Counter::new(9);
     let job = Job { run, out: folder.path().join("run"), resume: false };
     let error = fit::<SmokeTask>(&job, &mut counter).unwrap_err().to_string();
@@ -85,7 +85,7 @@ fn frames_that_are_not_there_are_told_before_the_first_step() {
 fn a_measurement_that_fails_ends_the_run_with_its_reason() {
     let folder = data_set(4);
     let mut run = run_config(folder.path());
-    run.validate = validate(folder.path(), 2);
+    run.validate = Some(validate(folder.path(), 2));
     let mut counter = Counter::new(1);
     let job = Job { run, out: folder.path().join("run"), resume: false };
     let error = fit::<SmokeTask>(&job, &mut counter).unwrap_err();

@@ -9,6 +9,7 @@
 mod adam;
 mod golden_layers;
 mod golden_msfe;
+#[allow(dead_code, reason = "each test program uses a part")]
 mod golden_support;
 mod samplers;
 mod schedule;

@@ -21,6 +21,7 @@ use super::Outcome;
 use crate::outputs;
 use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
+pub(super) use classic::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
 pub(super) use modelled::{MIN_SCORE, write_results_of};
 

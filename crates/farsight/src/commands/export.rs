@@ -4,6 +4,7 @@ mod fit;
 mod int8;
 mod plates;
 mod refiner;
+mod whole;
 
 use std::path::{Path, PathBuf};
 
@@ -125,6 +126,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if PlateReaderModel::is_one(&args.model) {
         return plates::run(args, args.part_data(PlateReaderConfig::NAME)?, printer);
     }
+    if let Some(network) = whole::read(&args.model, target)? {
+        return whole::run(args, &network, printer);
+    }
     let mut model = read_own(&args.model)?;
     if let Some(size) = args.input {
         resize_input(&mut model, size, args, printer)?;
@@ -141,7 +145,19 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = DetectorFile::from_bytes(bytes, &args.out)?.onnx;
-    let differences = check(&model, &file, &args.out, printer)?;
+    let (expected, reference) = reference(&model, &file, &probe::input(probe::SIZE))?;
+    keep(&file, &expected, &reference, args, printer)
+}
+
+/// Writes `file` if it answers as it should, which `reference` says.
+fn keep(
+    file: &OnnxModel,
+    expected: &[Tensor],
+    reference: &str,
+    args: &ExportArgs,
+    printer: &mut Printer,
+) -> Result<Outcome> {
+    let differences = differences(file, expected, reference, &args.out, printer)?;
     for Difference { name, largest, scale } in &differences {
         printer.line(&format!("{name:10} largest difference {largest:.1e}, values up to {scale:.1}"));
     }
@@ -155,7 +171,8 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         );
     }
     write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
-    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), file.bytes().len() as f64 / 1e6, target.name()));
+    let target = file.facts().get(key::TARGET).unwrap_or("portable");
+    printer.line(&format!("{}: {:.1} MB, {target}", args.out.display(), file.bytes().len() as f64 / 1e6));
     Ok(Outcome::Done)
 }
 
@@ -217,16 +234,20 @@ fn told(args: &ExportArgs) -> Result<Vec<(&'static str, String)>> {
     Ok(told)
 }
 
-/// How far the head maps of the file are from those of the model on a fixed input of noise.
-fn check(model: &SmokeModel, file: &OnnxModel, path: &Path, printer: &mut Printer) -> Result<Vec<Difference>> {
-    let input = probe::input(probe::SIZE);
+/// How far the outputs of the file are from what is expected of a fixed input of noise.
+fn differences(
+    file: &OnnxModel,
+    expected: &[Tensor],
+    reference: &str,
+    path: &Path,
+    printer: &mut Printer,
+) -> Result<Vec<Difference>> {
     let mut runner = file_runner(file, path)?;
-    let found = outputs_of(&mut *runner, &input)?;
-    let (expected, reference) = reference(model, file, &input)?;
+    let found = outputs_of(&mut *runner, &probe::input(probe::SIZE))?;
     let [width, height] = probe::SIZE;
     let by = runner.engine();
     printer.status(&format!("checked: the file on {by} against {reference}, {width} x {height} pixels of noise"));
-    Ok(probe::differences(runner.outputs(), &found, &expected))
+    Ok(probe::differences(runner.outputs(), &found, expected))
 }
 
 /// What `runner` answers to an image of [`probe::SIZE`].
@@ -250,13 +271,23 @@ fn reference(model: &SmokeModel, file: &OnnxModel, input: &[f32]) -> Result<(Vec
     if let Some(mut runner) = reference_network(model)? {
         return Ok((outputs_of(&mut *runner, input)?, runner.engine().to_owned()));
     }
-    let library = Library::OnnxRuntime;
-    let is_there = library.find(None).is_ok_and(|found| library.version(&found.path).is_ok());
-    let engine = if is_there && !file.has_deform_conv() { EngineKind::OnnxRuntime } else { EngineKind::Rten };
+    let engine = reference_engine(file);
     let target = engine.target();
     let whole = Network::new(model).keeping(&[LOGITS, REGRESSION]);
     let source = Path::new("the untransformed network");
     let whole = OnnxModel::from_bytes(write(&whole, &DetectorFile::facts(model, target), target)?, source)?;
+    answer(engine, whole, source, input)
+}
+
+/// An engine that the file itself was not run on, where there is one.
+fn reference_engine(file: &OnnxModel) -> EngineKind {
+    let library = Library::OnnxRuntime;
+    let is_there = library.find(None).is_ok_and(|found| library.version(&found.path).is_ok());
+    if is_there && !file.has_deform_conv() { EngineKind::OnnxRuntime } else { EngineKind::Rten }
+}
+
+/// What the untransformed network answers on `engine`, and what to call that.
+fn answer(engine: EngineKind, whole: OnnxModel, source: &Path, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
     let mut runner = EngineOptions::from(engine).start(whole, source)?;
     let outputs = outputs_of(&mut *runner, input)?;
     Ok((outputs, format!("the untransformed network on {}", runner.engine())))

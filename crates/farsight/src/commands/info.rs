@@ -1,5 +1,7 @@
 //! `farsight info`: what a model is made of and what it costs.
 
+mod picture;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -7,9 +9,13 @@ use clap::Args;
 use farsight::{model_file, shipped};
 use farsight_core::DepthFusion;
 use farsight_core::DepthReference;
+use farsight_files::write_quickly;
+use farsight_graph::blocks::blocks;
 use farsight_graph::count::{StageCount, count, total};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::NetworkConfig;
+use farsight_methods::centernet3d::{CenterNet3dConfig, CenterNet3dModel};
+use farsight_methods::detectors::config_of;
 use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::smoke::config::SmokeConfig;
@@ -18,9 +24,9 @@ use farsight_methods::smoke::{DetectorFile, SmokeModel};
 use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
-use crate::printer::Printer;
-use crate::untrained;
+use crate::printer::{Printer, grouped};
 use crate::untrained::Untrained;
+use crate::{outputs, untrained};
 
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
@@ -28,10 +34,16 @@ pub(crate) struct InfoArgs {
     /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped" for the model that comes with the program, or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
+    /// Draw the network: its stages as boxes with parameters and multiply-accumulates
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
+    if let Some(path) = &args.svg {
+        outputs::check_file(path)?;
+    }
     let Described { input: [width, height], graph, facts } = read(&args.model)?;
     let stages = count(&graph, width, height).with_context(|| {
         format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
@@ -44,7 +56,19 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
     for stage in stages.iter().chain([&total(&stages)]) {
         printer.line(&row(stage));
     }
+    if let Some(path) = &args.svg {
+        draw(path, &args.model, &graph, [width, height], &total(&stages))?;
+    }
     Ok(Outcome::Done)
+}
+
+fn draw(path: &Path, model: &Path, graph: &Graph, [width, height]: [usize; 2], total: &StageCount) -> Result<()> {
+    let blocks = blocks(graph, width, height).context("the input does not fit the network")?;
+    let name = model.file_name().unwrap_or(model.as_os_str()).to_string_lossy();
+    let gmacs = total.macs as f64 / 1e9;
+    let title = format!("{name}: {} parameters, {gmacs:.2} GMAC", grouped(total.parameters));
+    let svg = picture::svg(&title, &blocks);
+    Ok(write_quickly(path, |file| file.write_all(svg.as_bytes()))?)
 }
 
 /// A file as it describes itself.
@@ -65,7 +89,8 @@ impl Described {
 fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
         return Ok(match untrained::read(path)? {
-            Untrained::Detector(config) => Described::new(&config, config.graph(), Vec::new()),
+            Untrained::Smoke(config) => Described::new(&config, config.graph(), Vec::new()),
+            Untrained::CenterNet3d(config) => centernet3d(&config, None),
             Untrained::Refiner(config) => refiner(&config, None),
             Untrained::Plates(config) => plates(&config, None),
         });
@@ -83,9 +108,17 @@ fn read(path: &Path) -> Result<Described> {
             let PlateReaderModel { config, weights, .. } = PlateReaderModel::read(path)?;
             return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
         }
+        if CenterNet3dModel::is_one(path) {
+            let CenterNet3dModel { config, weights, .. } = CenterNet3dModel::read(path)?;
+            return Ok(centernet3d(&config, weights.metadata.get(key::TRAINING)));
+        }
         return Ok(detector(&SmokeModel::read(path)?));
     }
-    let file = DetectorFile::from_onnx(OnnxModel::read(path)?, path)?;
+    let onnx = OnnxModel::read(path)?;
+    if onnx.facts().get(key::METHOD) == Some(CenterNet3dConfig::METHOD) {
+        return Ok(centernet3d(&config_of(&onnx, path)?, None));
+    }
+    let file = DetectorFile::from_onnx(onnx, path)?;
     let mut told = told(file.onnx.facts());
     if file.onnx.facts().get(key::NARROWED).is_some() {
         // How wide the layers are stands in the file's constants alone.
@@ -98,6 +131,21 @@ fn read(path: &Path) -> Result<Described> {
 fn detector(model: &SmokeModel) -> Described {
     let told = told(&DetectorFile::facts(model, Target::default()));
     Described::new(&model.config, model.graph.clone(), told)
+}
+
+fn centernet3d(config: &CenterNet3dConfig, training: Option<&String>) -> Described {
+    let [width, height] = config.input;
+    let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
+    let mut facts = vec![
+        ("input", format!("{width} x {height} pixels")),
+        ("classes", classes.join(", ")),
+        ("channels", format!("{:?}", config.channels())),
+        ("normalisation", format!("{:?}", config.norm).to_lowercase()),
+        ("neck", format!("{:?}", config.neck).to_lowercase()),
+        ("keypoints", "centres of 2D boxes (CenterNet)".to_owned()),
+    ];
+    facts.extend(training.map(|training| ("training", training.clone())));
+    Described { input: config.input, graph: config.graph(), facts }
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
@@ -175,30 +223,4 @@ fn depth(reference: &DepthReference) -> String {
 fn row(stage: &StageCount) -> String {
     let gmacs = stage.macs as f64 / 1e9;
     format!("{:15} {:>12} {gmacs:>10.3}", stage.stage, grouped(stage.parameters))
-}
-
-/// `19510976` as `19,510,976`.
-fn grouped(number: usize) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::grouped;
-
-    #[test]
-    fn digits_are_grouped() {
-        let table = [(0, "0"), (999, "999"), (1000, "1,000"), (19_510_976, "19,510,976")];
-        for (number, expected) in table {
-            assert_eq!(grouped(number), expected);
-        }
-    }
 }

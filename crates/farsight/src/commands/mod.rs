@@ -10,6 +10,7 @@ mod export;
 mod import;
 mod info;
 mod man;
+mod measure;
 mod parity;
 mod prune;
 mod range;
@@ -54,6 +55,8 @@ pub(crate) enum Command {
     Prune(prune::PruneArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
+    /// Measure a model on several data sets, and put the figures into documents
+    Measure(measure::MeasureArgs),
     /// Print the script by which a shell completes commands and options
     Completions(completions::CompletionsArgs),
     /// Print a manual page
@@ -88,6 +91,7 @@ impl Command {
             Self::Info(args) => info::run(&args, printer),
             Self::Completions(args) => completions::run(&args, printer),
             Self::Man(args) => man::run(&args, printer),
+            Self::Measure(args) => measure::run(&args, printer),
         }
     }
 }

@@ -13,7 +13,7 @@ use farsight_core::score::{logistic, logit, most_likely};
 pub struct Evidence {
     /// The first look's score, 0 to 1, both excluded.
     pub score: f64,
-    /// Log odds, by the second look, that it is what the first look says, or what that is easily taken for ([`crate::ObjectClass::is_like`]).
+    /// Log odds, by the second look, that it is what the first look says, or what that is easily taken for ([`farsight_core::ObjectClass::is_like`]).
     pub kind: f64,
     /// Overlap of both looks' boxes in the image, 0 to 1: who takes something for a car agrees on where its edges are if it is one.
     pub overlap: f64,
@@ -51,7 +51,7 @@ pub struct LooksScore {
 }
 
 impl LooksScore {
-    /// The fit to some examples; none with fewer than [`LEAST_EXAMPLES`](crate::score::LEAST_EXAMPLES) right or wrong ones.
+    /// The fit to some examples; none with fewer than [`LEAST_EXAMPLES`](farsight_core::score::LEAST_EXAMPLES) right or wrong ones.
     fn fit<'a>(examples: impl Iterator<Item = &'a ScoredLooks>) -> Option<Self> {
         let rows: Vec<_> =
             examples.map(|example| (example.evidence.terms(), f64::from(u8::from(example.is_right)))).collect();
@@ -74,7 +74,7 @@ pub struct LooksScores {
 
 impl LooksScores {
     /// The fit to `examples`: a class with enough of them gets that of its own ones, the others of `classes` that of all. None with fewer than
-    /// [`LEAST_EXAMPLES`](crate::score::LEAST_EXAMPLES) right or wrong ones in all.
+    /// [`LEAST_EXAMPLES`](farsight_core::score::LEAST_EXAMPLES) right or wrong ones in all.
     pub fn fit(examples: &[ScoredLooks], classes: &[ObjectClass]) -> Option<Self> {
         let of_all = LooksScore::fit(examples.iter())?;
         let of = |class: &ObjectClass| LooksScore::fit(examples.iter().filter(|example| example.class == *class));

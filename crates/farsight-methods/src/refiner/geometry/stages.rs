@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::kinds::{likeliest, log_odds};
 use super::{Evidence, LooksScores, Refinement, kind_of};
-use farsight_core::score::SCORE_LIMITS;
 use farsight_core::overlap::iou_2d;
-use farsight_core::{DepthFusion, Camera, Detection, MeasuredDepth};
+use farsight_core::score::SCORE_LIMITS;
+use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth};
 
 /// Boxes in the image that overlap less are of two different things.
 const LEAST_OVERLAP: f64 = 0.3;

@@ -11,14 +11,34 @@ use super::{EvalArgs, Files};
 use crate::printer::Printer;
 
 /// Height of KITTI's camera above the road, metres (Geiger et al. 2013).
-pub(super) const CAMERA_HEIGHT_M: f64 = 1.65;
+pub(in crate::commands) const CAMERA_HEIGHT_M: f64 = 1.65;
 
 /// Depth of a detection by its 2D box; `None` when the box says nothing.
 type Ranger<'a> = &'a dyn Fn(&Detection, &Camera) -> Option<f64>;
 
+/// Camera of a frame by its id.
+type CameraOf<'a> = &'a dyn Fn(&str) -> Result<Camera>;
+
 /// Prints the errors of the two classic rangers on the detections of `files`. Detections that a ranger can say nothing about count as not found.
 pub(super) fn run(args: &EvalArgs, source: &Files, files: &FrameFiles, printer: &mut Printer) -> Result<()> {
-    let camera_height_m = args.camera_height;
+    let options = RangingOptions { bootstrap: None, ..args.ranging_options() };
+    for (_, what, evaluation) in evaluations(&|id| source.camera(id), files, args.camera_height, &options)? {
+        printer.line("");
+        printer.heading(&format!("the same detections, ranged by {what}"));
+        for line in text::moderate_lines(&evaluation.report().ranging, EvaluatedClass::Car) {
+            printer.line(&line);
+        }
+    }
+    Ok(())
+}
+
+/// Name and description of each classic ranger, and the detections of `files` with its distances. The camera is so high above the ground.
+pub(in crate::commands) fn evaluations(
+    camera: CameraOf,
+    files: &FrameFiles,
+    camera_height_m: f64,
+    options: &RangingOptions,
+) -> Result<[(&'static str, &'static str, Evaluation); 2]> {
     let by_height = |detection: &Detection, camera: &Camera| {
         let sizes = SizeStatistics::of(&detection.class);
         depth_from_height(&detection.box2d, camera, sizes.height.mean, sizes.length.mean / 2.0)
@@ -27,25 +47,24 @@ pub(super) fn run(args: &EvalArgs, source: &Files, files: &FrameFiles, printer: 
         let sizes = SizeStatistics::of(&detection.class);
         depth_from_ground(&detection.box2d, camera, camera_height_m, sizes.length.mean / 2.0)
     };
-    let rangers: [(&str, Ranger); 2] = [
-        ("similar triangles: mean height of the class over the height of the 2D box", &by_height),
-        ("inverse perspective: the bottom edge of the 2D box on flat ground", &by_ground),
-    ];
-    for (name, ranger) in rangers {
-        let report = evaluated(args, source, files, ranger)?.report();
-        printer.line("");
-        printer.heading(&format!("the same detections, ranged by {name}"));
-        for line in text::moderate_lines(&report.ranging, EvaluatedClass::Car) {
-            printer.line(&line);
-        }
-    }
-    Ok(())
+    Ok([
+        (
+            "similar_triangles",
+            "similar triangles: mean height of the class over the height of the 2D box",
+            evaluated(camera, files, options, &by_height)?,
+        ),
+        (
+            "inverse_perspective",
+            "inverse perspective: the bottom edge of the 2D box on flat ground",
+            evaluated(camera, files, options, &by_ground)?,
+        ),
+    ])
 }
 
-fn evaluated(args: &EvalArgs, source: &Files, files: &FrameFiles, ranger: Ranger) -> Result<Evaluation> {
-    let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..args.ranging_options() });
+fn evaluated(camera: CameraOf, files: &FrameFiles, options: &RangingOptions, ranger: Ranger) -> Result<Evaluation> {
+    let mut evaluation = Evaluation::new(options.clone());
     for id in files.ids() {
-        let camera = source.camera(id)?;
+        let camera = camera(id)?;
         let (Frame { id, labels, predictions }, _) = files.read(id)?;
         let moved = predictions.into_iter().filter_map(|prediction| moved(prediction.detection, &camera, ranger));
         evaluation.add(&Frame::new(id, labels, moved.collect()));

@@ -1,5 +1,6 @@
 //! `farsight eval --model`: the model's own result files, then evaluated like any others.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,8 +29,8 @@ const TOLD_FAILURES: usize = 5;
 enum Cameras {
     /// Calibration files in a folder.
     Folder(PathBuf),
-    /// The data set has them.
-    Dataset(Arc<dyn Dataset>),
+    /// The data set has them; numbers of its frames by their names.
+    Dataset(Arc<dyn Dataset>, BTreeMap<String, usize>),
 }
 
 /// Where the files to evaluate are.
@@ -71,17 +72,14 @@ impl Files {
             _ => bail!("expected --labels and --results, or --data (and --model)"),
         }
     }
-}
 
-impl Files {
     /// The camera of the frame called `id`.
     pub(super) fn camera(&self, id: &str) -> Result<Camera> {
         match &self.cameras {
             Cameras::Folder(folder) => Ok(Calibration::read(&folder.join(format!("{id}.txt")))?.camera()),
-            Cameras::Dataset(dataset) => {
-                let index = dataset.ids().iter().position(|known| known == id);
-                let index = index.with_context(|| format!("{}: no frame {id}", dataset.name()))?;
-                Ok(dataset.camera(index)?)
+            Cameras::Dataset(dataset, indices) => {
+                let index = indices.get(id).with_context(|| format!("{}: no frame {id}", dataset.name()))?;
+                Ok(dataset.camera(*index)?)
             }
         }
     }
@@ -110,7 +108,12 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
     printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
     let labels = LabelSource::from(&dataset);
-    let cameras = args.calib.clone().map_or(Cameras::Dataset(dataset), Cameras::Folder);
+    let cameras = if let Some(folder) = &args.calib {
+        Cameras::Folder(folder.clone())
+    } else {
+        let indices = dataset.ids().into_iter().zip(0..).collect();
+        Cameras::Dataset(dataset, indices)
+    };
     Ok(Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: folder })
 }
 

@@ -1,0 +1,188 @@
+//! `farsight measure`: the figures of a model on several data sets, and the documents that quote them.
+
+mod sets;
+mod summary;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use farsight::Pipeline;
+use farsight_data::open_labelled;
+use farsight_eval::ranging::RangingOptions;
+use farsight_eval::{FrameFiles, LabelSource, Scores};
+
+use super::Outcome;
+use super::eval::{CAMERA_HEIGHT_M, MIN_SCORE, baseline_evaluations, write_results_of};
+use crate::figures::{Figures, SetFigures, Source, documents};
+use crate::outputs;
+use crate::pipeline_args::{self, EngineArgs, PipelineArgs};
+use crate::printer::{Printer, counted};
+use sets::{MeasuredSet, Sets, Stages};
+use summary::{class_figures, with_baseline};
+
+/// Arguments of `farsight measure`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Figures on a data set whose folder is not named stay as they are in the file.
+farsight measure --folder kitti=KITTI --folder twins=TWINS     measures anew
+farsight measure --docs README.md models/*.md docs/*.md        puts the figures into documents, between their marks")]
+pub(crate) struct MeasureArgs {
+    /// The data sets, TOML
+    #[arg(long, value_name = "FILE", default_value = "configs/measure.toml")]
+    config: PathBuf,
+    /// Where the data of a name in the config are, in KITTI's layout
+    #[arg(long = "folder", value_name = "NAME=DIR", value_parser = folder, required_unless_present = "docs")]
+    folders: Vec<(String, PathBuf)>,
+    /// The file of figures (JSON)
+    #[arg(long, value_name = "FILE", default_value = "docs/results/farsight-s.json")]
+    out: PathBuf,
+    /// The model to measure [default: the one that comes with the program]
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineArgs,
+    /// Documents whose blocks of figures are to be renewed
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    docs: Vec<PathBuf>,
+}
+
+fn folder(text: &str) -> Result<(String, PathBuf), String> {
+    let parts = text.split_once('=').filter(|(name, folder)| !name.is_empty() && !folder.is_empty());
+    parts.map(|(name, folder)| (name.to_owned(), folder.into())).ok_or_else(|| "expected NAME=DIR".to_owned())
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &MeasureArgs, printer: &mut Printer) -> Result<Outcome> {
+    let mut outcome = Outcome::Done;
+    if !args.folders.is_empty() {
+        outcome = measure(args, printer)?;
+    }
+    for document in &args.docs {
+        if documents::renew(document)? {
+            printer.line(&format!("{}: renewed", document.display()));
+        }
+    }
+    Ok(outcome)
+}
+
+fn measure(args: &MeasureArgs, printer: &mut Printer) -> Result<Outcome> {
+    let Sets { sets } = Sets::read(&args.config)?;
+    for (name, _) in &args.folders {
+        let is_known = sets.iter().any(|set| set.folder == *name);
+        ensure!(is_known, "{}: no data set is in a folder \"{name}\"", args.config.display());
+    }
+    outputs::check_json(&args.out, args.model.as_deref())?;
+    let known = if args.out.exists() { Figures::read(&args.out)? } else { Figures::default() };
+    let mut figures = Figures::default();
+    let mut outcome = Outcome::Done;
+    for set in &sets {
+        let folder = args.folders.iter().find(|(name, _)| *name == set.folder);
+        let Some((_, folder)) = folder else {
+            let kept = known.set(&set.name).cloned();
+            figures.sets.extend(kept.map(|kept| SetFigures { title: set.title.clone(), ..kept }));
+            continue;
+        };
+        let (measured, failed) = measured(args, set, folder, printer).with_context(|| set.name.clone())?;
+        if failed > 0 {
+            printer.error(&format!("{}: {} failed, not in these figures", set.name, counted(failed, "frame")));
+            outcome = Outcome::Told;
+        }
+        figures.sets.push(measured);
+        // Hours of measuring are not lost when a later data set fails.
+        let unmeasured = known.sets.iter().filter(|set| figures.set(&set.name).is_none()).cloned();
+        Figures { sets: figures.sets.iter().cloned().chain(unmeasured).collect() }.write(&args.out)?;
+    }
+    figures.write(&args.out)?;
+    printer.line(&format!("{}: {}", args.out.display(), counted(figures.sets.len(), "data set")));
+    Ok(outcome)
+}
+
+/// The figures on one data set, and how many of its frames failed.
+fn measured(
+    args: &MeasureArgs,
+    set: &MeasuredSet,
+    folder: &Path,
+    printer: &mut Printer,
+) -> Result<(SetFigures, usize)> {
+    let beside = args.config.parent().unwrap_or(Path::new(""));
+    let split = set.split_in(beside);
+    let dataset = open_labelled(folder, split.as_deref())?;
+    let pipeline = open_pipeline(args, set, printer)?;
+    let results = tempfile::tempdir().context("no folder for the results")?;
+    let ids = write_results_of(&pipeline, &*dataset, results.path(), printer)?;
+    let failed = dataset.len() - ids.len();
+    ensure!(!ids.is_empty(), "nothing was measured: {} failed", counted(failed, "frame"));
+
+    let files = FrameFiles::open(LabelSource::from(&dataset), results.path(), Some(ids.clone()))?.with_any_classes();
+    let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
+    let (as_given, _) = files.evaluate(&options)?;
+    let (by_place, _) = files.clone().with_scores(Scores::Place).evaluate(&options)?;
+    let mut classes = class_figures(&as_given.report(), &by_place.report().ap);
+    let indices: BTreeMap<String, usize> = dataset.ids().into_iter().zip(0..).collect();
+    let camera = |id: &str| Ok(dataset.camera(indices[id])?);
+    for (name, _, evaluation) in baseline_evaluations(&camera, &files, CAMERA_HEIGHT_M, &options)? {
+        with_baseline(&mut classes, name, &evaluation.report().ranging);
+    }
+    let source = Source {
+        command: set.eval_command(beside, args.model.as_deref()),
+        program: concat!("farsight ", env!("CARGO_PKG_VERSION")).to_owned(),
+        engine: pipeline.engine().to_owned(),
+        weights_sha256: pipeline.info().weights_sha256.clone().unwrap_or_else(|| "unknown".to_owned()),
+        date: date(),
+    };
+    printer.status(&format!("{}: {} looked at", set.name, counted(ids.len(), "frame")));
+    let figures = SetFigures { name: set.name.clone(), title: set.title.clone(), frames: ids.len(), source, classes };
+    Ok((figures, failed))
+}
+
+/// The pipeline as `farsight eval` opens it.
+fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<Pipeline> {
+    let Stages { second_look, road } = set.stages()?;
+    let (model, engine) = (args.model.clone(), args.engine.clone());
+    let pipeline = PipelineArgs { model, engine, second_look, road, ..PipelineArgs::default() };
+    pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE))
+}
+
+/// Today's year, month and day, UTC.
+fn date() -> String {
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let [year, month, day] = date_of((seconds / 86_400) as i64);
+    format!("{year:04}-{month:02}-{day:02}")
+}
+
+/// Year, month and day of the Gregorian calendar, so many days after 1 January 1970 (Hinnant's `civil_from_days`).
+fn date_of(days: i64) -> [i64; 3] {
+    // Years here begin in March, so that the leap day is the last.
+    let days = days + 719_468;
+    let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    [era * 400 + year_of_era + i64::from(month <= 2), month, day]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::date_of;
+
+    #[test]
+    fn days_become_dates() {
+        let table = [
+            (0, [1970, 1, 1]),
+            (58, [1970, 2, 28]),
+            (59, [1970, 3, 1]),
+            (11_016, [2000, 2, 29]),
+            (11_017, [2000, 3, 1]),
+            (20_453, [2025, 12, 31]),
+            (20_454, [2026, 1, 1]),
+        ];
+        for (days, expected) in table {
+            assert_eq!(date_of(days), expected, "{days}");
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Which data sets are measured, and with which stages of the pipeline.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use clap::Parser;
+use serde::Deserialize;
+
+use crate::pipeline_args::{RoadArgs, SecondLookArgs};
+
+/// The config of `farsight measure`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sets {
+    pub(super) sets: Vec<MeasuredSet>,
+}
+
+/// One data set.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MeasuredSet {
+    /// What documents call it by.
+    pub(super) name: String,
+    /// What tables call it.
+    pub(super) title: String,
+    /// Name of the folder that the command line gives.
+    pub(super) folder: String,
+    /// A file beside the config, or a name in the folder's `ImageSets`; all frames by default.
+    split: Option<PathBuf>,
+    /// Options of `farsight eval` about the stages after the detector.
+    #[serde(default)]
+    options: Vec<String>,
+}
+
+/// The stages after the detector, as the command line says them.
+#[derive(Debug, Parser)]
+#[command(no_binary_name = true)]
+pub(super) struct Stages {
+    #[command(flatten)]
+    pub(super) second_look: SecondLookArgs,
+    #[command(flatten)]
+    pub(super) road: RoadArgs,
+}
+
+impl Sets {
+    /// Reads a config and checks it.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        let text = fs::read_to_string(path).with_context(|| format!("{shown}: cannot be read"))?;
+        let sets: Self = toml::from_str(&text).with_context(|| format!("{shown}: not a list of data sets"))?;
+        for (i, set) in sets.sets.iter().enumerate() {
+            let is_first = sets.sets.iter().position(|other| other.name == set.name) == Some(i);
+            ensure!(is_first, "{shown}: two data sets are called \"{}\"", set.name);
+            set.stages().with_context(|| format!("{shown}: {}: options", set.name))?;
+        }
+        Ok(sets)
+    }
+}
+
+impl MeasuredSet {
+    /// The stages that its options ask for.
+    pub(super) fn stages(&self) -> Result<Stages> {
+        Ok(Stages::try_parse_from(&self.options)?)
+    }
+
+    /// Its split, where the config is in the folder `beside`.
+    pub(super) fn split_in(&self, beside: &Path) -> Option<PathBuf> {
+        let split = self.split.as_ref()?;
+        let file = beside.join(split);
+        Some(if file.is_file() { file } else { split.clone() })
+    }
+
+    /// The command that gives the same figures, with the folder's name for the folder; the config is in the folder
+    /// `beside`.
+    pub(super) fn eval_command(&self, beside: &Path, model: Option<&Path>) -> String {
+        let split = self.split_in(beside);
+        let mut words = vec!["farsight eval --data".to_owned(), self.folder.to_uppercase()];
+        let named = |option: &str, path: &Path| [option.to_owned(), path.display().to_string()];
+        words.extend(split.iter().flat_map(|split| named("--split", split)));
+        words.extend(model.and_then(Path::file_name).into_iter().flat_map(|model| named("--model", Path::new(model))));
+        words.extend(self.options.iter().cloned());
+        words.join(" ")
+    }
+}

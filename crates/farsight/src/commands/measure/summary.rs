@@ -1,0 +1,100 @@
+//! From the evaluator's reports to the figures that are kept.
+
+use std::collections::BTreeMap;
+
+use farsight_eval::ap::{ApReport, Metric, OverlapSet};
+use farsight_eval::ranging::{Calibration, Group, OperatingPoint, RangingMetric, RangingReport, SliceErrors};
+use farsight_eval::{Difficulty, EvaluatedClass, Report};
+
+use crate::figures::{AveragePrecision, ClassFigures, DistanceErrors, ErrorBars, Errors, Operating};
+
+const MODERATE: Group = Group::Level(Difficulty::Moderate);
+
+/// Digits of the kept numbers after the point: more than documents show, fewer than another CPU changes.
+const DIGITS: f64 = 1e4;
+
+/// The figures of every class with objects. `by_place` is AP ranked by place scores.
+pub(super) fn class_figures(report: &Report, by_place: &ApReport) -> BTreeMap<String, ClassFigures> {
+    let classes = EvaluatedClass::ALL.into_iter().filter_map(|class| {
+        let moderate = report.ranging.group(class, MODERATE)?;
+        let calibration = moderate.calibration.as_ref();
+        let by_distance = moderate.by_distance.0.iter().map(|(metres, row)| DistanceErrors {
+            metres: (*metres).to_owned(),
+            errors: errors(row),
+            within_1_sigma: coverage(calibration, metres).map(|bars| bars.within_1_sigma),
+        });
+        let points = report.operating.classes.iter().find(|(of, _)| *of == class);
+        let operating = points.map_or_else(Vec::new, |(_, points)| points.iter().map(operating).collect());
+        let figures = ClassFigures {
+            all_scores: errors(&moderate.whole),
+            error_bars: coverage(calibration, "all"),
+            by_distance: by_distance.collect(),
+            operating,
+            ap: average_precision(&report.ap, class),
+            ap_by_place: average_precision(by_place, class),
+            baselines: BTreeMap::new(),
+        };
+        Some((class.name().to_owned(), figures))
+    });
+    classes.collect()
+}
+
+/// Adds the errors of a geometric ranger on the same detections: of cars alone, whose sizes vary least.
+pub(super) fn with_baseline(classes: &mut BTreeMap<String, ClassFigures>, name: &str, report: &RangingReport) {
+    let class = EvaluatedClass::Car;
+    let moderate = report.group(class, MODERATE);
+    if let Some((figures, moderate)) = classes.get_mut(class.name()).zip(moderate) {
+        figures.baselines.insert(name.to_owned(), errors(&moderate.whole));
+    }
+}
+
+fn errors(slice: &SliceErrors) -> Errors {
+    let value = |metric| slice.metrics.get(metric).map(rounded);
+    Errors {
+        objects: slice.objects,
+        found: slice.found,
+        mae_m: value(RangingMetric::MaeZ),
+        bias_m: value(RangingMetric::BiasZ),
+        relative: value(RangingMetric::AbsRelZ),
+    }
+}
+
+fn coverage(calibration: Option<&Calibration>, metres: &str) -> Option<ErrorBars> {
+    let row = calibration?.rows.iter().find(|row| row.distance == metres)?;
+    Some(ErrorBars {
+        count: row.count,
+        within_1_sigma: rounded(row.within_1_sigma),
+        within_2_sigma: rounded(row.within_2_sigma),
+        mean_sigma_m: rounded(row.mean_sigma_m),
+    })
+}
+
+fn operating(point: &OperatingPoint) -> Operating {
+    Operating {
+        score: rounded(point.score),
+        objects: point.objects,
+        found: point.found,
+        false_alarms_per_frame: rounded(point.false_alarms_per_frame),
+        mae_m: point.mae_z.map(rounded),
+        relative_median: point.median_abs_rel_z.map(rounded),
+    }
+}
+
+fn average_precision(report: &ApReport, class: EvaluatedClass) -> AveragePrecision {
+    let ap = |set, metric| report.ap(set, metric, class).map(|values| values.r40.map(rounded));
+    let objects = Difficulty::ALL
+        .map(|level| report.curve(OverlapSet::Strict, Metric::Image, class, level).map_or(0, |curve| curve.objects));
+    AveragePrecision {
+        objects,
+        image: ap(OverlapSet::Strict, Metric::Image),
+        orientation: report.aos(class).map(|values| values.r40.map(rounded)),
+        bev_strict: ap(OverlapSet::Strict, Metric::Bev),
+        bev_loose: ap(OverlapSet::Loose, Metric::Bev),
+        box3d_strict: ap(OverlapSet::Strict, Metric::Box3d),
+        box3d_loose: ap(OverlapSet::Loose, Metric::Box3d),
+    }
+}
+
+fn rounded(value: f64) -> f64 {
+    (value * DIGITS).round() / DIGITS
+}
