@@ -12,71 +12,80 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use farsight::json::{ImageRecord, ModelRecord};
 use farsight_files::write_atomically;
+use serde_json::value::RawValue;
 
-/// Records by the paths of their images.
-pub(super) type Records = HashMap<String, ImageRecord>;
+/// Answers by the paths of their images.
+pub(super) type Answered = HashMap<String, Answer>;
+
+/// What was found in one image, as text: answers that stay keep every digit.
+pub(super) struct Answer {
+    pub(super) image: String,
+    json: String,
+}
 
 /// The file that answers go to.
 pub(super) struct AnswerFile {
     path: PathBuf,
     /// Where lines go while the work lasts; none for what is no regular file and gets its array in one piece.
     lines: Option<(PathBuf, File)>,
-    records: Vec<ImageRecord>,
+    answers: Vec<Answer>,
 }
 
 impl AnswerFile {
     /// The answers that an earlier run left, the latest for each image; those of other models are refused.
-    pub(super) fn left_by_earlier_run(path: &Path, model: &ModelRecord) -> Result<Records> {
-        let mut left = Records::new();
+    pub(super) fn left_by_earlier_run(path: &Path, model: &ModelRecord) -> Result<Answered> {
+        let mut left = Answered::new();
         let growing = growing(path);
         for file in [Some(path), growing.as_deref()].into_iter().flatten() {
-            for record in read(file)? {
+            for (record, json) in read(file)? {
                 if record.model.as_ref() != Some(model) {
                     bail!("{}: answers of another model; leave out --resume to begin anew", file.display());
                 }
-                left.insert(record.image.clone(), record);
+                left.insert(record.image.clone(), Answer { image: record.image, json });
             }
         }
         Ok(left)
     }
 
-    /// Begins the file with records that stay.
-    pub(super) fn begin(path: &Path, kept: Vec<ImageRecord>) -> Result<Self> {
-        let mut begun = Self { path: path.to_owned(), lines: None, records: Vec::new() };
-        let Some(growing) = growing(path) else {
-            begun.records = kept;
-            return Ok(begun);
-        };
-        // A line that was cut when the earlier run ended is not among them.
-        let text = kept.iter().map(line).collect::<Result<String>>()?;
-        write_atomically(&growing, |file| file.write_all(text.as_bytes()))?;
-        let file = OpenOptions::new().append(true).open(&growing).with_context(|| unwritable(&growing))?;
-        begun.lines = Some((growing, file));
-        begun.records = kept;
-        Ok(begun)
+    /// Begins the file with answers that stay.
+    pub(super) fn begin(path: &Path, kept: Vec<Answer>) -> Result<Self> {
+        let mut lines = None;
+        if let Some(growing) = growing(path) {
+            // A line that was cut when the earlier run ended is not among them.
+            let text: String = kept.iter().map(|answer| one_line(&answer.json)).collect();
+            write_atomically(&growing, |file| file.write_all(text.as_bytes()))?;
+            let file = OpenOptions::new().append(true).open(&growing).with_context(|| unwritable(&growing))?;
+            lines = Some((growing, file));
+        }
+        Ok(Self { path: path.to_owned(), lines, answers: kept })
     }
 
     /// Adds an image.
     pub(super) fn add(&mut self, record: ImageRecord) -> Result<()> {
         if let Some((path, file)) = &mut self.lines {
             // In one write, so that a reader sees whole lines.
-            file.write_all(line(&record)?.as_bytes()).with_context(|| unwritable(path))?;
+            let line = serde_json::to_string(&record)? + "\n";
+            file.write_all(line.as_bytes()).with_context(|| unwritable(path))?;
         }
-        self.records.push(record);
+        let json = serde_json::to_string_pretty(&record)?;
+        self.answers.push(Answer { image: record.image, json });
         Ok(())
     }
 
-    /// Makes the array of all records, in the order of `images`; those of other images come first.
+    /// Makes the array of all answers, in the order of `images`; those of other images come first.
     pub(super) fn finish(mut self, images: &[PathBuf]) -> Result<()> {
         if is_lines(&self.path) {
             return Ok(());
         }
         let places: HashMap<String, usize> =
             images.iter().enumerate().map(|(place, image)| (shown(image), place + 1)).collect();
-        self.records.sort_by_key(|record| places.get(&record.image).copied().unwrap_or(0));
+        self.answers.sort_by_key(|answer| places.get(&answer.image).copied().unwrap_or(0));
         write_atomically(&self.path, |out| {
-            serde_json::to_writer_pretty(&mut *out, &self.records)?;
-            out.write_all(b"\n")
+            for (place, answer) in self.answers.iter().enumerate() {
+                out.write_all(if place == 0 { b"[\n" } else { b",\n" })?;
+                out.write_all(indented(&answer.json).as_bytes())?;
+            }
+            out.write_all(b"\n]\n")
         })?;
         self.discard();
         Ok(())
@@ -117,30 +126,42 @@ fn growing(path: &Path) -> Option<PathBuf> {
     Some(PathBuf::from(name))
 }
 
-fn line(record: &ImageRecord) -> Result<String> {
-    Ok(serde_json::to_string(record)? + "\n")
+/// JSON that may be spread over lines, in one; there are no line breaks in its strings.
+fn one_line(json: &str) -> String {
+    json.lines().map(str::trim_start).collect::<String>() + "\n"
+}
+
+/// JSON as it stands within an array.
+pub(super) fn indented(json: &str) -> String {
+    format!("  {}", json.replace('\n', "\n  "))
 }
 
 fn unwritable(path: &Path) -> String {
     format!("{}: cannot be written", path.display())
 }
 
-/// The records in an array or in lines; none where there is no file. A last line that was cut is left out.
-fn read(path: &Path) -> Result<Vec<ImageRecord>> {
+/// The records in an array or in lines, and as they stand there; none where there is no file. A last line that was cut is
+/// left out.
+fn read(path: &Path) -> Result<Vec<(ImageRecord, String)>> {
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
     };
     if text.trim_start().starts_with('[') {
-        return serde_json::from_str(&text)
-            .with_context(|| format!("{}: no answers of `farsight range`", path.display()));
+        let failed = || format!("{}: no answers of `farsight range`", path.display());
+        let elements: Vec<&RawValue> = serde_json::from_str(&text).with_context(failed)?;
+        let record = |element: &RawValue| {
+            let record = serde_json::from_str(element.get()).with_context(failed)?;
+            Ok((record, element.get().replace("\n  ", "\n")))
+        };
+        return elements.into_iter().map(record).collect();
     }
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
     let numbered = whole.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let record = |(number, line): (usize, &str)| {
-        serde_json::from_str(line)
-            .with_context(|| format!("{}:{}: no answer of `farsight range`", path.display(), number + 1))
+        let failed = || format!("{}:{}: no answer of `farsight range`", path.display(), number + 1);
+        Ok((serde_json::from_str(line).with_context(failed)?, line.to_owned()))
     };
     numbered.map(record).collect()
 }

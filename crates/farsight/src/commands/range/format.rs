@@ -5,6 +5,7 @@ use clap::ValueEnum;
 use farsight::DetectedObject;
 use farsight::json::ImageRecord;
 
+use super::answers::indented;
 use crate::printer::Printer;
 use crate::range_table::RangeTable;
 
@@ -51,7 +52,7 @@ impl Answers {
             Format::Table => self.table.rows(name, objects).iter().for_each(|row| printer.line(row)),
             Format::Json => {
                 let text = serde_json::to_string_pretty(record)?;
-                printer.text(&format!("  {}", text.replace('\n', "\n  ")));
+                printer.text(&indented(&text));
             }
             Format::Jsonl => printer.line(&serde_json::to_string(record)?),
         }

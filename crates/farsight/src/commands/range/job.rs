@@ -19,7 +19,7 @@ use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
 use super::RangeArgs;
-use super::answers::{AnswerFile, Records, shown};
+use super::answers::{Answer, AnswerFile, Answered, shown};
 use super::format::{Answers, Format};
 use crate::camera_args::with_hint;
 use crate::inputs::identity;
@@ -168,15 +168,15 @@ impl<'a> Job<'a> {
     }
 
     /// The answers of an earlier run, where this one goes on with it.
-    fn left_by_earlier_run(&self, pipeline: &Pipeline) -> Result<Records> {
+    fn left_by_earlier_run(&self, pipeline: &Pipeline) -> Result<Answered> {
         match self.args.json_file().filter(|_| self.args.resume) {
             Some(json) => AnswerFile::left_by_earlier_run(json, &ModelRecord::from(pipeline.info())),
-            None => Ok(Records::new()),
+            None => Ok(Answered::new()),
         }
     }
 
     /// Whether all that is asked for of an image is there.
-    fn is_done(&self, image: &Path, name: &str, left: &Records) -> bool {
+    fn is_done(&self, image: &Path, name: &str, left: &Answered) -> bool {
         let is_there = |path: Option<PathBuf>| path.is_none_or(|path| path.is_file());
         self.args.resume
             && (self.args.json_file().is_none() || left.contains_key(&shown(image)))
@@ -185,13 +185,13 @@ impl<'a> Job<'a> {
     }
 
     /// Begins the file of all answers with those that stay: of images that are done, and of others that are not asked for now.
-    fn begin_file(&self, left: &mut Records, todo: &[bool]) -> Result<Option<AnswerFile>> {
+    fn begin_file(&self, left: &mut Answered, todo: &[bool]) -> Result<Option<AnswerFile>> {
         let Some(json) = self.args.json_file() else { return Ok(None) };
         let mut kept = Vec::new();
         for (image, &todo) in self.images.iter().zip(todo) {
             kept.extend(left.remove(&shown(image)).filter(|_| !todo));
         }
-        let mut others: Vec<ImageRecord> = left.drain().map(|(_, record)| record).collect();
+        let mut others: Vec<Answer> = left.drain().map(|(_, answer)| answer).collect();
         others.sort_by(|a, b| a.image.cmp(&b.image));
         others.extend(kept);
         AnswerFile::begin(json, others).map(Some)
