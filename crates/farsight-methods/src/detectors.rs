@@ -120,10 +120,13 @@ fn detector_of<C: WholeNetwork>(
 /// The config that an ONNX file says it has; `source` is only what errors call it.
 ///
 /// # Errors
-/// When it says none, or one that cannot be used, or lacks an output of it.
+/// When it says none, one of another method or one that cannot be used, or lacks an output of it.
 pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
     let failed = |problem| OnnxError::new(source, problem);
     let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
+    if let Some(found) = onnx.facts().get(key::METHOD).filter(|found| *found != C::METHOD) {
+        return Err(failed(OnnxProblem::Method { found: found.to_owned(), expected: C::NAME, method: C::METHOD }));
+    }
     let config: C =
         serde_json::from_str(text).map_err(|error| failed(OnnxProblem::Config { problem: error.to_string() }))?;
     if let Some(problem) = config.problem() {

@@ -140,7 +140,7 @@ fn judged_in_frame(
 ) -> Result<Vec<Judged>> {
     let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
     let view = detector.input().view([image.width() as usize, image.height() as usize], &camera);
-    let detections = first_look(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
+    let detections = detected(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
     let frame = Frame::new(String::new(), dataset.labels(index)?, detections);
     let reference = &detector.codec().depth;
     let judged = |(place, target): (usize, Option<Target>)| {
@@ -159,7 +159,7 @@ fn judged_in_frame(
 }
 
 /// What a detector finds in one image, with nothing to follow.
-pub(super) fn first_look(
+pub(super) fn detected(
     detector: &mut SmokeDetector,
     options: &DecodeOptions,
     image: &RgbImage,
