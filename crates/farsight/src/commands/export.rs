@@ -1,6 +1,6 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
-mod fit;
+pub(super) mod fit;
 mod int8;
 mod plates;
 mod refiner;
@@ -133,7 +133,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     model.config.focal_range_px = args.focal_range.or(model.config.focal_range_px);
     if let Some(data) = &args.fit_on {
-        fit::fit(&mut model, &args.model, data, printer)?;
+        fit::fit(&mut model, &args.model, data, None, printer)?;
     }
     if args.half {
         return half(model, args, printer);

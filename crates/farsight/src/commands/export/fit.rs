@@ -47,13 +47,19 @@ impl Judged {
     }
 }
 
-/// Fits `model` to all frames of `data`: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
-pub(super) fn fit(model: &mut SmokeModel, source: &Path, data: &Path, printer: &mut Printer) -> Result<()> {
+/// Fits `model` to the frames of `data`, those of `split` if one is named: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
+pub(in crate::commands) fn fit(
+    model: &mut SmokeModel,
+    source: &Path,
+    data: &Path,
+    split: Option<&Path>,
+    printer: &mut Printer,
+) -> Result<()> {
     for class in &mut model.config.classes {
         class.score = None;
     }
     model.config.depth.error = None;
-    let dataset = open_labelled(data, None)?;
+    let dataset = open_labelled(data, split)?;
     let first = judged_by_model(model, source, &*dataset)?;
     fit_distances(model, &first, printer).with_context(|| data.display().to_string())?;
     let mut second = judged_by_model(model, source, &*dataset)?;
