@@ -410,6 +410,14 @@ fn a_centernet_is_exported_shown_run_on_every_engine_and_evaluated() {
         }
     }
 
+    if cfg!(feature = "train") {
+        let found = detections(folder, "c.safetensors", "libtorch", &images);
+        for best in &expected {
+            assert!(found.iter().any(|other| same(best, other)), "libtorch: {best} has no twin");
+        }
+        fails(folder, &["bench", "--engine", "libtorch", "--model", "c.onnx"], "it runs no ONNX files");
+    }
+
     for part in ["image_2", "calib", "label_2"] {
         std::fs::create_dir_all(folder.join("data/training").join(part)).unwrap();
     }
