@@ -263,7 +263,7 @@ fn a_config_is_read_as_the_training_would() {
     for config in configs.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
         let output = farsight(folder, &["info", config.to_str().unwrap()]);
         // What describes scenes, or what is measured, describes no network.
-        let describes_network = fs::read_to_string(&config).unwrap().lines().any(|line| line == "[model]");
+        let describes_network = fs::read_to_string(&config).unwrap().lines().any(|line| line.starts_with("method = "));
         let told = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.success(), describes_network, "{}: {told}", config.display());
     }

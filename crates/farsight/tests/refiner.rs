@@ -150,8 +150,8 @@ fn mistakes_are_told_with_the_file() {
     let detector = range(&model);
     assert!(detector.contains("farsight-s.safetensors") && detector.contains("expected a refiner"), "{detector}");
     let refiner = root().join("models/farsight-refiner.safetensors").display().to_string();
-    let export = told(folder, &["export", "--model", &refiner, "--out", "x.onnx"]);
-    assert!(export.contains("a refiner; expected --half and --fit-on"), "{export}");
+    let export = told(folder, &["export", "--half", "--model", &refiner, "--out", "x.safetensors"]);
+    assert!(export.contains("a refiner; expected --half and --fit-on DIR beside it, or neither"), "{export}");
     let resized =
         ["export", "--half", "--model", &refiner, "--fit-on", "scenes", "--input", "640x192", "--out", "x.safetensors"];
     assert!(told(folder, &resized).contains("--input and --focal-range are of detectors"));

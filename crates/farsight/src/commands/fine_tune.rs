@@ -16,7 +16,7 @@ pub(crate) struct FineTuneArgs {
     /// The model to write
     #[arg(long, value_name = "FILE.safetensors")]
     out: PathBuf,
-    /// Frames to use: a name under ImageSets or a file with a frame a line [default: those of ImageSets/train.txt if that is there, otherwise all]
+    /// Frames to use: a name under `ImageSets` or a file with a frame a line [default: those of `ImageSets/train.txt` if that is there, otherwise all]
     #[arg(long, value_name = "SPLIT")]
     split: Option<PathBuf>,
     /// Labelled images to fit scores and error bars on, not those of --data [default: every fifth frame, which is not learnt from]
