@@ -6,7 +6,7 @@
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_synth::sensor::SensorModel;
 use farsight_synth::sizes::SizeStatistics;
-use farsight_synth::{render, scene_from_labels};
+use farsight_synth::{SceneConfig, render, scene_from_labels};
 use image::{RgbImage, imageops};
 
 const SIZE: [usize; 2] = [1242, 375];
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut sheet = RgbImage::new(1242, 375 * rows.len() as u32);
     for (row, (class, z, pitch)) in rows.into_iter().enumerate() {
         let labels: Vec<Label> = (0..5).map(|k| label(class.clone(), k, z, pitch, seed + row as u64)).collect();
-        let generated = scene_from_labels(&labels, &camera, SIZE, seed * 100 + row as u64);
+        let generated = scene_from_labels(&SceneConfig::default(), &labels, &camera, SIZE, seed * 100 + row as u64);
         let triangles: usize = generated.scene.objects[2..].iter().map(|o| o.mesh.triangles.len()).sum();
         println!("{class}: {} triangles each", triangles / labels.len());
         let rendered = render::render(&generated.scene);

@@ -227,7 +227,7 @@ fn kitti_camera() -> Camera {
 #[test]
 fn rebuilt_frames_keep_camera_classes_and_boxes() {
     let labels = street();
-    let generated = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 3);
+    let generated = scene_from_labels(&SceneConfig::default(), &labels, &kitti_camera(), [1242, 375], 3);
     assert_eq!(generated.scene.camera, kitti_camera());
     assert_eq!(generated.scene.image_size, [1242, 375]);
     let kept: Vec<&Label> = labels.iter().filter(|l| l.class != ObjectClass::DontCare).collect();
@@ -241,7 +241,7 @@ fn rebuilt_frames_keep_camera_classes_and_boxes() {
 
 #[test]
 fn a_frame_without_labels_can_be_rebuilt() {
-    let generated = scene_from_labels(&[], &kitti_camera(), [1242, 375], 4);
+    let generated = scene_from_labels(&SceneConfig::default(), &[], &kitti_camera(), [1242, 375], 4);
     assert!(generated.objects.is_empty());
     assert!(generated.scene.objects.iter().any(|object| !object.mesh.triangles.is_empty()));
 }
@@ -251,7 +251,7 @@ fn nothing_is_built_in_front_of_what_must_be_seen() {
     let mut label = label(ObjectClass::Car, [0.5, 1.65, 30.0], [1.5, 1.7, 4.0], -1.57, 0);
     for seed in 0..20 {
         label.box3d.location[0] = seed as f64 - 10.0;
-        let generated = scene_from_labels(std::slice::from_ref(&label), &kitti_camera(), [1242, 375], seed);
+        let generated = scene_from_labels(&SceneConfig::default(), std::slice::from_ref(&label), &kitti_camera(), [1242, 375], seed);
         let rendered = farsight_synth::render::render(&generated.scene);
         let share = f64::from(rendered.visible[1]) / f64::from(rendered.amodal[1]);
         assert!(share > 0.9, "seed {seed}: {share} of the car is seen");
@@ -264,7 +264,7 @@ fn real_label_files_can_be_rebuilt() {
     for entry in std::fs::read_dir(labels).unwrap() {
         let path = entry.unwrap().path();
         let labels = farsight_data::kitti::read_labels(&path).unwrap();
-        let generated = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 1);
+        let generated = scene_from_labels(&SceneConfig::default(), &labels, &kitti_camera(), [1242, 375], 1);
         assert_fills_its_box(&generated, &path.display().to_string());
     }
 }

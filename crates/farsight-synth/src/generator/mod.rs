@@ -10,6 +10,8 @@ mod clutter;
 pub mod config;
 pub(crate) mod ground;
 pub(crate) mod light;
+mod local;
+mod mirror;
 mod path;
 pub(crate) mod plan;
 mod plants;
@@ -18,7 +20,7 @@ mod roadside;
 mod shops;
 mod street;
 mod surroundings;
-mod textures;
+pub(crate) mod textures;
 mod traffic;
 pub(crate) mod view;
 
@@ -43,15 +45,19 @@ use view::View;
 /// The configuration must have no [`problem`](SceneConfig::problem).
 pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledScene {
     let mut rng = SceneRng::new(seed, index, 0);
+    let region = config.regions.sample(&mut rng);
     let view = View::sample(&config.cameras, &mut rng);
     let place = rng.weighted(&config.places.table());
     let weather = rng.weighted(&config.weather.table());
     let unusual = rng.chance(config.unusual_share);
-    let light = Light::sample(weather, unusual, &mut rng);
+    let light = Light::of(weather, config.severity, unusual, [seed, index], &mut rng);
     let ground = Ground::sample(view.height_m, &mut rng);
-    let left_hand = rng.chance(config.left_hand_share);
-    let plan = Plan::sample(place, view.lateral_m, left_hand, &mut rng);
-    let mut builder = SceneBuilder::new(view, ground, light, unusual);
+    let left_hand = rng.chance(region.map_or(config.left_hand_share, |region| region.left_hand_share));
+    let is_mirrored = region.is_some() && left_hand;
+    let view = if is_mirrored { view.mirrored() } else { view };
+    let view = if region.is_some() { view.widened() } else { view };
+    let plan = Plan::sample(place, &view, region, left_hand && !is_mirrored, &mut rng);
+    let mut builder = SceneBuilder::new(view, ground, light, unusual, region);
     let density = rng.range(config.density[0], config.density[1]);
     let traffic_rng = rng.fork();
     let traffic = Traffic {
@@ -61,6 +67,7 @@ pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledSc
         people_density: density * config.people_factor,
         heavy_factor: config.heavy_factor,
         farthest_m: config.farthest_m,
+        region,
         rng: traffic_rng,
     };
     traffic.place_all();
@@ -69,6 +76,9 @@ pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledSc
     let mut generated = builder.finish();
     if rng.chance(config.textured_share) {
         textures::spread(&mut generated.scene.materials, &mut rng);
+    }
+    if is_mirrored {
+        mirror::mirror(&mut generated);
     }
     generated
 }
@@ -127,7 +137,39 @@ fn surfaces(builder: &mut SceneBuilder, rng: &mut SceneRng) -> Surfaces {
     let tone = rng.range32(0.45, 0.8);
     let paint = if rng.chance(0.07) { [tone, tone * 0.7, tone * 0.12] } else { grey(tone) };
     let paint = builder.palette.add(Material { pattern: wear, ..matte(paint) });
-    Surfaces { road, patch, bay, pavement, kerb, grass, paint }
+    let middle = match builder.region {
+        Some(region) if rng.chance(region.roads.yellow_middle) => {
+            let yellow = varied(rng, [tone, tone * 0.62, tone * 0.08], 0.1);
+            builder.palette.add(Material { pattern: wear, ..matte(yellow) })
+        }
+        _ => paint,
+    };
+    let road = match builder.region {
+        Some(region) if rng.chance(region.roads.concrete) => concrete(builder, rng),
+        _ => road,
+    };
+    let grass = match builder.region {
+        Some(region) if rng.chance(region.sides.dry) => {
+            let straw = varied(rng, [0.3, 0.23, 0.12], 0.35);
+            noise(builder, straw, times(straw, 0.55), rng.range32(0.3, 3.0), 1.0, rng)
+        }
+        _ => grass,
+    };
+    Surfaces { middle, road, patch, bay, pavement, kerb, grass, paint }
+}
+
+/// Slabs of concrete, as long as a lane is wide.
+fn concrete(builder: &mut SceneBuilder, rng: &mut SceneRng) -> MaterialId {
+    let tone = rng.range32(0.26, 0.48);
+    let color = varied(rng, [tone, tone * 0.97, tone * 0.9], 0.06);
+    let pattern = Pattern::Bricks {
+        other: color.map(|c| c * 0.6),
+        size: [rng.range32(4.0, 6.0), 3.6],
+        joint: 0.03,
+        variation: 0.1,
+        seed: rng.seed(),
+    };
+    builder.palette.add(Material { pattern, ..matte(color) })
 }
 
 /// Brightness of asphalt.

@@ -11,7 +11,7 @@ use crate::scene::Mesh;
 
 /// Body types of passenger cars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Style {
+pub(super) enum Style {
     Hatchback,
     Saloon,
     Estate,
@@ -19,6 +19,9 @@ enum Style {
     Minivan,
     PanelVan,
     Bus,
+    FullSizeSuv,
+    KeiCar,
+    Pickup,
 }
 
 /// A passenger car; its proportions say of which type.
@@ -45,6 +48,18 @@ pub(super) fn van(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
     build(style, hwl, materials, context)
 }
 
+/// A car of a style in a private car's paint.
+pub(super) fn private(style: Style, hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
+    let materials = car_materials(context);
+    build(style, hwl, materials, context)
+}
+
+/// A van of a style in a firm's paint.
+pub(super) fn at_work(style: Style, hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
+    let materials = fleet_materials(context);
+    build(style, hwl, materials, context)
+}
+
 fn build(style: Style, hwl: [f32; 3], materials: VehicleMaterials, context: &mut BuildContext) -> Mesh {
     let detail = context.detail;
     let profile = profile(style, &mut context.rng);
@@ -58,6 +73,9 @@ fn build(style: Style, hwl: [f32; 3], materials: VehicleMaterials, context: &mut
     if detail > Detail::Far {
         gaps(&mut shape, &body, &materials, detail);
         cabin::build_surroundings(&mut shape, &body, hwl, &materials, context);
+    }
+    if style == Style::Pickup {
+        bed(&mut shape, &body, hwl, &materials);
     }
     if detail == Detail::Near {
         extras(&mut shape, &body, hwl, &materials, context);
@@ -152,6 +170,64 @@ fn base_profile(style: Style) -> Profile {
             black_sill: true,
             ..hatchback
         },
+        Style::FullSizeSuv => Profile {
+            nose: 0.57,
+            cowl: 0.64,
+            screen: [0.25, 0.36],
+            rear: [0.945, 0.978],
+            deck: 0.66,
+            roof: [0.965, 0.965],
+            sill: 0.18,
+            axles: [0.175, 0.80],
+            wheel_m: 0.39,
+            roof_width: 0.84,
+            shoulder_width: 0.945,
+            nose_width: 0.84,
+            tail_width: 0.92,
+            pillar: 0.50,
+            window_end: 0.92,
+            black_sill: true,
+            ..hatchback
+        },
+        Style::KeiCar => Profile {
+            nose: 0.47,
+            cowl: 0.56,
+            screen: [0.15, 0.29],
+            rear: [0.955, 0.982],
+            deck: 0.58,
+            roof: [0.97, 0.97],
+            sill: 0.11,
+            axles: [0.15, 0.86],
+            wheel_m: 0.275,
+            roof_width: 0.85,
+            shoulder_width: 0.95,
+            nose_width: 0.82,
+            tail_width: 0.94,
+            pillar: 0.52,
+            window_end: 0.92,
+            ..hatchback
+        },
+        // The roof ends behind the rear seats; the top of the bed is where a saloon's boot is.
+        Style::Pickup => Profile {
+            nose: 0.57,
+            cowl: 0.645,
+            screen: [0.25, 0.355],
+            rear: [0.60, 0.635],
+            deck: 0.64,
+            tail: 0.64,
+            roof: [0.965, 0.965],
+            sill: 0.19,
+            axles: [0.17, 0.77],
+            wheel_m: 0.395,
+            roof_width: 0.82,
+            shoulder_width: 0.945,
+            nose_width: 0.84,
+            tail_width: 0.95,
+            pillar: 0.475,
+            window_end: 0.60,
+            black_sill: true,
+            ..hatchback
+        },
         Style::Minivan => Profile {
             nose: 0.45,
             cowl: 0.585,
@@ -222,6 +298,16 @@ fn mirrors(shape: &mut MeshBuilder, body: &Body, width: f32, materials: &Vehicle
             ],
         );
     }
+}
+
+/// The dark inside of a pick-up's bed, or its cover, between the rails.
+fn bed(shape: &mut MeshBuilder, body: &Body, [_, width, _]: [f32; 3], materials: &VehicleMaterials) {
+    let p = &body.profile;
+    let [front, rear] = [p.rear[1] + 0.015, 0.985];
+    let half = width / 2.0 * 0.8;
+    let corner = |t: f32, side: f32| [body.x(t), -body.roof_height(t) - 0.006, side * half];
+    let points = [corner(front, -1.0), corner(rear, -1.0), corner(rear, 1.0), corner(front, 1.0)];
+    shape.quad(points, materials.trim, 0);
 }
 
 /// The gaps around the doors.

@@ -2,6 +2,7 @@
 #![allow(dead_code, unreachable_pub, clippy::expect_used)] // Each test uses some of it, and it is used by nothing else.
 
 use farsight_core::Camera;
+use farsight_synth::sensor::Device;
 use farsight_synth::scene::{
     Atmosphere, Color, InstanceId, Material, MaterialId, Mesh, Object, Pattern, Scene, Sky, Sun, Triangle, Vec3, Vertex,
 };
@@ -88,6 +89,7 @@ pub fn empty(camera: Camera, image_size: [usize; 2]) -> Scene {
             seed: 5,
         },
         atmosphere: Atmosphere { fog_color: [0.6, 0.66, 0.75], fog_density: 0.002, wetness: 0.0, rain: 0.0 },
+        device: Device::Any,
     }
 }
 
