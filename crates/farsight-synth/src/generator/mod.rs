@@ -5,9 +5,11 @@
 //! overlapping.
 
 mod background;
+mod bonnet;
 pub(crate) mod builder;
 mod clutter;
 pub mod config;
+mod furniture;
 pub(crate) mod ground;
 pub(crate) mod light;
 mod local;
@@ -71,6 +73,9 @@ pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledSc
         rng: traffic_rng,
     };
     traffic.place_all();
+    if builder.view.has_bonnet {
+        bonnet::add_bonnet(&mut builder, &mut rng.fork());
+    }
     let distracting = rng.chance(config.distractor_share);
     build_surroundings(&mut builder, &plan, distracting, config.clutter, &mut rng);
     let mut generated = builder.finish();
@@ -99,6 +104,9 @@ pub(crate) fn build_surroundings(
     let rng = rng.fork();
     let mut surroundings = Surroundings { builder, plan, materials, clutter, rng };
     surroundings.build_all(surfaces.grass);
+    if let Some(region) = surroundings.builder.region {
+        surroundings.furnish(region);
+    }
     if distracting {
         surroundings.add_distractors();
     }
