@@ -75,7 +75,12 @@ fn kinds(region: &str, seed: u64, path: &str) -> Result<(), Box<dyn std::error::
         let picture = SensorModel::IDEAL.capture(&render::render(&generated.scene));
         let small = imageops::resize(&picture, CELL[0], CELL[1], imageops::FilterType::Triangle);
         println!("row {}, column {}: {}", row / 2, row % 2, kind["name"]);
-        imageops::replace(&mut sheet, &small, i64::from(CELL[0]) * (row as i64 % 2), i64::from(CELL[1]) * (row as i64 / 2));
+        imageops::replace(
+            &mut sheet,
+            &small,
+            i64::from(CELL[0]) * (row as i64 % 2),
+            i64::from(CELL[1]) * (row as i64 / 2),
+        );
     }
     sheet.save(path)?;
     Ok(())

@@ -39,8 +39,8 @@ mod stream;
 pub(crate) mod vector;
 
 pub use dataset::SceneDataset;
-pub use region::RegionWeights;
 pub use generator::{CameraRanges, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
+pub use region::RegionWeights;
 pub use scene::LabelledScene;
 pub use stream::{SceneStream, frame_from_labels};

@@ -88,7 +88,7 @@ impl SceneBuilder {
     fn take_room_for_camera(&mut self) {
         let heading = self.view.heading_rad;
         let on_mast = self.region.is_some() && self.view.is_on_mast();
-        let (width, length) = if on_mast { (0.9, 0.9) } else { (2.3, 6.0) };
+        let (width, length) = if on_mast { (2.0, 2.0) } else { (2.3, 6.0) };
         let dimensions = farsight_core::Dimensions { height: 2.0, width, length };
         let yaw = -std::f64::consts::FRAC_PI_2 - heading;
         let back = if on_mast { 0.0 } else { 0.8 };

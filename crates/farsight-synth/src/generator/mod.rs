@@ -46,6 +46,11 @@ use view::View;
 ///
 /// The configuration must have no [`problem`](SceneConfig::problem).
 pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledScene {
+    drawn(config, [seed, index], None)
+}
+
+/// Draws scene `index` of `seed`; a region's traffic may be told its side.
+fn drawn(config: &SceneConfig, [seed, index]: [u64; 2], told_left: Option<bool>) -> LabelledScene {
     let mut rng = SceneRng::new(seed, index, 0);
     let region = config.regions.sample(&mut rng);
     let view = View::sample(&config.cameras, &mut rng);
@@ -55,9 +60,10 @@ pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledSc
     let light = Light::of(weather, config.severity, unusual, [seed, index], &mut rng);
     let ground = Ground::sample(view.height_m, &mut rng);
     let left_hand = rng.chance(region.map_or(config.left_hand_share, |region| region.left_hand_share));
+    let left_hand = told_left.unwrap_or(left_hand);
     let is_mirrored = region.is_some() && left_hand;
-    let view = if is_mirrored { view.mirrored() } else { view };
     let view = if region.is_some() { view.widened() } else { view };
+    let view = if is_mirrored { view.mirrored() } else { view };
     let plan = Plan::sample(place, &view, region, left_hand && !is_mirrored, &mut rng);
     let mut builder = SceneBuilder::new(view, ground, light, unusual, region);
     let density = rng.range(config.density[0], config.density[1]);
@@ -203,4 +209,45 @@ fn paved(builder: &mut SceneBuilder, rng: &mut SceneRng) -> MaterialId {
         Pattern::Noise { other: color.map(|c| c * 0.7), scale: 1.5, amount: 0.8, seed }
     };
     builder.palette.add(Material { pattern, ..matte(color) })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::region::RegionWeights;
+
+    #[test]
+    fn left_hand_traffic_is_a_mirror() {
+        // The middle of the picture is its mirror's, too.
+        let camera = CameraRanges {
+            image_sizes: vec![[1280, 720]],
+            center: [0.499_609_375, 0.5],
+            center_reach: 0.0,
+            lateral_m: 0.0,
+            offset_m: 0.0,
+            ..CameraRanges::kitti()
+        };
+        let regions = RegionWeights { kitti: 0.0, europe: 1.0, north_america: 1.0, india: 1.0, ..Default::default() };
+        let config = SceneConfig { cameras: vec![camera], regions, textured_share: 0.2, ..SceneConfig::default() };
+        for index in 0..12 {
+            let [right, left] = [false, true].map(|left| drawn(&config, [8, index], Some(left)));
+            assert_eq!(left.scene.camera, right.scene.camera, "scene {index}");
+            assert_eq!(left.objects.len(), right.objects.len(), "scene {index}");
+            for (a, b) in left.objects.iter().zip(&right.objects) {
+                assert_eq!((&a.class, a.box3d), (&b.class, b.box3d.mirrored()), "scene {index}");
+            }
+            for (a, b) in left.scene.objects.iter().zip(&right.scene.objects) {
+                assert_eq!(a.mesh.vertices.len(), b.mesh.vertices.len(), "scene {index}");
+                let is_mirror = a
+                    .mesh
+                    .vertices
+                    .iter()
+                    .zip(&b.mesh.vertices)
+                    .all(|(a, b)| a.position == [-b.position[0], b.position[1], b.position[2]]);
+                assert!(is_mirror, "scene {index}");
+            }
+        }
+    }
 }

@@ -88,9 +88,9 @@ impl Traffic<'_> {
     /// Somebody who drives: from the region's table, or as KITTI's labels have them.
     fn vehicle(&mut self) -> Participant {
         let (place, heavy) = (self.plan.place, self.heavy_factor);
-        let known = self.region.and_then(|region| {
-            region.vehicle(|kind| driving(kind, place) * factor(kind, heavy), &mut self.rng)
-        });
+        let known = self
+            .region
+            .and_then(|region| region.vehicle(|kind| driving(kind, place) * factor(kind, heavy), &mut self.rng));
         known.unwrap_or_else(|| {
             let class = self.vehicle_class();
             Participant { size: SizeStatistics::of(&class).sample(&mut self.rng), class, kind: None }
@@ -270,14 +270,7 @@ impl Traffic<'_> {
     }
 
     /// Places a labelled object where it can be seen and touches nobody.
-    fn try_place(
-        &mut self,
-        who: Participant,
-        point: [f64; 2],
-        yaw: f64,
-        lift: f64,
-        state: ObjectState,
-    ) {
+    fn try_place(&mut self, who: Participant, point: [f64; 2], yaw: f64, lift: f64, state: ObjectState) {
         let Participant { class, size, kind } = who;
         // Drawn always, so that what cannot be placed changes nothing for those after it.
         let rng = self.rng.fork();

@@ -87,9 +87,9 @@ impl View {
             if ahead > across.abs() / WIDEST { across / ahead } else { side * WIDEST }
         };
         let rows = [0.0, height / 2.0, height];
-        let left = rows.map(|v| edge(0.0, v, -1.0)).into_iter().fold(f64::INFINITY, f64::min);
-        let right = rows.map(|v| edge(width, v, 1.0)).into_iter().fold(f64::NEG_INFINITY, f64::max);
-        self.sides = [left.min(self.sides[0]), right.max(self.sides[1])];
+        let left = rows.map(|v| edge(-0.5, v, -1.0)).into_iter().fold(f64::INFINITY, f64::min);
+        let right = rows.map(|v| edge(width - 0.5, v, 1.0)).into_iter().fold(f64::NEG_INFINITY, f64::max);
+        self.sides = [left, right];
         self
     }
 

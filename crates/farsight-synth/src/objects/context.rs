@@ -64,8 +64,7 @@ impl Look {
         if unusual {
             return any_color(rng);
         }
-        let saturation =
-            |[r, g, b]: Color| 1.0 - r.min(g).min(b) / r.max(g).max(b);
+        let saturation = |[r, g, b]: Color| 1.0 - r.min(g).min(b) / r.max(g).max(b);
         let color = match rng.weighted(&[(0, self.paint.white), (1, self.paint.grey), (2, self.paint.colored)]) {
             0 => [0.78, 0.78, 0.76],
             1 => grey(rng.pick(&[0.018, 0.02, 0.04, 0.08, 0.2, 0.4, 0.42])),

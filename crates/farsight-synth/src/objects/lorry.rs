@@ -3,9 +3,7 @@
 use super::context::BuildContext;
 use super::load::{self, Load};
 use super::paint::{VehicleMaterials, fleet_materials};
-use super::truck::{
-    Hull, WALL_BEHIND_WHEELS, axle_wheels, cab_face, chassis, panel, pillars, plate, rear_face,
-};
+use super::truck::{Hull, WALL_BEHIND_WHEELS, axle_wheels, cab_face, chassis, panel, pillars, plate, rear_face};
 use crate::mesh_builder::MeshBuilder;
 use crate::palette::{any_color, grey, matte, varied};
 use crate::rng::SceneRng;
@@ -52,7 +50,13 @@ pub(super) fn bonneted_articulated(hwl: [f32; 3], context: &mut BuildContext) ->
             shape.tube([cab_rear + 0.1, -1.0, z], [cab_rear + 0.1, -height * 0.97, z], [0.08; 2], 8, materials.chrome);
         }
         // Tanks under the doors, and the closed wall of the bed behind the side window.
-        shape.tube([cab_rear + 0.3, -0.75, side * half * 0.82], [front - hood - 0.2, -0.75, side * half * 0.82], [0.3; 2], 9, materials.chrome);
+        shape.tube(
+            [cab_rear + 0.3, -0.75, side * half * 0.82],
+            [front - hood - 0.2, -0.75, side * half * 0.82],
+            [0.3; 2],
+            9,
+            materials.chrome,
+        );
         if sleeps {
             let wall = [[cab_rear, -low, z], [front - hood - 1.3, -low, z]];
             let top = low + 0.2 * height;
@@ -151,7 +155,11 @@ fn trailer(
 /// The ribs of a container.
 fn corrugated(context: &mut BuildContext) -> MaterialId {
     let rng = &mut context.rng;
-    let color = varied(rng, rng.clone().pick(&[[0.3, 0.06, 0.03], [0.04, 0.1, 0.25], [0.05, 0.15, 0.08], [0.5, 0.5, 0.48]]), 0.3);
+    let color = varied(
+        rng,
+        rng.clone().pick(&[[0.3, 0.06, 0.03], [0.04, 0.1, 0.25], [0.05, 0.15, 0.08], [0.5, 0.5, 0.48]]),
+        0.3,
+    );
     let pattern = Pattern::Bricks {
         other: color.map(|c| c * 0.55),
         size: [0.28, 9.0],
@@ -198,7 +206,13 @@ pub(super) fn mini_truck(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
     let x = rear - 0.005;
     for side in [-1.0f32, 1.0] {
         let (inner, outer) = (side * width * 0.36, side * width * 0.47);
-        panel(&mut shape, x, [0.24 * height, 0.33 * height], [inner.min(outer), inner.max(outer)], materials.brake_lamp);
+        panel(
+            &mut shape,
+            x,
+            [0.24 * height, 0.33 * height],
+            [inner.min(outer), inner.max(outer)],
+            materials.brake_lamp,
+        );
     }
     plate(&mut shape, x - 0.01, [0.24 * height, 0.24 * height + 0.11], &materials);
     axle_wheels(&mut shape, hwl, &[0.14, 0.78], &materials, context);
@@ -222,7 +236,13 @@ fn open_bed(
 }
 
 /// What lies on an open bed: nothing, a heap, crates, pipes or beams.
-fn goods(shape: &mut MeshBuilder, [rear, front]: [f32; 2], [floor, top]: [f32; 2], half: f32, context: &mut BuildContext) {
+fn goods(
+    shape: &mut MeshBuilder,
+    [rear, front]: [f32; 2],
+    [floor, top]: [f32; 2],
+    half: f32,
+    context: &mut BuildContext,
+) {
     let BuildContext { palette, rng, .. } = context;
     let (middle, reach) = (f32::midpoint(rear, front), (front - rear) / 2.0 - 0.12);
     match rng.weighted(&[(0, 2.0), (1, 1.5), (2, 2.0), (3, 1.0)]) {
@@ -231,7 +251,9 @@ fn goods(shape: &mut MeshBuilder, [rear, front]: [f32; 2], [floor, top]: [f32; 2
             let color = varied(rng, [0.3, 0.22, 0.14], 0.5);
             let earth = palette.noise(color, color.map(|c| c * 0.5), 0.3, rng.seed());
             let bumps: &mut SceneRng = rng;
-            shape.ellipsoid([middle, -floor, 0.0], [reach, (top - floor) * 0.8, half], [6, 12], earth, || bumps.range32(-0.06, 0.06));
+            shape.ellipsoid([middle, -floor, 0.0], [reach, (top - floor) * 0.8, half], [6, 12], earth, || {
+                bumps.range32(-0.06, 0.06)
+            });
         }
         2 => {
             let count = ((2.0 * reach / 1.1) as usize).clamp(1, 8);

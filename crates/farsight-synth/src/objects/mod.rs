@@ -182,8 +182,15 @@ mod tests {
             let hwl = [size.height, size.width, size.length].map(|v| v as f32);
             let mut palette = Palette::default();
             let state = ObjectState { moving, ..ObjectState::default() };
-            let mut context =
-                BuildContext { palette: &mut palette, rng, detail: Detail::Middle, state, unusual: false, plate: None, look: None };
+            let mut context = BuildContext {
+                palette: &mut palette,
+                rng,
+                detail: Detail::Middle,
+                state,
+                unusual: false,
+                plate: None,
+                look: None,
+            };
             // As it is before it is stretched to its size.
             let mesh = if *class == ObjectClass::Van { car::van } else { car::car }(hwl, &mut context);
             let most = |axis: usize| mesh.vertices.iter().map(|v| v.position[axis].abs()).fold(0.0, f32::max);

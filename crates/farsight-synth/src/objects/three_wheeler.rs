@@ -33,7 +33,12 @@ pub(super) fn three_wheeler([height, width, length]: [f32; 3], context: &mut Bui
     for side in [-1.0f32, 1.0] {
         let z = side * half * 0.96;
         shape.quad(
-            [[rear + 0.05, -belt, z], [rear + 0.3 * length, -belt, z], [rear + 0.24 * length, top[1], z], [rear + 0.05, top[1], z]],
+            [
+                [rear + 0.05, -belt, z],
+                [rear + 0.3 * length, -belt, z],
+                [rear + 0.24 * length, top[1], z],
+                [rear + 0.05, top[1], z],
+            ],
             hood,
             0,
         );
@@ -55,11 +60,7 @@ pub(super) fn three_wheeler([height, width, length]: [f32; 3], context: &mut Bui
     shape.mesh
 }
 
-fn lamps(
-    shape: &mut MeshBuilder,
-    [_, width, length]: [f32; 3],
-    materials: &super::paint::VehicleMaterials,
-) {
+fn lamps(shape: &mut MeshBuilder, [_, width, length]: [f32; 3], materials: &super::paint::VehicleMaterials) {
     panel(shape, length / 2.0 + 0.006, [0.52, 0.68], [-0.08, 0.08], materials.head_lamp);
     for side in [-1.0f32, 1.0] {
         let (inner, outer) = (side * width * 0.36, side * width * 0.45);

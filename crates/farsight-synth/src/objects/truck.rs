@@ -247,7 +247,12 @@ pub(super) fn pillars(
     }
 }
 
-pub(super) fn rear_face(shape: &mut MeshBuilder, [height, width, length]: [f32; 3], sill: f32, materials: &VehicleMaterials) {
+pub(super) fn rear_face(
+    shape: &mut MeshBuilder,
+    [height, width, length]: [f32; 3],
+    sill: f32,
+    materials: &VehicleMaterials,
+) {
     let x = -length / 2.0 - 0.005;
     let half = width / 2.0 * 0.9;
     panel(shape, x, [sill, height * 0.8], [-half * 0.8, half * 0.8], materials.glass);

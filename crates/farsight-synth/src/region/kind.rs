@@ -92,11 +92,8 @@ impl VehicleKind {
             let reach = if value < median { median - least } else { most - median };
             END_SCORE * (value - median) / reach.max(0.05)
         };
-        let scores = [
-            score(size.length, self.length_m),
-            score(size.width, self.width_m),
-            score(size.height, self.height_m),
-        ];
+        let scores =
+            [score(size.length, self.length_m), score(size.width, self.width_m), score(size.height, self.height_m)];
         libm::exp(-0.5 * scores.iter().map(|s| s * s).sum::<f64>()).max(LEAST_LIKELIHOOD)
     }
 }

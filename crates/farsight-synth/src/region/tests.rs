@@ -82,9 +82,15 @@ fn a_labelled_size_gets_a_kind_that_has_such_sizes() {
             let found: Vec<_> = (0..20).map(|_| region.kind_of(&kind.class(), size, &mut rng).unwrap()).collect();
             let is_like =
                 |found: &VehicleKind| (0.85 * found.length_m[0]..1.15 * found.length_m[2]).contains(&size.length);
-            assert!(found.iter().all(|found| is_like(found)), "{name}: {} of {size:?} became {:?}", kind.name, found[0].name);
+            assert!(
+                found.iter().all(|found| is_like(found)),
+                "{name}: {} of {size:?} became {:?}",
+                kind.name,
+                found[0].name
+            );
         }
-        let elsewhere = region.kind_of(&farsight_core::ObjectClass::Pedestrian, region.vehicles[0].sample(&mut rng), &mut rng);
+        let elsewhere =
+            region.kind_of(&farsight_core::ObjectClass::Pedestrian, region.vehicles[0].sample(&mut rng), &mut rng);
         assert_eq!(elsewhere, None);
     }
 }

@@ -13,9 +13,7 @@ pub(super) fn sharpen(bytes: &mut [u8], [width, height]: [usize; 2], amount: f32
         pixels.iter().map(|&[r, g, b]| 77 * i32::from(r) + 150 * i32::from(g) + 29 * i32::from(b)).collect();
     let across: Vec<i32> = luma
         .chunks_exact(width)
-        .flat_map(|row| {
-            (0..width).map(|x| row[x.saturating_sub(1)] + 2 * row[x] + row[(x + 1).min(width - 1)])
-        })
+        .flat_map(|row| (0..width).map(|x| row[x.saturating_sub(1)] + 2 * row[x] + row[(x + 1).min(width - 1)]))
         .collect();
     let scaled = (amount * 256.0) as i32;
     let (pixels, _) = bytes.as_chunks_mut::<3>();

@@ -2,10 +2,10 @@
 #![allow(dead_code, unreachable_pub, clippy::expect_used)] // Each test uses some of it, and it is used by nothing else.
 
 use farsight_core::Camera;
-use farsight_synth::sensor::Device;
 use farsight_synth::scene::{
     Atmosphere, Color, InstanceId, Material, MaterialId, Mesh, Object, Pattern, Scene, Sky, Sun, Triangle, Vec3, Vertex,
 };
+use farsight_synth::sensor::Device;
 
 /// Height of the camera above the ground, metres.
 pub const CAMERA_HEIGHT_M: f32 = 1.65;
