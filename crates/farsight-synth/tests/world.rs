@@ -21,8 +21,12 @@ const REGIONS: [&str; 5] = ["europe", "north-america", "china", "japan", "india"
 /// The world that the project ships.
 fn world() -> SceneConfig {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/worlds/world.toml");
-    let config: SceneConfig = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let mut config: SceneConfig = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     assert_eq!(config.problem(), None);
+    // Half as large images tell as much, in a third of the time.
+    for size in config.cameras.iter_mut().flat_map(|camera| &mut camera.image_sizes) {
+        *size = size.map(|side| side / 2);
+    }
     config
 }
 
@@ -72,7 +76,7 @@ fn labels_project_onto_what_was_drawn() {
             let Box2d { x1, y1, x2, y2 } = label.box2d;
             let is_inside = seen.x1 > x1 - 2.0 && seen.x2 < x2 + 2.0 && seen.y1 > y1 - 2.0 && seen.y2 < y2 + 2.0;
             assert!(is_inside, "{what}: {:?} is seen in {seen:?}, its label says {:?}", label.class, label.box2d);
-            if label.truncation < 0.01 && label.occlusion == 0 && label.box2d.height() > 40.0 {
+            if label.truncation < 0.01 && label.occlusion == 0 && label.box2d.height() > 25.0 {
                 whole += 1;
                 // A shape touches the six sides of its box, but not its corners; a fifth may be hidden.
                 let filled = seen.area() / label.box2d.area();
