@@ -45,9 +45,15 @@ pub(crate) fn add_bonnet(builder: &mut SceneBuilder, rng: &mut SceneRng) {
         (0..ALONG).map(|row| (0..ACROSS).map(|column| point(row, column)).collect()).collect();
     let mut shape = MeshBuilder::default();
     shape.loft(&sections, |_, _| Some(paint));
+    let dark = builder.palette.matte(grey(0.01));
+    // What is between bonnet and camera: the dark foot of the windscreen, from side to side.
+    let level = camera - cowl + 0.03;
+    let wide = half + 0.1;
+    let sill = [[aside - wide, level, 0.05], [aside + wide, level, 0.05]];
+    let edge = [[aside + wide, level + 0.14, near + 0.02], [aside - wide, level + 0.14, near + 0.02]];
+    shape.quad([sill[0], sill[1], edge[0], edge[1]], dark, 0);
     if rng.chance(0.5) {
         // Wipers at the foot of the windscreen.
-        let dark = builder.palette.matte(grey(0.01));
         for x in [-0.35, 0.25] {
             let at = |dx: f32, up: f32| [aside + x + dx, camera - cowl - up, near - 0.03];
             shape.tube(at(0.0, 0.01), at(0.5, 0.03), [0.008; 2], 4, dark);
