@@ -169,7 +169,7 @@ fn surfaces(builder: &mut SceneBuilder, rng: &mut SceneRng) -> Surfaces {
         }
         _ => grass,
     };
-    Surfaces { middle, road, patch, bay, pavement, kerb, grass, paint }
+    Surfaces { road, patch, bay, pavement, kerb, grass, paint, middle }
 }
 
 /// Slabs of concrete, as long as a lane is wide.
@@ -240,12 +240,9 @@ mod tests {
             }
             for (a, b) in left.scene.objects.iter().zip(&right.scene.objects) {
                 assert_eq!(a.mesh.vertices.len(), b.mesh.vertices.len(), "scene {index}");
-                let is_mirror = a
-                    .mesh
-                    .vertices
-                    .iter()
-                    .zip(&b.mesh.vertices)
-                    .all(|(a, b)| a.position == [-b.position[0], b.position[1], b.position[2]]);
+                let is_mirror = a.mesh.vertices.iter().zip(&b.mesh.vertices).all(|(a, b)| {
+                    a.position.map(f32::to_bits) == [-b.position[0], b.position[1], b.position[2]].map(f32::to_bits)
+                });
                 assert!(is_mirror, "scene {index}");
             }
         }

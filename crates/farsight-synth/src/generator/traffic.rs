@@ -293,10 +293,10 @@ fn driving(kind: &VehicleKind, place: Place) -> f64 {
         (Group::Heavy, Place::Residential | Place::CarPark) => 0.12,
         (Group::Town, Place::Motorway) => 0.1,
         (Group::Town, Place::Rural | Place::CarPark) => 0.3,
-        (Group::Rail, Place::City) | (Group::Private | Group::Work | Group::Heavy | Group::Town, _) => 1.0,
         (Group::Rider, Place::Motorway) => 0.25,
-        (Group::Rider, _) => 1.0,
-        (Group::Rail | Group::Parked, _) => 0.0,
+        (Group::Rail, place) if place != Place::City => 0.0,
+        (Group::Parked, _) => 0.0,
+        _ => 1.0,
     }
 }
 

@@ -18,6 +18,7 @@ mod lorry;
 mod outfit;
 mod paint;
 mod person;
+mod profiles;
 mod shape;
 mod three_wheeler;
 mod truck;
