@@ -21,8 +21,8 @@ const CAMERA_HEIGHT_M: f64 = 1.65;
 /// Vehicles whose axis is less askew to the camera's than this lie along its road, radians.
 const ALONG_ROAD_RAD: f64 = 0.45;
 
-/// Rebuilds a frame in a world: the same camera, a labelled object with the class and box of each label (in their order,
-/// `DontCare` left out), and a scene drawn from `seed` around them.
+/// Rebuilds a frame in a world: the same camera, a labelled object with the class and box of each label (in their
+/// order, `DontCare` left out), and a scene drawn from `seed` around them.
 ///
 /// The ground is fitted to the bottoms of the boxes, and the road runs along the vehicles that stand along the
 /// camera's direction. Houses, trees and posts are left out where they would hide a labelled object more than its
