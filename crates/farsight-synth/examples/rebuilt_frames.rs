@@ -10,7 +10,7 @@ use std::time::Instant;
 use farsight_core::{Camera, Label, ObjectClass};
 use farsight_data::kitti::{Calibration, read_labels};
 use farsight_synth::sensor::SensorModel;
-use farsight_synth::{LabelledScene, render, scene_from_labels};
+use farsight_synth::{LabelledScene, SceneConfig, render, scene_from_labels};
 use image::{RgbImage, imageops};
 
 const SIZE: [usize; 2] = [1242, 375];
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 /// The frame, checked: every label but `DontCare` is there, in its place.
 fn rebuilt(labels: &[Label], camera: &Camera, seed: u64) -> Result<LabelledScene, String> {
-    let generated = scene_from_labels(labels, camera, SIZE, seed);
+    let generated = scene_from_labels(&SceneConfig::default(), labels, camera, SIZE, seed);
     let kept = labels.iter().filter(|label| label.class != ObjectClass::DontCare);
     let found = generated.objects.iter().map(|object| (&object.class, &object.box3d));
     if kept.map(|label| (&label.class, &label.box3d)).eq(found) {

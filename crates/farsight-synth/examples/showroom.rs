@@ -1,12 +1,14 @@
 //! Renders every kind of object near the camera, at several angles, into one picture.
 //!
-//! `cargo run --release -p farsight-synth --example showroom -- showroom.png SEED`
+//! `cargo run --release -p farsight-synth --example showroom -- showroom.png SEED [REGION]`
+//!
+//! With a region, a row for each kind of vehicle in its table.
 #![allow(missing_docs, clippy::print_stdout)]
 
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_synth::sensor::SensorModel;
 use farsight_synth::sizes::SizeStatistics;
-use farsight_synth::{render, scene_from_labels};
+use farsight_synth::{SceneConfig, render, scene_from_labels};
 use image::{RgbImage, imageops};
 
 const SIZE: [usize; 2] = [1242, 375];
@@ -26,15 +28,59 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         (ObjectClass::Cyclist, 7.0, 2.2),
         (ObjectClass::Tram, 30.0, 12.0),
     ];
+    if let Some(region) = arguments.next() {
+        return kinds(&region, seed, &path);
+    }
     let mut sheet = RgbImage::new(1242, 375 * rows.len() as u32);
     for (row, (class, z, pitch)) in rows.into_iter().enumerate() {
         let labels: Vec<Label> = (0..5).map(|k| label(class.clone(), k, z, pitch, seed + row as u64)).collect();
-        let generated = scene_from_labels(&labels, &camera, SIZE, seed * 100 + row as u64);
+        let generated = scene_from_labels(&SceneConfig::default(), &labels, &camera, SIZE, seed * 100 + row as u64);
         let triangles: usize = generated.scene.objects[2..].iter().map(|o| o.mesh.triangles.len()).sum();
         println!("{class}: {} triangles each", triangles / labels.len());
         let rendered = render::render(&generated.scene);
         let picture = SensorModel::IDEAL.capture(&rendered);
         imageops::replace(&mut sheet, &picture, 0, 375 * row as i64);
+    }
+    sheet.save(path)?;
+    Ok(())
+}
+
+/// Two rows of the table side by side, each kind of vehicle from four sides.
+fn kinds(region: &str, seed: u64, path: &str) -> Result<(), Box<dyn std::error::Error>> {
+    const CELL: [u32; 2] = [640, 150];
+    let file = format!("{}/src/region/tables/{region}.toml", env!("CARGO_MANIFEST_DIR"));
+    let table: toml::Table = toml::from_str(&std::fs::read_to_string(file)?)?;
+    let config: SceneConfig = toml::from_str(&format!("regions = {{ {region} = 1.0 }}\nunusual_share = 0.0"))?;
+    let vehicles = table["vehicles"].as_array().ok_or("no vehicles")?;
+    let mut sheet = RgbImage::new(2 * CELL[0], CELL[1] * vehicles.len().div_ceil(2) as u32);
+    for (row, kind) in vehicles.iter().enumerate() {
+        let median = |name: &str| kind[name][1].as_float().unwrap_or_default();
+        let dimensions =
+            Dimensions { height: median("height_m"), width: median("width_m"), length: median("length_m") };
+        let class = ObjectClass::from_name(kind["class"].as_str().unwrap_or_default());
+        let reach = dimensions.length.max(2.2 * dimensions.height);
+        let labels: Vec<Label> = [-1.2, 2.6, 0.25, -2.2]
+            .into_iter()
+            .enumerate()
+            .map(|(k, yaw)| {
+                let location = [(k as f64 - 1.5) * 1.0 * reach, 1.65, 3.0 + 2.2 * reach];
+                let box3d = Box3d { dimensions, location, yaw };
+                let (alpha, box2d) = (box3d.alpha(), Box2d::new(0.0, 0.0, 1.0, 1.0));
+                Label { class: class.clone(), truncation: 0.0, occlusion: 0, alpha, box2d, box3d }
+            })
+            .collect();
+        let size = CELL.map(|side| side as usize * 2);
+        let camera = Camera::from_intrinsics(800.0, 800.0, f64::from(CELL[0]), 140.0)?;
+        let generated = scene_from_labels(&config, &labels, &camera, size, seed * 100 + row as u64);
+        let picture = SensorModel::IDEAL.capture(&render::render(&generated.scene));
+        let small = imageops::resize(&picture, CELL[0], CELL[1], imageops::FilterType::Triangle);
+        println!("row {}, column {}: {}", row / 2, row % 2, kind["name"]);
+        imageops::replace(
+            &mut sheet,
+            &small,
+            i64::from(CELL[0]) * (row as i64 % 2),
+            i64::from(CELL[1]) * (row as i64 / 2),
+        );
     }
     sheet.save(path)?;
     Ok(())

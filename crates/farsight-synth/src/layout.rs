@@ -9,10 +9,11 @@ use crate::generator::ground::Ground;
 use crate::generator::light::Light;
 use crate::generator::plan::{Plan, RoadEstimate};
 use crate::generator::view::View;
-use crate::generator::{SceneConfig, build_surroundings};
+use crate::generator::{SceneConfig, build_surroundings, textures};
 use crate::objects::ObjectState;
 use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
+use crate::sensor::Device;
 
 /// A camera that no label says anything about stands this high, metres (KITTI's).
 const CAMERA_HEIGHT_M: f64 = 1.65;
@@ -20,22 +21,31 @@ const CAMERA_HEIGHT_M: f64 = 1.65;
 /// Vehicles whose axis is less askew to the camera's than this lie along its road, radians.
 const ALONG_ROAD_RAD: f64 = 0.45;
 
-/// Rebuilds a frame: the same camera, a labelled object with the class and box of each label (in their order,
-/// `DontCare` left out), and a scene drawn from `seed` around them.
+/// Rebuilds a frame in a world: the same camera, a labelled object with the class and box of each label (in their
+/// order, `DontCare` left out), and a scene drawn from `seed` around them.
 ///
 /// The ground is fitted to the bottoms of the boxes, and the road runs along the vehicles that stand along the
 /// camera's direction. Houses, trees and posts are left out where they would hide a labelled object more than its
 /// label says. Any labels will do, none too.
-pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64) -> LabelledScene {
+pub fn scene_from_labels(
+    config: &SceneConfig,
+    labels: &[Label],
+    camera: &Camera,
+    image_size: [usize; 2],
+    seed: u64,
+) -> LabelledScene {
     let objects: Vec<&Label> = labels.iter().filter(|label| label.class != ObjectClass::DontCare).collect();
     let mut rng = SceneRng::new(seed, 0, 1);
-    let config = SceneConfig::default();
+    let region = config.regions.sample(&mut rng);
     let ground = fitted_ground(&objects);
-    let view = View::new(*camera, image_size, ground.at_camera, 0.0);
+    let device = config.cameras.first().map_or(Device::Any, |camera| camera.device);
+    let mut view = View::new(*camera, image_size, ground.at_camera, 0.0);
+    view.device = device;
     let unusual = rng.chance(config.unusual_share);
-    let light = Light::sample(rng.weighted(&config.weather.table()), unusual, &mut rng);
-    let plan = Plan::around(&estimated_road(&objects), &mut rng);
-    let mut builder = SceneBuilder::new(view, ground, light, unusual);
+    let weather = rng.weighted(&config.weather.table());
+    let light = Light::of(weather, config.severity, unusual, [seed, 0], &mut rng);
+    let plan = Plan::around(&estimated_road(&objects), region, &mut rng);
+    let mut builder = SceneBuilder::new(view, ground, light, unusual, region);
     for label in &objects {
         builder.sightlines.extend(sightline(label));
     }
@@ -43,12 +53,18 @@ pub fn scene_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 
         let moving = is_along(&label.box3d) && label.box3d.location[0].abs() < 4.0;
         let share = if moving { builder.light.lights_share } else { 0.03 };
         let state = ObjectState { lights_on: rng.chance(share), braking: moving && rng.chance(0.2), moving };
-        let rng = rng.fork();
-        builder.add_labelled(label.class.clone(), label.box3d, state, rng);
+        let mut rng = rng.fork();
+        let Label { class, box3d, .. } = label;
+        let kind = region.and_then(|region| region.kind_of(class, box3d.dimensions, &mut rng));
+        builder.add_labelled(class.clone(), kind, *box3d, state, rng);
     }
     let distracting = rng.chance(config.distractor_share);
     build_surroundings(&mut builder, &plan, distracting, config.clutter, &mut rng);
-    builder.finish()
+    let mut generated = builder.finish();
+    if rng.chance(config.textured_share) {
+        textures::spread(&mut generated.scene.materials, &mut rng);
+    }
+    generated
 }
 
 /// What the vehicles say about the road.

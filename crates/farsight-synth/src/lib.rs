@@ -13,6 +13,7 @@
 //! | [`layout`] | scenes around the objects of a label file |
 //! | `objects` | meshes of vehicles and people, of a given size |
 //! | `mesh_builder`, `palette`, `vector`, `rng` | what meshes, materials and random scenes are built with |
+//! | `region` | which vehicles and roads there are in a part of the world: tables |
 //! | [`sizes`] | how large objects are: statistics of KITTI's labels |
 //! | [`render`] | the rasteriser |
 //! | [`sensor`] | what a camera does to light: exposure, blur, noise, tone curve, JPEG |
@@ -28,6 +29,7 @@ mod mesh_builder;
 mod objects;
 mod palette;
 mod plates;
+mod region;
 pub mod render;
 mod rng;
 pub mod scene;
@@ -39,5 +41,6 @@ pub(crate) mod vector;
 pub use dataset::SceneDataset;
 pub use generator::{CameraRanges, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
+pub use region::RegionWeights;
 pub use scene::LabelledScene;
 pub use stream::{SceneStream, frame_from_labels};

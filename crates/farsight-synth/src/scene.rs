@@ -6,6 +6,8 @@
 
 use farsight_core::{Box3d, Camera, ObjectClass};
 
+use crate::sensor::Device;
+
 /// A colour, linear light, red, green, blue; 1 is a white surface in full light.
 pub type Color = [f32; 3];
 
@@ -250,6 +252,8 @@ pub struct Scene {
     pub sky: Sky,
     /// The atmosphere.
     pub atmosphere: Atmosphere,
+    /// What takes the picture.
+    pub device: Device,
 }
 
 /// Somebody in traffic: what the label of its instance says.

@@ -39,23 +39,30 @@ impl SceneStream {
         let labelled = generate_scene(&self.config, self.seed, index);
         captured(&labelled, Self::id(index), &mut SceneRng::new(self.seed, index, SENSOR_STREAM))
     }
+
+    /// A frame with the objects of `labels` at their own positions under their own `camera`, in a random scene around
+    /// them: in the stream's region, weather and kind of camera.
+    ///
+    /// The scene follows from the seed and the frame's name `id`. Truncation and occlusion are those of the picture,
+    /// which need not be those of `labels`.
+    pub fn twin(&self, labels: &[Label], camera: &Camera, image_size: [usize; 2], id: &str) -> Frame {
+        let seed = id.bytes().fold(self.seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
+        let labelled = scene_from_labels(&self.config, labels, camera, image_size, seed);
+        captured(&labelled, id.to_owned(), &mut SceneRng::new(seed, 0, SENSOR_STREAM))
+    }
 }
 
-/// A frame with the objects of `labels` at their own positions under their own `camera`, in a random scene around them.
-///
-/// The scene follows from `seed` and the frame's name `id`. Truncation and occlusion are those of the picture, which
-/// need not be those of `labels`.
+/// The twin of a frame in the world that is drawn without a world file: see [`SceneStream::twin`].
 pub fn frame_from_labels(labels: &[Label], camera: &Camera, image_size: [usize; 2], seed: u64, id: &str) -> Frame {
-    let seed = id.bytes().fold(seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
-    let labelled = scene_from_labels(labels, camera, image_size, seed);
-    captured(&labelled, id.to_owned(), &mut SceneRng::new(seed, 0, SENSOR_STREAM))
+    SceneStream { config: SceneConfig::default(), seed }.twin(labels, camera, image_size, id)
 }
 
 /// The image of a scene, with its camera and labels.
 fn captured(labelled: &LabelledScene, id: String, rng: &mut SceneRng) -> Frame {
     let LabelledScene { scene, objects } = labelled;
     let rendered = render(scene);
-    let image = SensorModel::sample(&scene.atmosphere, rng.inner()).capture(&rendered);
+    let sensor = SensorModel::sample_of(scene.device, &scene.atmosphere, rng.inner());
+    let image = sensor.capture(&rendered);
     let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, objects, &rendered);
     let plates = plates(scene, objects, &rendered, &labels);
     Frame::new(id, image, scene.camera, labels).with(plates).with(DepthMap { depth_m: rendered.depth_m })

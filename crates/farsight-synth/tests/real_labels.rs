@@ -8,7 +8,7 @@ use farsight_core::{Label, ObjectClass};
 use farsight_data::kitti::{Calibration, read_labels};
 use farsight_synth::labels::LabelRules;
 use farsight_synth::render::render;
-use farsight_synth::scene_from_labels;
+use farsight_synth::{SceneConfig, scene_from_labels};
 
 /// Frames compared.
 const FRAMES: usize = 42;
@@ -26,7 +26,7 @@ fn pairs(training: &Path) -> Vec<(Label, Option<Label>)> {
         let real = read_labels(file).expect("labels");
         let calibration = training.join("calib").join(file.with_extension("txt").file_name().expect("a name"));
         let camera = Calibration::read(&calibration).expect("a calibration").camera();
-        let generated = scene_from_labels(&real, &camera, [1242, 375], 1);
+        let generated = scene_from_labels(&SceneConfig::default(), &real, &camera, [1242, 375], 1);
         let made = LabelRules::default().labels(&generated.scene, &generated.objects, &render(&generated.scene));
         for label in real.into_iter().filter(|label| label.class == ObjectClass::Car) {
             let same = made.iter().find(|other| other.box3d == label.box3d).cloned();

@@ -2,14 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
-use farsight_core::overlap::Block;
+mod laws;
+
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, Label, ObjectClass};
-use farsight_synth::scene::{Mesh, Object};
+use farsight_synth::scene::Mesh;
 use farsight_synth::sizes::{Distribution, SizeStatistics};
 use farsight_synth::{CameraRanges, LabelledScene, PlaceWeights, SceneConfig, generate_scene, scene_from_labels};
 
-/// Meshes are stored in single precision, in scene coordinates of up to 100 m.
-const EXTENT_TOLERANCE_M: f64 = 2e-4;
 const SCENES: u64 = 60;
 
 fn scenes() -> impl Iterator<Item = (u64, LabelledScene)> {
@@ -17,49 +16,17 @@ fn scenes() -> impl Iterator<Item = (u64, LabelledScene)> {
     (0..SCENES).map(move |index| (index, generate_scene(&config, 11, index)))
 }
 
-/// Extents of an object along its box's own axes: least and largest.
-fn extents(object: &Object, box3d: &Box3d) -> [[f64; 2]; 3] {
-    let (sin, cos) = box3d.yaw.sin_cos();
-    let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-    for vertex in &object.mesh.vertices {
-        let [x, y, z] = [0, 1, 2].map(|i| f64::from(vertex.position[i]) - box3d.location[i]);
-        for (bound, value) in bounds.iter_mut().zip([cos * x - sin * z, y, sin * x + cos * z]) {
-            *bound = [bound[0].min(value), bound[1].max(value)];
-        }
-    }
-    bounds
-}
-
-fn assert_fills_its_box(generated: &LabelledScene, what: &str) {
-    for labelled in &generated.objects {
-        let object = generated.scene.objects.iter().find(|o| o.instance == labelled.instance).unwrap();
-        let Dimensions { height, width, length } = labelled.box3d.dimensions;
-        let expected = [[-length / 2.0, length / 2.0], [-height, 0.0], [-width / 2.0, width / 2.0]];
-        for (axis, (found, expected)) in extents(object, &labelled.box3d).iter().zip(expected).enumerate() {
-            for (found, expected) in found.iter().zip(expected) {
-                let error = (found - expected).abs();
-                assert!(error < EXTENT_TOLERANCE_M, "{what}: {:?} axis {axis}: {found} for {expected}", labelled.class);
-            }
-        }
-    }
-}
-
 #[test]
 fn meshes_fill_their_boxes() {
     for (index, generated) in scenes() {
-        assert_fills_its_box(&generated, &format!("scene {index}"));
+        laws::assert_fills_its_box(&generated, &format!("scene {index}"));
     }
 }
 
 #[test]
 fn objects_do_not_touch_each_other() {
     for (index, generated) in scenes() {
-        let blocks: Vec<Block> = generated.objects.iter().map(|a| Block::new(&a.box3d)).collect();
-        for (i, a) in blocks.iter().enumerate() {
-            for (j, b) in blocks.iter().enumerate().skip(i + 1) {
-                assert!(a.intersection_area(b) <= 0.0, "scene {index}: objects {i} and {j}");
-            }
-        }
+        laws::assert_nobody_touches(&generated, &format!("scene {index}"));
     }
 }
 
@@ -155,17 +122,7 @@ fn inside_objects(generated: &LabelledScene, mesh: &Mesh) -> usize {
 #[test]
 fn everything_in_a_scene_is_finite_and_names_what_is_there() {
     for (index, generated) in scenes() {
-        let materials = generated.scene.materials.len();
-        for object in &generated.scene.objects {
-            for vertex in &object.mesh.vertices {
-                let numbers = vertex.position.iter().chain(&vertex.normal).chain(&vertex.uv);
-                assert!(numbers.clone().all(|v| v.is_finite()), "scene {index}: {vertex:?}");
-            }
-            for triangle in &object.mesh.triangles {
-                assert!(usize::from(triangle.material) < materials, "scene {index}");
-                assert!(triangle.vertices.iter().all(|&v| (v as usize) < object.mesh.vertices.len()), "scene {index}");
-            }
-        }
+        laws::assert_sound(&generated, &format!("scene {index}"));
     }
 }
 
@@ -227,7 +184,7 @@ fn kitti_camera() -> Camera {
 #[test]
 fn rebuilt_frames_keep_camera_classes_and_boxes() {
     let labels = street();
-    let generated = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 3);
+    let generated = scene_from_labels(&SceneConfig::default(), &labels, &kitti_camera(), [1242, 375], 3);
     assert_eq!(generated.scene.camera, kitti_camera());
     assert_eq!(generated.scene.image_size, [1242, 375]);
     let kept: Vec<&Label> = labels.iter().filter(|l| l.class != ObjectClass::DontCare).collect();
@@ -236,12 +193,12 @@ fn rebuilt_frames_keep_camera_classes_and_boxes() {
         assert_eq!((&labelled.class, labelled.box3d), (&label.class, label.box3d));
         assert_eq!(usize::from(labelled.instance), k + 1);
     }
-    assert_fills_its_box(&generated, "rebuilt");
+    laws::assert_fills_its_box(&generated, "rebuilt");
 }
 
 #[test]
 fn a_frame_without_labels_can_be_rebuilt() {
-    let generated = scene_from_labels(&[], &kitti_camera(), [1242, 375], 4);
+    let generated = scene_from_labels(&SceneConfig::default(), &[], &kitti_camera(), [1242, 375], 4);
     assert!(generated.objects.is_empty());
     assert!(generated.scene.objects.iter().any(|object| !object.mesh.triangles.is_empty()));
 }
@@ -251,7 +208,13 @@ fn nothing_is_built_in_front_of_what_must_be_seen() {
     let mut label = label(ObjectClass::Car, [0.5, 1.65, 30.0], [1.5, 1.7, 4.0], -1.57, 0);
     for seed in 0..20 {
         label.box3d.location[0] = seed as f64 - 10.0;
-        let generated = scene_from_labels(std::slice::from_ref(&label), &kitti_camera(), [1242, 375], seed);
+        let generated = scene_from_labels(
+            &SceneConfig::default(),
+            std::slice::from_ref(&label),
+            &kitti_camera(),
+            [1242, 375],
+            seed,
+        );
         let rendered = farsight_synth::render::render(&generated.scene);
         let share = f64::from(rendered.visible[1]) / f64::from(rendered.amodal[1]);
         assert!(share > 0.9, "seed {seed}: {share} of the car is seen");
@@ -264,8 +227,8 @@ fn real_label_files_can_be_rebuilt() {
     for entry in std::fs::read_dir(labels).unwrap() {
         let path = entry.unwrap().path();
         let labels = farsight_data::kitti::read_labels(&path).unwrap();
-        let generated = scene_from_labels(&labels, &kitti_camera(), [1242, 375], 1);
-        assert_fills_its_box(&generated, &path.display().to_string());
+        let generated = scene_from_labels(&SceneConfig::default(), &labels, &kitti_camera(), [1242, 375], 1);
+        laws::assert_fills_its_box(&generated, &path.display().to_string());
     }
 }
 

@@ -9,6 +9,7 @@ use super::view::View;
 use crate::mesh_builder::MeshBuilder;
 use crate::objects::{self, BuildContext, Detail, ObjectState};
 use crate::palette::{Palette, grey};
+use crate::region::{Region, VehicleKind};
 use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
 use crate::scene::{LabelledObject, Lamp, MaterialId, Object, Scene, Vec3};
@@ -36,6 +37,8 @@ pub(crate) struct SceneBuilder {
     pub(crate) ground: Ground,
     pub(crate) light: Light,
     pub(crate) unusual: bool,
+    /// Where in the world; none for KITTI's city.
+    pub(crate) region: Option<&'static Region>,
     /// The ground and what is painted on it: throws no shadow.
     pub(crate) flat: MeshBuilder,
     /// What stands on it.
@@ -50,7 +53,13 @@ pub(crate) struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    pub(crate) fn new(view: View, ground: Ground, light: Light, unusual: bool) -> Self {
+    pub(crate) fn new(
+        view: View,
+        ground: Ground,
+        light: Light,
+        unusual: bool,
+        region: Option<&'static Region>,
+    ) -> Self {
         let mut palette = Palette::default();
         let contact_shadow = palette.matte(grey(0.01));
         let mut builder = Self {
@@ -59,6 +68,7 @@ impl SceneBuilder {
             ground,
             light,
             unusual,
+            region,
             flat: MeshBuilder::default(),
             solid: MeshBuilder::default(),
             lamps: Vec::new(),
@@ -73,10 +83,16 @@ impl SceneBuilder {
     }
 
     /// The car that carries the camera keeps others away.
+    ///
+    /// On a mast it has none.
     fn take_room_for_camera(&mut self) {
-        let dimensions = farsight_core::Dimensions { height: 2.0, width: 2.3, length: 6.0 };
-        let yaw = -std::f64::consts::FRAC_PI_2;
-        let location = [0.0, self.ground.at_camera, -0.8];
+        let heading = self.view.heading_rad;
+        let on_mast = self.region.is_some() && self.view.is_on_mast();
+        let (width, length) = if on_mast { (2.0, 2.0) } else { (2.3, 6.0) };
+        let dimensions = farsight_core::Dimensions { height: 2.0, width, length };
+        let yaw = -std::f64::consts::FRAC_PI_2 - heading;
+        let back = if on_mast { 0.0 } else { 0.8 };
+        let location = [back * libm::sin(heading), self.ground.at_camera, -back * libm::cos(heading)];
         self.taken.push(Block::new(&Box3d { dimensions, location, yaw }));
     }
 
@@ -107,12 +123,23 @@ impl SceneBuilder {
     }
 
     /// Adds a labelled object that stands in its box.
-    pub(crate) fn add_labelled(&mut self, class: ObjectClass, box3d: Box3d, state: ObjectState, rng: SceneRng) {
+    pub(crate) fn add_labelled(
+        &mut self,
+        class: ObjectClass,
+        kind: Option<&'static VehicleKind>,
+        box3d: Box3d,
+        state: ObjectState,
+        mut rng: SceneRng,
+    ) {
         let instance = self.labelled.len() as u16 + 1;
         let detail = self.detail(&box3d);
         let unusual = self.unusual;
-        let mut context = BuildContext { palette: &mut self.palette, rng, detail, state, unusual, plate: None };
-        let mesh = objects::build(&class, box3d.dimensions, &mut context);
+        let look = self.region.map(|region| region.look(kind, &mut rng));
+        let mut context = BuildContext { palette: &mut self.palette, rng, detail, state, unusual, plate: None, look };
+        let mesh = match kind {
+            Some(kind) => kind.shape.build(box3d.dimensions, &mut context),
+            None => objects::build(&class, box3d.dimensions, &mut context),
+        };
         let plate = context.plate;
         self.objects.push(objects::placed(&mesh, &box3d, instance));
         if matches!(class, ObjectClass::Car | ObjectClass::Van | ObjectClass::Truck | ObjectClass::Tram) {
@@ -179,6 +206,7 @@ impl SceneBuilder {
             lamps: self.lamps,
             sky: self.light.sky,
             atmosphere: self.light.atmosphere,
+            device: self.view.device,
         };
         LabelledScene { scene, objects: self.labelled }
     }

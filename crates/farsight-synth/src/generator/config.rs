@@ -2,16 +2,25 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::region::RegionWeights;
+use crate::sensor::Device;
+
 /// How scenes are drawn.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SceneConfig {
     /// The cameras, each with the share of scenes that it takes.
     pub cameras: Vec<CameraRanges>,
+    /// In which part of the world.
+    pub regions: RegionWeights,
     /// Where the scenes play.
     pub places: PlaceWeights,
     /// When, and in which weather.
     pub weather: WeatherWeights,
+    /// How strong weather and darkness are, from 1 to 5; drawn at random where none is said. With it, light is drawn
+    /// apart from everything else: scenes that differ in weather and severity only have the same objects.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub severity: Option<u8>,
     /// Range of the factor on the number of vehicles and people.
     pub density: [f64; 2],
     /// Factor on the number of people on foot and on bicycles, beside `density`.
@@ -95,6 +104,13 @@ pub struct CameraRanges {
     pub lateral_m: f64,
     /// Reach of the projection's fourth column over the focal length, metres (KITTI's left colour camera has 0.06).
     pub offset_m: f64,
+    /// Direction in which it looks, degrees to the right of the way that its lane goes: 0 ahead, 90 to the right, 180
+    /// back.
+    pub heading_deg: [f64; 2],
+    /// Share of the scenes in which the bonnet of its own car is where it would be.
+    pub bonnet: f64,
+    /// What takes the picture.
+    pub device: Device,
 }
 
 impl Default for CameraRanges {
@@ -117,6 +133,9 @@ impl CameraRanges {
             roll_deg: 0.0,
             lateral_m: 0.3,
             offset_m: 0.06,
+            heading_deg: [0.0, 0.0],
+            bonnet: 0.0,
+            device: Device::Any,
         }
     }
 
@@ -148,6 +167,7 @@ impl CameraRanges {
             roll_deg: 2.0,
             lateral_m: 0.8,
             offset_m: 0.0,
+            ..Self::kitti()
         }
     }
 
@@ -185,6 +205,8 @@ impl CameraRanges {
             .or_else(|| number("roll_deg", self.roll_deg, 30.0))
             .or_else(|| number("lateral_m", self.lateral_m, 20.0))
             .or_else(|| number("offset_m", self.offset_m, 1.0))
+            .or_else(|| range("heading_deg", self.heading_deg, -360.0, 360.0))
+            .or_else(|| number("bonnet", self.bonnet, 1.0))
             .map(at)
     }
 }
@@ -193,8 +215,10 @@ impl Default for SceneConfig {
     fn default() -> Self {
         Self {
             cameras: vec![CameraRanges::kitti(), CameraRanges::varied()],
+            regions: RegionWeights::default(),
             places: PlaceWeights::default(),
             weather: WeatherWeights::default(),
+            severity: None,
             density: [0.2, 1.1],
             people_factor: 1.0,
             heavy_factor: 1.0,
@@ -249,6 +273,13 @@ impl SceneConfig {
             .or_else(|| weights("cameras", &self.cameras.iter().map(|c| c.share).collect::<Vec<_>>()))
             .or_else(|| weights("places", &places.table().map(|(_, weight)| weight)))
             .or_else(|| weights("weather", &weather.table().map(|(_, weight)| weight)))
+            .or_else(|| weights("regions", &self.regions.table().map(|(_, weight)| weight)))
+            .or_else(|| self.regions.problem())
+            .or_else(|| {
+                self.severity
+                    .filter(|severity| !(1..=5).contains(severity))
+                    .map(|severity| format!("severity is {severity}; expected a whole number from 1 to 5"))
+            })
             .or(density)
             .or_else(|| factor("people_factor", self.people_factor))
             .or_else(|| factor("heavy_factor", self.heavy_factor))

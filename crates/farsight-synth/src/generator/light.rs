@@ -17,8 +17,58 @@ pub(crate) struct Light {
     pub(crate) lights_share: f64,
 }
 
+/// The stream of draws of light that is drawn apart; scenes, layouts and sensors have 0 to 2.
+const LIGHT_STREAM: u64 = 3;
+
 impl Light {
-    pub(crate) fn sample(weather: Weather, unusual: bool, rng: &mut SceneRng) -> Self {
+    /// Draws the light of scene `index` of `seed`.
+    ///
+    /// Where a severity is said, it comes from a stream of its own, so that `rng` goes on as it would in other weather.
+    pub(crate) fn of(
+        weather: Weather,
+        severity: Option<u8>,
+        unusual: bool,
+        [seed, index]: [u64; 2],
+        rng: &mut SceneRng,
+    ) -> Self {
+        let Some(severity) = severity else { return Self::sample(weather, unusual, rng) };
+        let mut light = Self::sample(weather, unusual, &mut SceneRng::new(seed, index, LIGHT_STREAM));
+        light.strengthen(weather, usize::from(severity.clamp(1, 5)) - 1);
+        light
+    }
+
+    /// Weather and darkness in step `step` of five, from 0.
+    fn strengthen(&mut self, weather: Weather, step: usize) {
+        /// How far one sees in fog, metres: what is farther away has lost 98% of its contrast (Koschmieder 1924).
+        const VISIBILITY_M: [f32; 5] = [500.0, 250.0, 120.0, 70.0, 40.0];
+        const KOSCHMIEDER: f32 = 3.912;
+        let dimmed = |light: &mut Self, by: [f32; 5]| {
+            let Self { sun, sky, atmosphere, .. } = light;
+            for color in
+                [&mut sun.color, &mut sky.zenith, &mut sky.horizon, &mut sky.cloud_color, &mut atmosphere.fog_color]
+            {
+                *color = times(*color, by[step]);
+            }
+        };
+        let share = step as f32 / 4.0;
+        match weather {
+            Weather::Clear | Weather::Cloudy | Weather::Overcast => {}
+            Weather::Fog => self.atmosphere.fog_density = KOSCHMIEDER / VISIBILITY_M[step],
+            Weather::Rain => {
+                dimmed(self, [1.0, 0.9, 0.75, 0.6, 0.45]);
+                self.atmosphere.wetness = 0.4 + 0.6 * share;
+                self.atmosphere.rain = 0.1 + 0.8 * share;
+                self.atmosphere.fog_density = KOSCHMIEDER / [2000.0, 1000.0, 600.0, 350.0, 200.0][step];
+            }
+            Weather::Dusk => {
+                dimmed(self, [1.2, 0.8, 0.5, 0.28, 0.14]);
+                self.lamps_on = step >= 2;
+            }
+            Weather::Night => dimmed(self, [1.6, 1.0, 0.6, 0.35, 0.2]),
+        }
+    }
+
+    fn sample(weather: Weather, unusual: bool, rng: &mut SceneRng) -> Self {
         let mut light = match weather {
             Weather::Clear => clear(rng, 0.25),
             Weather::Cloudy => clear(rng, 0.65),

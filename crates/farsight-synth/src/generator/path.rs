@@ -56,6 +56,12 @@ impl Path {
         }
     }
 
+    /// The same line, its places counted from `before` metres before where they were.
+    pub(crate) fn renumbered(mut self, before: f64) -> Self {
+        self.start += before;
+        self
+    }
+
     pub(crate) fn range(&self) -> [f64; 2] {
         [self.start, self.start + STEP_M * (self.nodes.len() - 1) as f64]
     }

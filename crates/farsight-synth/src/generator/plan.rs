@@ -1,10 +1,16 @@
 //! From a place to the layout of its streets.
 
 use super::config::Place;
+use super::local;
 use super::path::Path;
 use super::roadside::Roadside;
 use super::street::{Border, Lane, LaneUse, Markings, Street};
+use super::view::View;
+use crate::region::Region;
 use crate::rng::SceneRng;
+
+/// A road at right angles to the view begins so much farther to its side, metres.
+const ACROSS_M: f64 = 85.0;
 
 /// What a place looks like, besides its streets.
 #[derive(Debug, Clone)]
@@ -39,16 +45,16 @@ pub(crate) struct RoadEstimate {
 }
 
 /// How the carriageway of a place is divided.
-struct Lanes {
+pub(super) struct Lanes {
     /// Lanes of the camera's direction and of the other one.
-    own: usize,
-    oncoming: usize,
-    width: f64,
+    pub(super) own: usize,
+    pub(super) oncoming: usize,
+    pub(super) width: f64,
     /// Parking left and right.
     parking: [Option<LaneUse>; 2],
     cycle: bool,
     /// Grass between the directions, metres.
-    island: f64,
+    pub(super) island: f64,
     /// People drive on the left.
     left_hand: bool,
 }
@@ -155,12 +161,24 @@ impl Lanes {
 }
 
 impl Plan {
-    /// Draws the plan of a place; the camera stands at the origin, `lateral_m` beside the middle of its lane.
-    pub(crate) fn sample(place: Place, lateral_m: f64, left_hand: bool, rng: &mut SceneRng) -> Self {
-        let lanes_plan = Lanes { left_hand, ..Lanes::sample(place, rng) };
+    /// Draws the plan of a place; the camera stands at the origin, its `lateral_m` beside the middle of its lane.
+    ///
+    /// `left_hand` is for KITTI's city: other regions are mirrored as a whole.
+    pub(crate) fn sample(
+        place: Place,
+        view: &View,
+        region: Option<&Region>,
+        left_hand: bool,
+        rng: &mut SceneRng,
+    ) -> Self {
+        let mut lanes_plan = Lanes { left_hand, ..Lanes::sample(place, rng) };
+        if let Some(region) = region {
+            lanes_plan = lanes_plan.localized(place, region, rng);
+        }
         let own_lane = rng.whole(0, lanes_plan.own - 1);
         let (mut lanes, mut edges, own) = lanes_plan.lay(own_lane);
-        let shift = own + lateral_m;
+        let own = local::own_lane(&mut lanes, own, view, rng);
+        let shift = own + view.lateral_m;
         for lane in &mut lanes {
             lane.center -= shift;
         }
@@ -171,8 +189,11 @@ impl Plan {
             Place::Rural => 90.0,
             _ => 50.0,
         };
-        let yaw = -std::f64::consts::FRAC_PI_2 + askew;
-        let path = Path::sample([0.0, 0.0], yaw, [-16.0, 170.0], tightest, rng);
+        let turn = view.road_turn();
+        let yaw = -std::f64::consts::FRAC_PI_2 + askew + turn;
+        // Roads that cross the view begin far to its side.
+        let before = ACROSS_M * libm::sin(turn).abs();
+        let path = Path::sample([0.0, 0.0], yaw, [-16.0 - before, 170.0 - before], tightest, rng).renumbered(before);
         let borders = [border(place, rng), border(place, rng)];
         let markings = markings(place, rng);
         let main = Street { path, lanes, edges, borders, markings, openings: Vec::new() };
@@ -199,11 +220,14 @@ impl Plan {
             plan.add_crossing(s, left_hand, rng);
             s += rng.range(45.0, 80.0);
         }
+        if let Some(region) = region {
+            plan.localize(region, rng);
+        }
         plan
     }
 
     /// A plan that fits what was found in a real frame.
-    pub(crate) fn around(road: &RoadEstimate, rng: &mut SceneRng) -> Self {
+    pub(crate) fn around(road: &RoadEstimate, region: Option<&Region>, rng: &mut SceneRng) -> Self {
         let people = road.people as f64;
         let place = rng.weighted(&[
             (Place::City, 0.25 + 0.3 * people),
@@ -226,7 +250,7 @@ impl Plan {
         let lanes = (0..count as usize).map(lane).collect();
         let main = Street { path, lanes, edges: road.edges, borders, markings, openings: Vec::new() };
         let roadside = [Roadside::sample(place, rng), Roadside::sample(place, rng)];
-        Self {
+        let mut plan = Self {
             place,
             main,
             side: Vec::new(),
@@ -236,7 +260,11 @@ impl Plan {
             people: 0.0,
             cyclists: 0.0,
             roadside,
+        };
+        if let Some(region) = region {
+            plan.localize(region, rng);
         }
+        plan
     }
 
     /// A road that crosses the main one at `s`.
@@ -313,6 +341,8 @@ fn markings(place: Place, rng: &mut SceneRng) -> Markings {
             _ => rng.chance(0.25),
         },
         lanes: marked || place == Place::Motorway,
+        island: false,
+        shoulder: 0.0,
         stop: if marked { rng.weighted(&[(0, 1.0), (1, 2.0), (2, 1.5)]) } else { 0 },
     }
 }

@@ -48,6 +48,8 @@ pub(crate) struct Surfaces {
     pub(crate) kerb: MaterialId,
     pub(crate) grass: MaterialId,
     pub(crate) paint: MaterialId,
+    /// The line between the directions.
+    pub(crate) middle: MaterialId,
 }
 
 /// How lanes are separated.
@@ -62,6 +64,10 @@ pub(crate) struct Markings {
     pub(crate) edges: bool,
     /// Lines between lanes of one direction.
     pub(crate) lanes: bool,
+    /// Lines along the island between the directions.
+    pub(crate) island: bool,
+    /// Asphalt beyond the lines at the edges, metres.
+    pub(crate) shoulder: f64,
     /// Before a junction: 0 nothing, 1 a line to stop at, 2 stripes to cross on.
     pub(crate) stop: u8,
 }
@@ -117,7 +123,7 @@ impl Street {
         for side in 0..2 {
             self.border(builder, side, surfaces);
         }
-        self.lines(builder, surfaces.paint);
+        self.lines(builder, surfaces);
         self.stops(builder, surfaces.paint);
         if self.markings.lanes && self.markings.dash[0] < 3.5 {
             self.arrows(builder, surfaces.paint);
@@ -234,7 +240,7 @@ impl Street {
     }
 
     /// Lines between lanes and along the edges.
-    fn lines(&self, builder: &mut SceneBuilder, paint: MaterialId) {
+    fn lines(&self, builder: &mut SceneBuilder, &Surfaces { paint, middle, .. }: &Surfaces) {
         let marks = &self.markings;
         for pair in self.lanes.windows(2) {
             let at = pair[0].center + pair[0].width / 2.0;
@@ -243,11 +249,15 @@ impl Street {
             match (both_drive, opposed) {
                 (true, true) => match marks.middle {
                     0 => {}
-                    1 => self.dashes(builder, at, paint),
-                    2 => self.line(builder, at, paint),
+                    _ if marks.island && pair[1].center - pair[1].width / 2.0 - at > 0.5 => {
+                        self.line(builder, at - 0.2, middle);
+                        self.line(builder, pair[1].center - pair[1].width / 2.0 + 0.2, middle);
+                    }
+                    1 => self.dashes(builder, at, middle),
+                    2 => self.line(builder, at, middle),
                     _ => {
-                        self.line(builder, at - marks.width, paint);
-                        self.line(builder, at + marks.width, paint);
+                        self.line(builder, at - marks.width, middle);
+                        self.line(builder, at + marks.width, middle);
                     }
                 },
                 (true, false) if marks.lanes => self.dashes(builder, at, paint),
@@ -256,8 +266,8 @@ impl Street {
             }
         }
         if marks.edges {
-            self.line(builder, self.edges[0] + 0.25, paint);
-            self.line(builder, self.edges[1] - 0.25, paint);
+            self.line(builder, self.edges[0] + marks.shoulder + 0.25, paint);
+            self.line(builder, self.edges[1] - marks.shoulder - 0.25, paint);
         }
     }
 

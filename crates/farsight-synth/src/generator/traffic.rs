@@ -2,18 +2,23 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use farsight_core::{Box3d, Dimensions, ObjectClass};
+use farsight_core::{Box3d, ObjectClass};
 
 use super::builder::SceneBuilder;
 use super::config::Place;
 use super::plan::Plan;
 use super::street::{Lane, LaneUse, Street};
 use crate::objects::ObjectState;
+use crate::region::{Participant, Region, Traffic as Group, VehicleKind};
 use crate::rng::SceneRng;
 use crate::sizes::SizeStatistics;
 
 /// Vehicles keep at least this far from each other, metres.
 const ROOM_M: f64 = 0.18;
+
+/// Nothing longer is parked along a kerb, or in a bay, metres; for kinds of vehicles of regions.
+const MOST_PARKED_M: f64 = 13.0;
+const BAY_M: f64 = 6.3;
 
 /// A scene whose objects have this many triangles gets no more.
 const MOST_TRIANGLES: usize = 85_000;
@@ -27,6 +32,7 @@ pub(crate) struct Traffic<'a> {
     /// On the share of trucks, buses and trams.
     pub(crate) heavy_factor: f64,
     pub(crate) farthest_m: f64,
+    pub(crate) region: Option<&'static Region>,
     pub(crate) rng: SceneRng,
 }
 
@@ -61,8 +67,8 @@ impl Traffic<'_> {
         let [start, end] = street.path.range();
         let mut s = start.max(-12.0) + self.rng.range(0.0, gap.min(30.0));
         while s < end {
-            let class = self.vehicle_class();
-            let size = SizeStatistics::of(&class).sample(&mut self.rng);
+            let who = self.vehicle();
+            let size = who.size;
             let s_middle = s + size.length / 2.0;
             let across = self.rng.normal(0.0, 0.22).clamp(-0.5, 0.5);
             let node = street.path.at(s_middle);
@@ -72,11 +78,36 @@ impl Traffic<'_> {
             let lights_on = self.rng.chance(self.builder.light.lights_share);
             let state = ObjectState { lights_on, braking, moving: true };
             if !street.is_open(s_middle) || !is_main || self.rng.chance(0.5) {
-                self.try_place(class, size, node.beside(lane.center + across), yaw, 0.0, state);
+                self.try_place(who, node.beside(lane.center + across), yaw, 0.0, state);
             }
             let pause = if is_queue { self.rng.range(1.2, 5.0) } else { 3.0 + self.rng.range(0.3, 1.7) * gap };
             s += size.length + pause;
         }
+    }
+
+    /// Somebody who drives: from the region's table, or as KITTI's labels have them.
+    fn vehicle(&mut self) -> Participant {
+        let (place, heavy) = (self.plan.place, self.heavy_factor);
+        let known = self
+            .region
+            .and_then(|region| region.vehicle(|kind| driving(kind, place) * factor(kind, heavy), &mut self.rng));
+        known.unwrap_or_else(|| {
+            let class = self.vehicle_class();
+            Participant { size: SizeStatistics::of(&class).sample(&mut self.rng), class, kind: None }
+        })
+    }
+
+    /// Something parked; of a region, none whose kind is usually longer than `most_m`.
+    fn parked(&mut self, most_m: f64) -> Participant {
+        let heavy = self.heavy_factor;
+        let known = self.region.and_then(|region| {
+            let fits = |kind: &VehicleKind| if kind.length_m[1] > most_m { 0.0 } else { 1.0 };
+            region.vehicle(|kind| parking(kind) * fits(kind) * factor(kind, heavy), &mut self.rng)
+        });
+        known.unwrap_or_else(|| {
+            let class = self.parked_class();
+            Participant { size: SizeStatistics::of(&class).sample(&mut self.rng), class, kind: None }
+        })
     }
 
     fn vehicle_class(&mut self) -> ObjectClass {
@@ -109,8 +140,8 @@ impl Traffic<'_> {
         let [start, end] = street.path.range();
         let mut s = start;
         while s < end {
-            let class = self.parked_class();
-            let size = SizeStatistics::of(&class).sample(&mut self.rng);
+            let who = self.parked(MOST_PARKED_M);
+            let size = who.size;
             let s_middle = s + size.length / 2.0;
             if self.rng.chance(taken) && !street.is_open(s_middle) {
                 let node = street.path.at(s_middle);
@@ -119,7 +150,7 @@ impl Traffic<'_> {
                 let yaw = node.yaw() + turned + self.rng.normal(0.0, 0.03);
                 let across = self.rng.normal(0.0, 0.1);
                 let state = ObjectState { lights_on: self.rng.chance(0.02), ..ObjectState::default() };
-                self.try_place(class, size, node.beside(lane.center + across), yaw, 0.0, state);
+                self.try_place(who, node.beside(lane.center + across), yaw, 0.0, state);
             }
             s += size.length + self.rng.range(0.5, 1.6);
         }
@@ -141,12 +172,11 @@ impl Traffic<'_> {
     }
 
     fn park_at(&mut self, point: [f64; 2], yaw: f64) {
-        let class = self.parked_class();
-        let mut size = SizeStatistics::of(&class).sample(&mut self.rng);
-        size.length = size.length.min(7.0);
+        let mut who = self.parked(BAY_M);
+        who.size.length = who.size.length.min(7.0);
         let point = [point[0] + self.rng.symmetric(0.15), point[1] + self.rng.symmetric(0.3)];
         let yaw = yaw + self.rng.normal(0.0, 0.03);
-        self.try_place(class, size, point, yaw, 0.0, ObjectState::default());
+        self.try_place(who, point, yaw, 0.0, ObjectState::default());
     }
 
     /// More rows of bays beside the aisle.
@@ -236,19 +266,12 @@ impl Traffic<'_> {
     fn person(&mut self, class: ObjectClass, point: [f64; 2], yaw: f64, lift: f64) {
         let size = SizeStatistics::of(&class).sample(&mut self.rng);
         let state = ObjectState { moving: true, ..ObjectState::default() };
-        self.try_place(class, size, point, yaw, lift, state);
+        self.try_place(Participant { class, size, kind: None }, point, yaw, lift, state);
     }
 
     /// Places a labelled object where it can be seen and touches nobody.
-    fn try_place(
-        &mut self,
-        class: ObjectClass,
-        size: Dimensions,
-        point: [f64; 2],
-        yaw: f64,
-        lift: f64,
-        state: ObjectState,
-    ) {
+    fn try_place(&mut self, who: Participant, point: [f64; 2], yaw: f64, lift: f64, state: ObjectState) {
+        let Participant { class, size, kind } = who;
         // Drawn always, so that what cannot be placed changes nothing for those after it.
         let rng = self.rng.fork();
         let y = self.builder.ground.y(point) - lift;
@@ -259,8 +282,38 @@ impl Traffic<'_> {
         if far || !self.builder.view.sees(point, size.length / 2.0 + 1.0) || !self.builder.is_free(&box3d, room) {
             return;
         }
-        self.builder.add_labelled(class, box3d, state, rng);
+        self.builder.add_labelled(class, kind, box3d, state, rng);
     }
+}
+
+/// The factor on a kind's share of the moving traffic of a place.
+fn driving(kind: &VehicleKind, place: Place) -> f64 {
+    match (kind.traffic, place) {
+        (Group::Heavy, Place::Motorway) => 3.0,
+        (Group::Heavy, Place::Residential | Place::CarPark) => 0.12,
+        (Group::Town, Place::Motorway) => 0.1,
+        (Group::Town, Place::Rural | Place::CarPark) => 0.3,
+        (Group::Rider, Place::Motorway) => 0.25,
+        (Group::Rail, place) if place != Place::City => 0.0,
+        (Group::Parked, _) => 0.0,
+        _ => 1.0,
+    }
+}
+
+/// The factor on a kind's share of what is parked.
+fn parking(kind: &VehicleKind) -> f64 {
+    match kind.traffic {
+        Group::Private | Group::Parked => 1.0,
+        Group::Work => 0.7,
+        Group::Heavy => 0.08,
+        Group::Town => 0.15,
+        Group::Rail | Group::Rider => 0.0,
+    }
+}
+
+/// The world file's factor on a kind.
+fn factor(kind: &VehicleKind, heavy: f64) -> f64 {
+    if matches!(kind.class(), ObjectClass::Truck | ObjectClass::Tram) { heavy } else { 1.0 }
 }
 
 /// A whole number whose mean is `mean`.

@@ -3,6 +3,7 @@
 use super::body::{Body, Glazing, Profile};
 use super::context::{BuildContext, Detail};
 use super::paint::{VehicleMaterials, car_materials, fleet_materials};
+use super::profiles::base_profile;
 use super::wheels::Wheel;
 use super::{cabin, faces};
 use crate::mesh_builder::MeshBuilder;
@@ -11,7 +12,7 @@ use crate::scene::Mesh;
 
 /// Body types of passenger cars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Style {
+pub(super) enum Style {
     Hatchback,
     Saloon,
     Estate,
@@ -19,6 +20,9 @@ enum Style {
     Minivan,
     PanelVan,
     Bus,
+    FullSizeSuv,
+    KeiCar,
+    Pickup,
 }
 
 /// A passenger car; its proportions say of which type.
@@ -45,6 +49,18 @@ pub(super) fn van(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
     build(style, hwl, materials, context)
 }
 
+/// A car of a style in a private car's paint.
+pub(super) fn private(style: Style, hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
+    let materials = car_materials(context);
+    build(style, hwl, materials, context)
+}
+
+/// A van of a style in a firm's paint.
+pub(super) fn at_work(style: Style, hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
+    let materials = fleet_materials(context);
+    build(style, hwl, materials, context)
+}
+
 fn build(style: Style, hwl: [f32; 3], materials: VehicleMaterials, context: &mut BuildContext) -> Mesh {
     let detail = context.detail;
     let profile = profile(style, &mut context.rng);
@@ -58,6 +74,9 @@ fn build(style: Style, hwl: [f32; 3], materials: VehicleMaterials, context: &mut
     if detail > Detail::Far {
         gaps(&mut shape, &body, &materials, detail);
         cabin::build_surroundings(&mut shape, &body, hwl, &materials, context);
+    }
+    if style == Style::Pickup {
+        bed(&mut shape, &body, hwl, &materials);
     }
     if detail == Detail::Near {
         extras(&mut shape, &body, hwl, &materials, context);
@@ -92,98 +111,6 @@ fn profile(style: Style, rng: &mut SceneRng) -> Profile {
         glazing: if base.glazing == Glazing::Rear && rng.chance(0.5) { Glazing::None } else { base.glazing },
         black_sill: base.black_sill && rng.chance(0.7) || rng.chance(0.08),
         upright_lamps: base.upright_lamps && rng.chance(0.7),
-    }
-}
-
-fn base_profile(style: Style) -> Profile {
-    let hatchback = Profile {
-        nose: 0.50,
-        cowl: 0.655,
-        screen: [0.245, 0.43],
-        rear: [0.86, 0.96],
-        deck: 0.68,
-        tail: 0.60,
-        roof: [0.955, 0.945],
-        sill: 0.13,
-        axles: [0.185, 0.815],
-        wheel_m: 0.305,
-        roof_width: 0.74,
-        shoulder_width: 0.925,
-        nose_width: 0.70,
-        tail_width: 0.84,
-        pillar: 0.57,
-        window_end: 0.84,
-        glazing: Glazing::Full,
-        black_sill: false,
-        upright_lamps: true,
-    };
-    match style {
-        Style::Hatchback => hatchback,
-        Style::Saloon => Profile {
-            screen: [0.27, 0.43],
-            rear: [0.71, 0.85],
-            deck: 0.70,
-            tail: 0.64,
-            axles: [0.18, 0.79],
-            pillar: 0.54,
-            window_end: 0.755,
-            upright_lamps: false,
-            ..hatchback
-        },
-        Style::Estate => Profile {
-            screen: [0.26, 0.41],
-            rear: [0.915, 0.972],
-            roof: [0.955, 0.95],
-            axles: [0.18, 0.79],
-            pillar: 0.53,
-            window_end: 0.90,
-            ..hatchback
-        },
-        Style::Suv => Profile {
-            nose: 0.55,
-            cowl: 0.65,
-            screen: [0.25, 0.40],
-            rear: [0.915, 0.972],
-            sill: 0.17,
-            wheel_m: 0.35,
-            roof_width: 0.78,
-            pillar: 0.54,
-            window_end: 0.89,
-            black_sill: true,
-            ..hatchback
-        },
-        Style::Minivan => Profile {
-            nose: 0.45,
-            cowl: 0.585,
-            screen: [0.16, 0.37],
-            rear: [0.925, 0.975],
-            deck: 0.60,
-            wheel_m: 0.315,
-            roof_width: 0.80,
-            pillar: 0.50,
-            window_end: 0.90,
-            ..hatchback
-        },
-        Style::PanelVan | Style::Bus => Profile {
-            nose: 0.41,
-            cowl: 0.52,
-            screen: [0.115, 0.27],
-            rear: [0.968, 0.985],
-            deck: 0.58,
-            tail: 0.50,
-            roof: [0.965, 0.975],
-            sill: 0.11,
-            axles: [0.17, 0.79],
-            wheel_m: 0.335,
-            roof_width: 0.86,
-            shoulder_width: 0.955,
-            nose_width: 0.78,
-            tail_width: 0.93,
-            pillar: 0.39,
-            window_end: 0.92,
-            glazing: if style == Style::Bus { Glazing::Full } else { Glazing::Rear },
-            ..hatchback
-        },
     }
 }
 
@@ -222,6 +149,16 @@ fn mirrors(shape: &mut MeshBuilder, body: &Body, width: f32, materials: &Vehicle
             ],
         );
     }
+}
+
+/// The dark inside of a pick-up's bed, or its cover, between the rails.
+fn bed(shape: &mut MeshBuilder, body: &Body, [_, width, _]: [f32; 3], materials: &VehicleMaterials) {
+    let p = &body.profile;
+    let [front, rear] = [p.rear[1] + 0.015, 0.985];
+    let half = width / 2.0 * 0.8;
+    let corner = |t: f32, side: f32| [body.x(t), -body.roof_height(t) - 0.006, side * half];
+    let points = [corner(front, -1.0), corner(rear, -1.0), corner(rear, 1.0), corner(front, 1.0)];
+    shape.quad(points, materials.trim, 0);
 }
 
 /// The gaps around the doors.

@@ -1,8 +1,10 @@
 //! What a mesh is built from: materials, random draws, level of detail, and what it is doing.
 
-use crate::palette::Palette;
+use super::paint::CAR_COLORS;
+use crate::palette::{Palette, any_color, grey, varied};
+use crate::region::{Paint, PlateFormat};
 use crate::rng::SceneRng;
-use crate::scene::MaterialId;
+use crate::scene::{Color, MaterialId};
 
 /// How finely something is built, by its distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,6 +46,39 @@ pub(crate) struct ObjectState {
     pub(crate) moving: bool,
 }
 
+/// What vehicles of a region have in common, and this one's plates.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Look {
+    pub(crate) plate: PlateFormat,
+    pub(crate) has_front_plate: bool,
+    pub(crate) paint: Paint,
+    /// The colours that this kind of vehicle comes in, where it has its own.
+    pub(crate) colors: &'static [Color],
+}
+
+impl Look {
+    /// Draws the paint of a private car.
+    pub(super) fn car_color(&self, rng: &mut SceneRng, unusual: bool) -> Color {
+        /// Least saturation of a colour that counts as one: difference of its channels over the largest.
+        const COLORED: f32 = 0.2;
+        if unusual {
+            return any_color(rng);
+        }
+        let saturation = |[r, g, b]: Color| 1.0 - r.min(g).min(b) / r.max(g).max(b);
+        let color = match rng.weighted(&[(0, self.paint.white), (1, self.paint.grey), (2, self.paint.colored)]) {
+            0 => [0.78, 0.78, 0.76],
+            1 => grey(rng.pick(&[0.018, 0.02, 0.04, 0.08, 0.2, 0.4, 0.42])),
+            _ => {
+                let colored: Vec<_> =
+                    CAR_COLORS.into_iter().filter(|(color, _)| saturation(*color) > COLORED).collect();
+                rng.weighted(&colored)
+            }
+        };
+        let aged = rng.range32(0.75, 1.15);
+        varied(rng, color, 0.12).map(|c| (c * aged).min(0.85))
+    }
+}
+
 /// Everything that a mesh is drawn from.
 pub(crate) struct BuildContext<'a> {
     pub(crate) palette: &'a mut Palette,
@@ -54,4 +89,6 @@ pub(crate) struct BuildContext<'a> {
     pub(crate) unusual: bool,
     /// What number plates are made of, once something that has some is built.
     pub(crate) plate: Option<MaterialId>,
+    /// What the region says; none in KITTI's city.
+    pub(crate) look: Option<Look>,
 }

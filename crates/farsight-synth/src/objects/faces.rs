@@ -38,11 +38,15 @@ impl Panel<'_> {
         self.piece(heights, [-lower[1], -lower[0]], [-upper[1], -upper[0]], rank, material);
     }
 
-    /// A number plate 0.52 m wide around a height.
+    /// A number plate around a height: 0.52 m wide, or of a region's format.
     fn plate(&mut self, height: f32, materials: &VehicleMaterials) {
-        let half = (0.26 / self.half_width(height).max(0.3)).min(0.9);
-        let heights = [height - 0.055, height + 0.055];
+        let [half_width, half_height] = materials.plate_size.map_or([0.26, 0.055], |size| size.map(|side| side / 2.0));
+        let half = (half_width / self.half_width(height).max(0.3)).min(0.9);
+        let heights = [height - half_height, height + half_height];
         self.piece(heights, [-half, half], [-half, half], 3.0, materials.plate);
+        if !materials.plate_band {
+            return;
+        }
         let end = [-0.85, -1.0].map(|share| share * half * self.x.signum());
         self.piece(heights, end, end, 4.0, materials.plate_end);
     }
@@ -94,7 +98,9 @@ pub(super) fn front(
         panel.pair([bottom + 0.12 * span, bottom + 0.24 * span], [0.78, 0.93], [0.78, 0.93], 2.0, materials.chrome);
     }
     let level = bottom + span * rng.range32(0.28, 0.42);
-    panel.plate(level, materials);
+    if materials.front_plate {
+        panel.plate(level, materials);
+    }
 }
 
 /// Rear lamps, plate, bumper.

@@ -14,14 +14,20 @@ mod context;
 mod faces;
 mod human;
 mod load;
+mod lorry;
 mod outfit;
 mod paint;
 mod person;
+mod profiles;
+mod shape;
+mod three_wheeler;
 mod truck;
+mod two_wheeler;
 mod wheels;
 
 pub(crate) use bicycle::bicycle;
-pub(crate) use context::{BuildContext, Detail, ObjectState};
+pub(crate) use context::{BuildContext, Detail, Look, ObjectState};
+pub(crate) use shape::Shape;
 
 use farsight_core::{Box3d, Dimensions, ObjectClass};
 
@@ -122,7 +128,7 @@ mod tests {
         let mesh = build(
             class,
             size,
-            &mut BuildContext { palette: &mut palette, rng, detail, state, unusual: false, plate: None },
+            &mut BuildContext { palette: &mut palette, rng, detail, state, unusual: false, plate: None, look: None },
         );
         (mesh, palette)
     }
@@ -177,8 +183,15 @@ mod tests {
             let hwl = [size.height, size.width, size.length].map(|v| v as f32);
             let mut palette = Palette::default();
             let state = ObjectState { moving, ..ObjectState::default() };
-            let mut context =
-                BuildContext { palette: &mut palette, rng, detail: Detail::Middle, state, unusual: false, plate: None };
+            let mut context = BuildContext {
+                palette: &mut palette,
+                rng,
+                detail: Detail::Middle,
+                state,
+                unusual: false,
+                plate: None,
+                look: None,
+            };
             // As it is before it is stretched to its size.
             let mesh = if *class == ObjectClass::Van { car::van } else { car::car }(hwl, &mut context);
             let most = |axis: usize| mesh.vertices.iter().map(|v| v.position[axis].abs()).fold(0.0, f32::max);

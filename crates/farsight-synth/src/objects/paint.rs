@@ -1,13 +1,14 @@
 //! Paint, glass, lamps and trim of vehicles.
 
-use super::context::{BuildContext, Detail};
+use super::context::{BuildContext, Detail, Look};
 use crate::palette::{Palette, any_color, grey, matte, times, varied};
+use crate::region::PlateFormat;
 use crate::rng::SceneRng;
 use crate::scene::{Color, Material, MaterialId, Pattern};
 
 /// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen
 /// by eye, not counted.
-const CAR_COLORS: [(Color, f64); 14] = [
+pub(super) const CAR_COLORS: [(Color, f64); 14] = [
     ([0.018, 0.018, 0.02], 24.0),
     ([0.40, 0.41, 0.42], 17.0),
     ([0.20, 0.21, 0.22], 12.0),
@@ -60,6 +61,10 @@ pub(super) struct VehicleMaterials {
     pub(super) rim: MaterialId,
     pub(super) grille: MaterialId,
     pub(super) plate: MaterialId,
+    /// Width and height of a plate, metres; none for 0.52 by 0.11.
+    pub(super) plate_size: Option<[f32; 2]>,
+    pub(super) plate_band: bool,
+    pub(super) front_plate: bool,
     /// The blue end of a plate.
     pub(super) plate_end: MaterialId,
     pub(super) head_lamp: MaterialId,
@@ -69,13 +74,22 @@ pub(super) struct VehicleMaterials {
 
 /// Paint of a private car.
 pub(super) fn car_materials(context: &mut BuildContext) -> VehicleMaterials {
-    let color = body_color(context, &CAR_COLORS);
+    let color = match context.look {
+        Some(look) => look.car_color(&mut context.rng, context.unusual),
+        None => body_color(context, &CAR_COLORS),
+    };
     materials(context, color)
 }
 
 /// Paint of a vehicle at work.
 pub(super) fn fleet_materials(context: &mut BuildContext) -> VehicleMaterials {
-    let color = body_color(context, &FLEET_COLORS);
+    let own = context.look.map_or(&[][..], |look| look.colors);
+    let color = if own.is_empty() || context.unusual {
+        body_color(context, &FLEET_COLORS)
+    } else {
+        let color = context.rng.pick(own);
+        varied(&mut context.rng, color, 0.15)
+    };
     materials(context, color)
 }
 
@@ -91,6 +105,7 @@ fn body_color(context: &mut BuildContext, colors: &[(Color, f64)]) -> Color {
 
 fn materials(context: &mut BuildContext, color: Color) -> VehicleMaterials {
     let state = context.state;
+    let look = context.look;
     let rng = &mut context.rng;
     let palette = &mut *context.palette;
     let clean = rng.range32(0.3, 1.0);
@@ -122,7 +137,10 @@ fn materials(context: &mut BuildContext, color: Color) -> VehicleMaterials {
         tyre: palette.matte(grey(rng.range32(0.012, 0.035))),
         rim: palette.glossy(grey(rim_tone), rim_gloss, 40.0, 0.1),
         grille: grille(palette, rng),
-        plate: plate(palette, rng),
+        plate: plate(palette, rng, look),
+        plate_size: look.map(|look| look.plate.size_m),
+        plate_band: look.is_none_or(|look| look.plate.band),
+        front_plate: look.is_none_or(|look| look.has_front_plate),
         plate_end: palette.matte([0.01, 0.04, 0.3]),
         head_lamp: head_lamp(palette, rng, state.lights_on),
         tail_lamp: rear_lamp(palette, rng, lit([1.2, 0.05, 0.03], state.lights_on)),
@@ -192,7 +210,14 @@ fn grille(palette: &mut Palette, rng: &mut SceneRng) -> MaterialId {
 }
 
 /// A number plate with its figures.
-fn plate(palette: &mut Palette, rng: &mut SceneRng) -> MaterialId {
+fn plate(palette: &mut Palette, rng: &mut SceneRng, look: Option<Look>) -> MaterialId {
+    if let Some(PlateFormat { size_m, figures, lines, ground, ink, .. }) = look.map(|look| look.plate) {
+        let pitch = [size_m[0] / figures as f32, size_m[1] / lines as f32];
+        let fill = [rng.range32(0.45, 0.7), rng.range32(0.5, 0.7)];
+        let pattern = Pattern::Windows { other: ink, pitch, fill, lit: 0.0, seed: rng.seed() };
+        let worn = rng.range32(0.7, 1.05);
+        return palette.add(Material { pattern, ..matte(times(ground, worn)) });
+    }
     let color = plate_color(rng);
     let figure = if color[0] < 0.2 { grey(0.6) } else { grey(0.02) };
     let fill = [rng.range32(0.4, 0.65), rng.range32(0.55, 0.7)];

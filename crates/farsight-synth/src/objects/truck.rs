@@ -8,7 +8,7 @@ use crate::mesh_builder::MeshBuilder;
 use crate::scene::{MaterialId, Mesh, Vec3};
 
 /// How far walls stay behind the tyres, metres: there are no arches, and a wheel's dish is 5 cm deep.
-const WALL_BEHIND_WHEELS: f32 = 0.06;
+pub(super) const WALL_BEHIND_WHEELS: f32 = 0.06;
 
 /// A rigid truck: cab and box, tipper or flat bed. KITTI counts buses among them.
 pub(super) fn truck(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
@@ -22,21 +22,21 @@ pub(super) fn truck(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
 
 /// Where a vehicle of straight walls lies: x of its rear and front, height of floor and roof, half width.
 #[derive(Debug, Clone, Copy)]
-struct Hull {
-    rear: f32,
-    front: f32,
-    floor: f32,
-    roof: f32,
-    half: f32,
+pub(super) struct Hull {
+    pub(super) rear: f32,
+    pub(super) front: f32,
+    pub(super) floor: f32,
+    pub(super) roof: f32,
+    pub(super) half: f32,
     /// Radius of the edges.
-    round: f32,
+    pub(super) round: f32,
     /// How far the front leans back.
-    rake: f32,
+    pub(super) rake: f32,
 }
 
 impl Hull {
     /// Walls with rounded upper edges; bands from the floor: skirt, wall, windows, wall above, roof.
-    fn build(&self, shape: &mut MeshBuilder, windows: [f32; 2], materials: [MaterialId; 3]) {
+    pub(super) fn build(&self, shape: &mut MeshBuilder, windows: [f32; 2], materials: [MaterialId; 3]) {
         let [wall, glass, under] = materials;
         let heights = [self.floor, self.floor + 0.02, windows[0], windows[1], self.roof - self.round];
         let section = |x: f32, narrow: f32, lean: f32| {
@@ -86,7 +86,7 @@ impl Hull {
     }
 }
 
-fn rigid_truck(hwl: [f32; 3], closed: bool, context: &mut BuildContext) -> Mesh {
+pub(super) fn rigid_truck(hwl: [f32; 3], closed: bool, context: &mut BuildContext) -> Mesh {
     let [height, width, length] = hwl;
     let materials = fleet_materials(context);
     let rng = &mut context.rng;
@@ -136,7 +136,7 @@ fn rigid_truck(hwl: [f32; 3], closed: bool, context: &mut BuildContext) -> Mesh 
 }
 
 /// What is below the load: frame, guards at the sides, lamps, plate and bumper in the rear.
-fn chassis(
+pub(super) fn chassis(
     shape: &mut MeshBuilder,
     [_, width, length]: [f32; 3],
     [cab_rear, bed]: [f32; 2],
@@ -153,17 +153,27 @@ fn chassis(
         let [near, far] = [side * width / 2.0 * 0.55, side * width / 2.0 * 0.95];
         panel(shape, rear - 0.01, [0.7, 0.85], [near, far], materials.brake_lamp);
     }
-    panel(shape, rear - 0.01, [0.62, 0.73], [-0.26, 0.26], materials.plate);
+    plate(shape, rear - 0.01, [0.62, 0.73], materials);
     shape.cuboid([rear, -0.6, -width / 2.0 * 0.9], [rear + 0.08, -0.45, width / 2.0 * 0.9], materials.trim);
 }
 
 /// A flat piece across the vehicle at `x`, between two heights and from left to right.
-fn panel(shape: &mut MeshBuilder, x: f32, heights: [f32; 2], sides: [f32; 2], material: MaterialId) {
+pub(super) fn panel(shape: &mut MeshBuilder, x: f32, heights: [f32; 2], sides: [f32; 2], material: MaterialId) {
     shape.quad(upright(x, heights, sides), material, 0);
 }
 
+/// A plate in the middle; of a region's format it has its own size about the middle of these heights.
+pub(super) fn plate(shape: &mut MeshBuilder, x: f32, heights: [f32; 2], materials: &VehicleMaterials) {
+    let middle = f32::midpoint(heights[0], heights[1]);
+    let (heights, half) = match materials.plate_size {
+        None => (heights, 0.26),
+        Some([width, height]) => ([middle - height / 2.0, middle + height / 2.0], width / 2.0),
+    };
+    panel(shape, x, heights, [-half, half], materials.plate);
+}
+
 /// Grille, lamps, bumper and plate in front of a cab.
-fn cab_face(shape: &mut MeshBuilder, cab: &Hull, sill: f32, materials: &VehicleMaterials) {
+pub(super) fn cab_face(shape: &mut MeshBuilder, cab: &Hull, sill: f32, materials: &VehicleMaterials) {
     let half = cab.half * 0.88;
     let bumper = cab.front + 0.01;
     panel(shape, bumper, [cab.floor, cab.floor + 0.3], [-half, half], materials.trim);
@@ -172,10 +182,12 @@ fn cab_face(shape: &mut MeshBuilder, cab: &Hull, sill: f32, materials: &VehicleM
     let lamp = [cab.floor + 0.12, cab.floor + 0.3];
     panel(shape, on_bumper, lamp, [-half, -half * 0.65], materials.head_lamp);
     panel(shape, on_bumper, lamp, [half * 0.65, half], materials.head_lamp);
-    panel(shape, on_bumper, [cab.floor + 0.05, cab.floor + 0.16], [-0.26, 0.26], materials.plate);
+    if materials.front_plate {
+        plate(shape, on_bumper, [cab.floor + 0.05, cab.floor + 0.16], materials);
+    }
 }
 
-fn axle_wheels(
+pub(super) fn axle_wheels(
     shape: &mut MeshBuilder,
     [height, width, length]: [f32; 3],
     axles: &[f32],
@@ -191,7 +203,7 @@ fn axle_wheels(
     }
 }
 
-fn bus(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
+pub(super) fn bus(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
     let [height, width, length] = hwl;
     let materials = fleet_materials(context);
     let mut shape = MeshBuilder::default();
@@ -214,7 +226,7 @@ fn bus(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {
 }
 
 /// Upright bars on both sides, one every `pitch` metres.
-fn pillars(
+pub(super) fn pillars(
     shape: &mut MeshBuilder,
     [_, width, length]: [f32; 3],
     [low, high]: [f32; 2],
@@ -235,13 +247,18 @@ fn pillars(
     }
 }
 
-fn rear_face(shape: &mut MeshBuilder, [height, width, length]: [f32; 3], sill: f32, materials: &VehicleMaterials) {
+pub(super) fn rear_face(
+    shape: &mut MeshBuilder,
+    [height, width, length]: [f32; 3],
+    sill: f32,
+    materials: &VehicleMaterials,
+) {
     let x = -length / 2.0 - 0.005;
     let half = width / 2.0 * 0.9;
     panel(shape, x, [sill, height * 0.8], [-half * 0.8, half * 0.8], materials.glass);
     panel(shape, x, [0.6, 0.9], [-half, -half * 0.8], materials.brake_lamp);
     panel(shape, x, [0.6, 0.9], [half * 0.8, half], materials.brake_lamp);
-    panel(shape, x, [0.5, 0.62], [-0.26, 0.26], materials.plate);
+    plate(shape, x, [0.5, 0.62], materials);
     panel(shape, x, [0.34, 0.48], [-half, half], materials.trim);
 }
 

@@ -5,12 +5,15 @@
 
 mod blur;
 mod curve;
+mod device;
 mod glare;
 mod jpeg;
 mod model;
 mod noise;
 mod rain;
+mod sharpen;
 
+pub use device::Device;
 pub use model::SensorModel;
 
 use image::RgbImage;
@@ -31,6 +34,7 @@ impl SensorModel {
         let mut bytes = vec![0; width * height * 3];
         let sensor = noise::Readout { settings: self, exposure, curve: &curve, size: rendered.size };
         sensor.expose(&light, &mut bytes);
+        sharpen::sharpen(&mut bytes, rendered.size, self.sharpening);
         if let Some(quality) = self.jpeg_quality {
             jpeg::compress(&mut bytes, rendered.size, quality);
         }

@@ -30,6 +30,8 @@ pub struct SensorModel {
     pub read_noise: f32,
     /// Variance of the noise per unit of light.
     pub shot_noise: f32,
+    /// How much of what a small blur would take away is added again; 0 none.
+    pub sharpening: f32,
     /// Rain streaks, 0 to 1.
     pub rain: f32,
     /// Quality of a JPEG compression, 1 to 100; none without.
@@ -52,6 +54,7 @@ impl SensorModel {
         glare: 0.0,
         read_noise: 0.0,
         shot_noise: 0.0,
+        sharpening: 0.0,
         rain: 0.0,
         jpeg_quality: None,
         seed: 0,
@@ -82,6 +85,7 @@ impl SensorModel {
             glare: rarely(0.3),
             read_noise: 0.001 + 0.006 * noise,
             shot_noise: 5e-5 + 6e-4 * noise,
+            sharpening: 0.0,
             rain: atmosphere.rain,
             jpeg_quality: None,
             seed: rng.random(),

@@ -5,6 +5,7 @@ use farsight_core::Camera;
 use farsight_synth::scene::{
     Atmosphere, Color, InstanceId, Material, MaterialId, Mesh, Object, Pattern, Scene, Sky, Sun, Triangle, Vec3, Vertex,
 };
+use farsight_synth::sensor::Device;
 
 /// Height of the camera above the ground, metres.
 pub const CAMERA_HEIGHT_M: f32 = 1.65;
@@ -88,6 +89,7 @@ pub fn empty(camera: Camera, image_size: [usize; 2]) -> Scene {
             seed: 5,
         },
         atmosphere: Atmosphere { fog_color: [0.6, 0.66, 0.75], fog_density: 0.002, wetness: 0.0, rain: 0.0 },
+        device: Device::Any,
     }
 }
 

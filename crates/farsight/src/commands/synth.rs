@@ -11,7 +11,7 @@ use farsight_data::Frame;
 use farsight_data::annotations::FILE_FORMATS;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
 use farsight_files::{write_atomically, write_quickly};
-use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
+use farsight_synth::{SceneConfig, SceneStream};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
@@ -36,9 +36,10 @@ pub(crate) struct SynthArgs {
     /// Write JPEG files of this quality instead of PNG: a sixth of the size
     #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
     jpeg: Option<u8>,
-    /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]
-    #[arg(long, alias = "world", value_name = "FILE", conflicts_with = "layout")]
-    scene_config: Option<PathBuf>,
+    /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]; with
+    /// --layout, in which part of the world, weather and severity the objects stand
+    #[arg(long = "world", alias = "scene-config", value_name = "FILE")]
+    world: Option<PathBuf>,
     /// Render the objects of these label files at their own positions instead of random traffic
     #[arg(long, value_name = "LABEL_DIR", requires = "calib_dir")]
     layout: Option<PathBuf>,
@@ -68,7 +69,7 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
         .enumerate()
         .progress_with(bar.clone())
         .try_for_each(|(index, id)| {
-            let done = source.frame(index, id, args.seed).and_then(|frame| folder.write(&frame));
+            let done = source.frame(index, id).and_then(|frame| folder.write(&frame));
             done.map_err(|error| {
                 failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
             })
@@ -88,21 +89,21 @@ enum Source {
     /// Random traffic.
     Stream { stream: SceneStream, frames: usize },
     /// Label files of others.
-    Layout { labels: PathBuf, calibrations: PathBuf, ids: Vec<String> },
+    Layout { stream: SceneStream, labels: PathBuf, calibrations: PathBuf, ids: Vec<String> },
 }
 
 impl Source {
     fn new(args: &SynthArgs) -> Result<Self> {
+        let config = args.world.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
+        let stream = SceneStream { config, seed: args.seed };
         let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
-            let config = args.scene_config.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
-            let frames = args.frames.unwrap_or(DEFAULT_FRAMES);
-            return Ok(Self::Stream { stream: SceneStream { config, seed: args.seed }, frames });
+            return Ok(Self::Stream { stream, frames: args.frames.unwrap_or(DEFAULT_FRAMES) });
         };
         let mut ids = args.split.as_deref().map_or_else(|| label_ids(labels), |split| Ok(read_split(split)?))?;
         ensure!(!ids.is_empty(), "{}: no label files; expected files such as 000000.txt", labels.display());
         ids.truncate(args.frames.unwrap_or(ids.len()));
         check_files([labels.as_path(), calibrations.as_path()], &ids)?;
-        Ok(Self::Layout { labels: labels.clone(), calibrations: calibrations.clone(), ids })
+        Ok(Self::Layout { stream, labels: labels.clone(), calibrations: calibrations.clone(), ids })
     }
 
     fn ids(&self) -> Vec<String> {
@@ -112,15 +113,15 @@ impl Source {
         }
     }
 
-    fn frame(&self, index: usize, id: &str, seed: u64) -> Result<Frame> {
+    fn frame(&self, index: usize, id: &str) -> Result<Frame> {
         match self {
             Self::Stream { stream, .. } => Ok(Frame { id: id.to_owned(), ..stream.frame(index as u64) }),
-            Self::Layout { labels, calibrations, .. } => {
+            Self::Layout { stream, labels, calibrations, .. } => {
                 let file = format!("{id}.txt");
                 let camera = Calibration::read(&calibrations.join(&file))?.camera();
                 let labels = read_labels(&labels.join(&file))?;
                 // By name, so that a frame's world does not depend on which others are rendered.
-                Ok(Frame { id: id.to_owned(), ..frame_from_labels(&labels, &camera, image_size(&camera), seed, id) })
+                Ok(Frame { id: id.to_owned(), ..stream.twin(&labels, &camera, image_size(&camera), id) })
             }
         }
     }
