@@ -5,8 +5,9 @@ use serde::{Serialize, Serializer};
 
 use crate::Frame;
 use crate::ap::{ApAccumulator, ApReport, OverlapSet};
+use crate::bootstrap::Bootstrap;
 use crate::ranging::{
-    Bootstrap, FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
+    FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
 };
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
@@ -90,7 +91,7 @@ impl Evaluation {
     /// The report on the frames so far.
     pub fn report(&self) -> Report {
         Report {
-            ap: self.ap.report(),
+            ap: self.ap.report(self.options.bootstrap.as_ref()),
             ranging: RangingReport::new(&self.targets, self.frames, &self.options),
             operating: OperatingPoints::new(&self.targets, &self.false_alarms, self.frames),
             frames: self.frames,

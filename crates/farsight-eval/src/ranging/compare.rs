@@ -2,12 +2,13 @@
 
 use serde::Serialize;
 
-use super::bootstrap::{Bootstrap, Interval};
 use super::matching::Target;
 use super::metrics::{RangingMetric, RangingMetrics};
-use super::slices::{Group, Part, Slice};
+use super::slices::{Group, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
+use crate::bootstrap::{Bootstrap, Interval};
+use crate::parts::Part;
 
 /// Ranging figures of two detectors side by side.
 ///
@@ -86,7 +87,7 @@ fn rows_of_class(
     frames: usize,
     bootstrap: &Bootstrap,
 ) -> Vec<ComparisonRow> {
-    let [distances, ..] = Part::tables();
+    let [_, distances, ..] = Part::divisions();
     let parts: Vec<_> = std::iter::once(("all", Part::Whole)).chain(distances).collect();
     let named: Vec<_> = Group::ALL.iter().flat_map(|group| parts.iter().map(move |part| (*group, *part))).collect();
     let slices: Vec<_> = named.iter().map(|(group, (_, part))| Slice { group: *group, part: *part }).collect();
@@ -122,7 +123,7 @@ impl Paired {
     }
 
     /// Both detectors' figures of each slice, NaN where there is none.
-    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<RangingMetrics<[f64; 2]>> {
+    fn values(&self, slices: &[Slice], drawn: Option<&[u32]>) -> Vec<RangingMetrics<[f64; 2]>> {
         let figures = |tallies: &[Tallies; 2]| {
             tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::metrics).collect::<Vec<_>>())
         };

@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use farsight_eval::ap::Metric;
 use farsight_eval::page::Page;
-use farsight_eval::ranging::{Bootstrap, MATCH_IOU, RangingComparison, RangingOptions};
-use farsight_eval::{Evaluation, Findings, FrameFiles, LabelSource, Report, Scores, text};
+use farsight_eval::ranging::{MATCH_IOU, RangingComparison, RangingOptions};
+use farsight_eval::{Bootstrap, Evaluation, Findings, FrameFiles, LabelSource, Report, Scores, text};
 use farsight_files::write_quickly;
 use serde::Serialize;
 
