@@ -86,7 +86,7 @@ impl Bootstrap {
     }
 
     /// How often each run of an experiment is drawn in the resample with this number, independent of its frames.
-    pub(crate) fn draw_runs(&self, runs: usize, resample: usize) -> Vec<u32> {
+    pub fn draw_runs(&self, runs: usize, resample: usize) -> Vec<u32> {
         drawn(runs, Pcg64::new(u128::from(self.seed), (1 << 64) + resample as u128))
     }
 }

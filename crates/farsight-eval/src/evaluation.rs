@@ -4,8 +4,8 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use crate::Frame;
-use crate::ap::{ApAccumulator, ApReport, OverlapSet};
-use crate::bootstrap::Bootstrap;
+use crate::ap::{ApAccumulator, ApIntervals, ApReport, CurveOutcomes, CurveSpec, OverlapSet};
+use crate::bootstrap::{Bootstrap, Interval};
 use crate::ranging::{
     FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
 };
@@ -79,6 +79,21 @@ impl Evaluation {
     /// Every object of an evaluated class, with how it was ranged.
     pub fn targets(&self) -> &[Target] {
         &self.targets
+    }
+
+    /// The outcomes of these curves, in their order; `None` where the devkit would not evaluate one.
+    pub fn curve_outcomes(&self, curves: &[CurveSpec]) -> Vec<Option<CurveOutcomes>> {
+        self.ap.outcomes(curves)
+    }
+
+    /// 95% intervals over frames of the AP of these curves, in their order; `None` where the devkit would not evaluate
+    /// one.
+    pub fn ap_intervals(
+        &self,
+        curves: &[CurveSpec],
+        bootstrap: &Bootstrap,
+    ) -> Vec<Option<ApIntervals<Option<Interval>>>> {
+        CurveOutcomes::intervals(&self.ap.outcomes(curves), self.frames, bootstrap)
     }
 
     /// These results beside `others` on the same frames; `None` when the labels differ.

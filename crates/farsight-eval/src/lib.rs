@@ -67,6 +67,7 @@ pub mod frame;
 mod label_source;
 #[cfg(feature = "page")]
 pub mod page;
+pub mod paired;
 mod parts;
 pub mod ranging;
 pub mod text;

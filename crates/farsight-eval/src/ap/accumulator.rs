@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::class_frame::{Prepared, enabled_metrics};
 use super::matching::Matching;
-use super::report::{ApIntervals, ApReport};
+use super::report::ApReport;
 use super::scores::{ScoreRange, ScoredDetection, sorted};
 use super::{ClassFrame, Curve, CurveOutcomes, CurveSpec, Metric, OverlapSet};
 use crate::bootstrap::Bootstrap;
@@ -98,24 +98,21 @@ impl ApAccumulator {
         for class in EvaluatedClass::ALL {
             let wanted = devkit_curves(class);
             let outcomes = self.outcomes(&wanted);
-            let drawn: Vec<(Option<Curve>, &CurveSpec)> = outcomes
+            let drawn: Vec<Option<Curve>> = outcomes
                 .par_iter()
                 .zip(&wanted)
                 .map(|(outcomes, curve)| {
                     let with_orientation = curve.metric == Metric::Image && !self.lacks_alpha;
-                    (outcomes.as_ref().map(|outcomes| outcomes.curve(with_orientation)), curve)
+                    outcomes.as_ref().map(|outcomes| outcomes.curve(with_orientation))
                 })
                 .collect();
-            let places: Vec<_> = drawn.iter().map(|(_, curve)| ApReport::place(curve)).collect();
-            for ((curve, _), place) in drawn.into_iter().zip(&places) {
-                curves[*place] = curve;
+            for (curve, spec) in drawn.into_iter().zip(&wanted) {
+                curves[ApReport::place(spec)] = curve;
             }
             let Some(bootstrap) = bootstrap else { continue };
-            let (there, places): (Vec<_>, Vec<_>) =
-                outcomes.iter().zip(&places).filter_map(|(outcomes, place)| Some((outcomes.as_ref()?, *place))).unzip();
-            let resampled = CurveOutcomes::resampled(&there, self.frames as usize, bootstrap);
-            for (resamples, place) in resampled.iter().zip(places) {
-                intervals[place] = Some(ApIntervals::of(resamples));
+            let found = CurveOutcomes::intervals(&outcomes, self.frames as usize, bootstrap);
+            for (interval, spec) in found.into_iter().zip(&wanted) {
+                intervals[ApReport::place(spec)] = interval;
             }
         }
         let scores = self.detections.each_ref().map(|detections| ScoreRange::of(detections));

@@ -11,8 +11,8 @@ use super::curve::{percent_r11, percent_r40};
 use super::matching::{Counts, Matching, counts, first_pass_scores};
 use super::scores::{ScoredDetection, highest_first, reaches};
 use super::thresholds::threshold_positions;
-use super::{Curve, RECALL_POINTS, ScoreThreshold};
-use crate::bootstrap::Bootstrap;
+use super::{ApIntervals, Curve, RECALL_POINTS, ScoreThreshold};
+use crate::bootstrap::{Bootstrap, Interval};
 
 /// Draws that are merged side by side.
 const LANES: usize = 8;
@@ -207,6 +207,21 @@ impl CurveOutcomes {
         let of_curve =
             |curve: usize| blocks.iter().flat_map(|block| block[curve]).take(bootstrap.resamples).collect::<Vec<_>>();
         (0..curves.len()).map(of_curve).collect()
+    }
+}
+
+impl CurveOutcomes {
+    /// The intervals of these curves of `frames` frames, in their order.
+    pub(crate) fn intervals(
+        curves: &[Option<Self>],
+        frames: usize,
+        bootstrap: &Bootstrap,
+    ) -> Vec<Option<ApIntervals<Option<Interval>>>> {
+        let there: Vec<_> = curves.iter().flatten().collect();
+        let mut resampled = Self::resampled(&there, frames, bootstrap).into_iter();
+        let intervals =
+            curves.iter().map(|curve| curve.as_ref().and(resampled.next()).map(|aps| ApIntervals::of(&aps)));
+        intervals.collect()
     }
 }
 

@@ -68,9 +68,7 @@ impl RangingComparison {
     ///
     /// Returns `None` when the labels differ.
     pub fn new(ours: &[Target], theirs: &[Target], frames: usize, bootstrap: &Bootstrap) -> Option<Self> {
-        let is_same =
-            |(a, b): (&Target, &Target)| Target { found: None, ..a.clone() } == Target { found: None, ..b.clone() };
-        if ours.len() != theirs.len() || !ours.iter().zip(theirs).all(is_same) {
+        if !same_objects(ours, theirs) {
             return None;
         }
         let rows = EvaluatedClass::ALL.into_iter().filter_map(|class| {
@@ -79,6 +77,12 @@ impl RangingComparison {
         });
         Some(Self { identical: ours == theirs, rows: rows.flatten().collect() })
     }
+}
+
+/// Whether two sets of targets are of the same labels in the same order.
+pub(crate) fn same_objects(ours: &[Target], theirs: &[Target]) -> bool {
+    let unfound = |target: &Target| Target { found: None, ..target.clone() };
+    ours.len() == theirs.len() && ours.iter().zip(theirs).all(|(a, b)| unfound(a) == unfound(b))
 }
 
 fn rows_of_class(
@@ -143,5 +147,33 @@ impl Difference {
         let difference = value - against;
         let excludes_zero = interval.is_some_and(|i| i.excludes_zero());
         difference.is_finite().then_some(Self { value, against, difference, interval, excludes_zero })
+    }
+}
+
+/// One figure of two detectors over one slice, by frame.
+pub(crate) struct PairedTallies {
+    metric: RangingMetric,
+    arms: [Tallies; 2],
+    slice: Slice,
+}
+
+impl PairedTallies {
+    /// From the targets of both, which must be of the same objects.
+    pub(crate) fn new(targets: [&[Target]; 2], metric: RangingMetric, class: EvaluatedClass, slice: Slice) -> Self {
+        let [ours, theirs] = targets;
+        let pairs = || {
+            let of_slice = ours.iter().zip(theirs).filter(move |(ours, _)| ours.class == class && slice.holds(ours));
+            // Shares are of all objects, errors of those that both found.
+            of_slice.filter(move |(a, b)| metric == RangingMetric::Share || (a.found.is_some() && b.found.is_some()))
+        };
+        Self { metric, arms: [Tallies::new(pairs().map(|p| p.0)), Tallies::new(pairs().map(|p| p.1))], slice }
+    }
+
+    /// The figure of both, NaN where there is none.
+    pub(crate) fn values(&self, drawn: Option<&[u32]>) -> [f64; 2] {
+        self.arms.each_ref().map(|tallies| {
+            let tally = tallies.of_slices(&[self.slice], drawn);
+            tally.first().and_then(|tally| tally.metrics().get(self.metric)).unwrap_or(f64::NAN)
+        })
     }
 }

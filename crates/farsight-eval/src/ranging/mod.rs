@@ -25,6 +25,7 @@ mod tally;
 
 pub use calibration::{Calibration, CoveragePoint, CoverageRow};
 pub use compare::{ComparisonRow, Difference, RangingComparison};
+pub(crate) use compare::{PairedTallies, same_objects};
 pub use matching::{FalseAlarm, Measurement, Target, match_frame, targets};
 pub use metrics::{RangingMetric, RangingMetrics};
 pub use operating::{OperatingPoint, OperatingPoints};
