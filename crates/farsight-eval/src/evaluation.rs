@@ -6,9 +6,8 @@ use serde::{Serialize, Serializer};
 use crate::Frame;
 use crate::ap::{ApAccumulator, ApIntervals, ApReport, CurveOutcomes, CurveSpec, OverlapSet};
 use crate::bootstrap::{Bootstrap, Interval};
-use crate::ranging::{
-    FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
-};
+use crate::compare::Comparison;
+use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport, Target, match_frame};
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
 ///
@@ -97,10 +96,13 @@ impl Evaluation {
     }
 
     /// These results beside `others` on the same frames; `None` when the labels differ.
-    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<RangingComparison> {
-        let mut comparison = RangingComparison::new(&self.targets, &others.targets, self.frames, bootstrap)?;
-        comparison.identical &= self.ap == others.ap && self.false_alarms == others.false_alarms;
-        Some(comparison)
+    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<Comparison> {
+        Comparison::new(self, others, bootstrap)
+    }
+
+    /// Whether everything that figures are made of is the same, but for the targets.
+    pub(crate) fn says_the_same_as(&self, others: &Self) -> bool {
+        self.ap == others.ap && self.false_alarms == others.false_alarms
     }
 
     /// The report on the frames so far.

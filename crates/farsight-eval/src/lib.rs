@@ -58,6 +58,7 @@
 pub mod ap;
 mod bootstrap;
 pub mod class;
+pub mod compare;
 pub mod difficulty;
 pub mod evaluation;
 pub mod explain;

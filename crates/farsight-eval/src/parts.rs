@@ -70,15 +70,37 @@ impl Bins {
 impl Part {
     /// The parts of each division with their names: by height, distance, occlusion and truncation.
     pub fn divisions() -> [Vec<(&'static str, Self)>; 4] {
-        fn named(names: &[&'static str], part: fn(usize) -> Part) -> Vec<(&'static str, Part)> {
+        let named = |names: &[&'static str], part: fn(usize) -> Self| {
             names.iter().enumerate().map(|(i, name)| (*name, part(i))).collect()
-        }
+        };
         [
             named(&HEIGHT_BINS, Self::Height),
             named(&DISTANCE_BINS, Self::Distance),
             named(&OCCLUSIONS, Self::Occlusion),
             named(&TRUNCATIONS, Self::Truncation),
         ]
+    }
+
+    /// Its name: pixels, metres or a level; `all` of all.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Whole => "all",
+            Self::Height(bin) => HEIGHT_BINS[bin],
+            Self::Distance(bin) => DISTANCE_BINS[bin],
+            Self::Occlusion(level) => OCCLUSIONS[level],
+            Self::Truncation(bin) => TRUNCATIONS[bin],
+        }
+    }
+
+    /// The name of the division that it is a part of; `all` of all.
+    pub fn division(self) -> &'static str {
+        match self {
+            Self::Whole => "all",
+            Self::Height(_) => "height",
+            Self::Distance(_) => "distance",
+            Self::Occlusion(_) => "occlusion",
+            Self::Truncation(_) => "truncation",
+        }
     }
 
     /// Whether an object that stands here belongs to it.

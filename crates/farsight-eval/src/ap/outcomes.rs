@@ -107,10 +107,15 @@ impl CurveOutcomes {
         }
     }
 
+    /// Objects that must be found.
+    pub fn objects(&self) -> usize {
+        self.objects.iter().map(|(_, count)| *count as usize).sum()
+    }
+
     /// The curve when each frame counts once.
     pub(super) fn curve(&self, with_orientation: bool) -> Curve {
-        let objects: u32 = self.objects.iter().map(|(_, count)| count).sum();
-        let positions = threshold_positions(u64::from(objects), self.matches.len() as u64);
+        let objects = self.objects();
+        let positions = threshold_positions(objects as u64, self.matches.len() as u64);
         let mut positions = positions.iter().peekable();
         let mut thresholds = Vec::new();
         let (mut sum, mut start) = (Change::default(), 0);
@@ -133,7 +138,7 @@ impl CurveOutcomes {
                 });
             }
         }
-        Curve::new(self.min_overlap, objects as usize, self.matches.len(), thresholds, with_orientation)
+        Curve::new(self.min_overlap, objects, self.matches.len(), thresholds, with_orientation)
     }
 
     /// AP when frame `i` of the set counts `drawn[i]` times; `drawn` must have an entry for every frame of the set.
