@@ -23,7 +23,7 @@ mod report;
 mod slices;
 mod tally;
 
-pub use calibration::{Calibration, CoveragePoint, CoverageRow};
+pub use calibration::{Calibration, CoveragePoint, CoverageRow, Share};
 pub use compare::{ComparisonRow, Difference, RangingComparison};
 pub(crate) use compare::{PairedTallies, same_objects};
 pub use matching::{FalseAlarm, Measurement, Target, match_frame, targets};

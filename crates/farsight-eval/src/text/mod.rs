@@ -1,10 +1,13 @@
 //! The report as a table for a terminal.
 
 mod comparison;
+mod coverage;
 mod oracle;
 
 pub use comparison::comparison_lines;
 pub use oracle::oracle_lines;
+
+use coverage::coverage_lines;
 
 use crate::ap::{ApIntervals, ApReport, ApValues, Metric, OverlapSet};
 use crate::bootstrap::Interval;
@@ -170,6 +173,7 @@ fn ranging_lines(report: &RangingReport) -> Vec<String> {
         if let Some(moderate) = class.groups.iter().find(|group| group.group.name() == "moderate") {
             lines.extend(distance_lines(moderate));
         }
+        lines.extend(coverage_lines(class));
     }
     lines
 }
@@ -229,19 +233,7 @@ fn columns() -> String {
 
 fn distance_lines(group: &GroupRanging) -> Vec<String> {
     let filled = group.by_distance.0.iter().filter(|(_, errors)| errors.objects > 0);
-    let mut lines: Vec<_> = filled.map(|(bin, errors)| slice_line(&format!("  moderate {bin} m"), errors)).collect();
-    for row in group.calibration.iter().flat_map(|calibration| &calibration.rows) {
-        lines.push(format!(
-            "  error bars {:<8} {:>6} objects, mean {:.2} m; truth within 1 sigma {:.1}% (normal: 68.3%), \
-             2 sigma {:.1}% (95.4%)",
-            row.distance,
-            row.count,
-            row.mean_sigma_m,
-            100.0 * row.within_1_sigma,
-            100.0 * row.within_2_sigma
-        ));
-    }
-    lines
+    filled.map(|(bin, errors)| slice_line(&format!("  moderate {bin} m"), errors)).collect()
 }
 
 fn slice_line(name: &str, errors: &SliceErrors) -> String {

@@ -22,14 +22,14 @@ pub fn oracle_lines(rows: &[OracleRow]) -> Vec<String> {
         let Some((_, first)) = of_class.first() else { continue };
         let headings = first.map(|cell| format!("{:>10}", format!("{} {:.2}", cell.metric, cell.overlap))).concat();
         lines.push(format!("AP {class} moderate, R40, if the truth stood in for"));
-        lines.push(format!("{:<28}{headings}   gain at {} {:.2}", "", first[0].metric, first[0].overlap));
-        lines.push(format!("  {:<26}{}", "nothing", cells(*first, |cell| cell.against)));
+        lines.push(format!("{:<36}{headings}   gain at {} {:.2}", "", first[0].metric, first[0].overlap));
+        lines.push(format!("  {:<34}{}", "nothing", cells(*first, |cell| cell.against)));
         for (row, columns) in of_class {
             let gain = columns[0];
             let interval = gain.interval.map_or_else(String::new, |i| format!(" [{:+.2}, {:+.2}]", i.low, i.high));
             let name = row.parts.iter().map(|part| OraclePart::name(*part)).collect::<Vec<_>>().join(" + ");
             lines.push(format!(
-                "  {name:<26}{}   {:+.2}{interval}  {}",
+                "  {name:<34}{}   {:+.2}{interval}  {}",
                 cells(columns, |cell| cell.value),
                 gain.difference,
                 verdict([gain.value, gain.against], gain.objects, gain.interval)
