@@ -50,13 +50,17 @@
 //! | [`ap`] | how good is the detector by KITTI's average precision? |
 //! | [`ranging`] | how far off are the distances, and of how many objects? |
 //! | [`evaluation`] | frames in, report out: both of the above |
+//! | [`compare`], [`paired`] | do two result sets, or two arms of an experiment, differ? |
+//! | [`oracle`] | what would AP be if one part of each detection were true? |
 //! | [`explain`] | what became of each object and detection of one frame? |
 //! | [`frame`], [`class`], [`difficulty`] | what is evaluated, and the devkit's rules of what counts |
 //! | [`files`], [`findings`] | folders of label and result files, and what is odd about them |
 //! | [`text`], `page` | the report for people: tables and notes, HTML and charts |
 
 pub mod ap;
+mod bootstrap;
 pub mod class;
+pub mod compare;
 pub mod difficulty;
 pub mod evaluation;
 pub mod explain;
@@ -64,11 +68,15 @@ pub mod files;
 pub mod findings;
 pub mod frame;
 mod label_source;
+pub mod oracle;
 #[cfg(feature = "page")]
 pub mod page;
+pub mod paired;
+mod parts;
 pub mod ranging;
 pub mod text;
 
+pub use bootstrap::{Bootstrap, Interval};
 pub use class::EvaluatedClass;
 pub use difficulty::Difficulty;
 pub use evaluation::{Evaluation, Report};
@@ -76,3 +84,4 @@ pub use files::{FilesError, FrameFiles, Scores};
 pub use findings::{Finding, Findings};
 pub use frame::{Frame, Prediction};
 pub use label_source::LabelSource;
+pub use parts::{DISTANCE_BINS, HEIGHT_BINS, OCCLUSIONS, Part, TRUNCATIONS};

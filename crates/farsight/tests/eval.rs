@@ -222,16 +222,21 @@ fn json_and_report_hold_what_is_promised() {
         }
         assert!(json[table]["cyclist"]["3d"].is_null());
     }
+    let interval = &json["ap"]["car"]["3d"]["r40_interval"][1];
+    assert_eq!(interval.as_array().map(Vec::len), Some(2), "{interval}");
+    assert!(json["ap"]["car"]["aos"]["r40_interval"].is_null());
     let moderate = &json["ranging"]["car"]["moderate"];
     assert_eq!((&moderate["objects"], &moderate["found"]), (&2.into(), &1.into()));
     assert!((moderate["mae_z"].as_f64().unwrap() - 0.1).abs() < 1e-9);
     assert_eq!(moderate["calibration"]["rows"][0]["within_1_sigma"], 1.0);
+    assert_eq!(moderate["calibration"]["by_occlusion"][0]["within_90"]["share"], 1.0);
     assert_eq!(json["against"]["rows"][0]["figures"]["mae_z"]["difference"], 0.0);
     let coverage = moderate["calibration"]["coverage"].as_array().unwrap();
     assert_eq!((coverage.len(), &coverage[30]["observed"]), (31, &1.0.into()));
     let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
     assert!(page.contains("data:image/png;base64,") && !page.contains("src=\"http"));
     for chart in ["car_3d_curve", "car_error_bar_coverage"] {
+        assert!(page.contains(chart), "{chart}");
         assert!(folder.path().join(format!("page/{chart}.png")).is_file(), "{chart}");
     }
     assert!(!page.contains("data:image/jpeg"), "without --images there is nothing to draw on");
@@ -288,4 +293,83 @@ fn place_scores_rank_what_is_sure_of_its_place_first() {
     assert_eq!((given, place), ("as_given".into(), "place".into()));
     // Half of the recall points reached, at a precision of 1 instead of at most one half.
     assert!(by_place > 1.9 * by_score && by_score > 0.0, "{by_place} and {by_score}");
+}
+
+/// Sixty cars in as many frames, some of them missed; every detection is `offset_m` too far away.
+fn sixty_frames(folder: &Path, name: &str, offset_m: f64) {
+    let car = |i: u32, offset_m: f64, score: &str| {
+        let z = 12.0 + f64::from(i % 30) + offset_m;
+        format!("Car 0.00 {} 1.50 600.00 170.00 700.00 230.00 1.50 1.60 4.00 1.00 1.70 {z:.2} 1.60{score}\n", i % 2)
+    };
+    for (part, offset_m, is_results) in [("labels", 0.0, false), (name, offset_m, true)] {
+        fs::create_dir_all(folder.join(part)).unwrap();
+        for i in 0..60 {
+            let score = if is_results { format!(" 0.{} 0.50", 30 + i) } else { String::new() };
+            let text = if is_results && i % 7 == 0 { String::new() } else { car(i, offset_m, &score) };
+            fs::write(folder.join(part).join(format!("{i:06}.txt")), text).unwrap();
+        }
+    }
+}
+
+/// What `farsight eval` says of those, and the JSON.
+fn eval_sixty(arguments: &[&str]) -> (String, serde_json::Value) {
+    let folder = tempfile::tempdir().unwrap();
+    sixty_frames(folder.path(), "results", 0.3);
+    sixty_frames(folder.path(), "others", 1.5);
+    let output = Command::new(env!("CARGO_BIN_EXE_farsight"))
+        .args(["eval", "--labels", "labels", "--results", "results", "--resamples", "200", "--json", "a.json"])
+        .args(arguments)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+    (String::from_utf8(output.stdout).unwrap(), serde_json::from_str(&json).unwrap())
+}
+
+#[test]
+fn ap_has_intervals_and_is_compared_by_part() {
+    let (out, json) = eval_sixty(&["--against", "others"]);
+    let row = out.lines().position(|line| line.starts_with("  3d   0.70")).unwrap();
+    let interval = out.lines().nth(row + 1).unwrap();
+    assert!(interval.starts_with("    95% interval ") && interval.contains('-'), "{out}");
+    for name in ["hard, 60-100 px high", "hard, at 20-30 m", "hard, occlusion 1"] {
+        let line = out.lines().find(|line| line.starts_with("  3d   0.70") && line.contains(name));
+        assert!(line.is_some_and(|line| line.ends_with("  differs")), "{name}: {out}");
+    }
+    let rows = json["against"]["ap"].as_array().unwrap();
+    let row = |division: &str, part: &str| {
+        let is_asked = |row: &&serde_json::Value| {
+            row["metric"] == "3d"
+                && row["overlap"] == 0.7
+                && row["group"] == "hard"
+                && row["division"] == division
+                && row["part"] == part
+        };
+        rows.iter().find(is_asked).unwrap()
+    };
+    // What is hidden and what is not together are all.
+    assert_eq!(row("all", "all")["objects"], 60);
+    assert_eq!((&row("occlusion", "0")["objects"], &row("occlusion", "1")["objects"]), (&30.into(), &30.into()));
+    let (all, low) = (row("all", "all"), row("all", "all")["interval"][0].as_f64().unwrap());
+    assert!(all["excludes_zero"] == true && low > 0.0 && all["difference"].as_f64().unwrap() > low, "{all}");
+    // Errors of 0.3 m lie within half a metre, and 52 of 60 cars were found.
+    let bars = &json["ranging"]["car"]["moderate"]["calibration"]["rows"][0];
+    assert_eq!((&bars["count"], &bars["within_50"]["share"]), (&51.into(), &1.0.into()));
+    assert!(bars["within_50"]["interval"][0].as_f64().unwrap() > 0.9, "{bars}");
+    assert!(out.contains("error bars of cars") && out.contains("100% ["), "{out}");
+}
+
+#[test]
+fn the_oracle_tells_what_each_part_is_worth() {
+    let (out, json) = eval_sixty(&["--oracle", "depth,heading", "--oracle", "depth"]);
+    let oracle = json["oracle"].as_array().unwrap();
+    let parts: Vec<_> = oracle.iter().map(|row| row["parts"].to_string()).collect();
+    assert_eq!(parts, [r#"["depth"]"#, r#"["heading"]"#, r#"["depth","heading"]"#]);
+    let lines: Vec<_> = out.lines().skip_while(|line| !line.starts_with("AP car moderate")).collect();
+    assert_eq!(lines[0], "AP car moderate, R40, if the truth stood in for");
+    assert!(lines[2].starts_with("  nothing ") && lines[5].starts_with("  depth + heading "), "{out}");
+    assert!(lines[4].contains("+0.00 [+0.00, +0.00]  the same"), "{out}");
+    let (_, json) = eval_sixty(&[]);
+    assert!(json.get("oracle").is_none());
 }

@@ -1,7 +1,8 @@
 //! Which charts the page has.
 
 use crate::ap::{Metric, OverlapSet};
-use crate::ranging::{ClassRanging, GroupRanging, RangingMetric, bin_middle_m};
+use crate::parts::{DISTANCE_BINS, bin_middle_m};
+use crate::ranging::{ClassRanging, CoverageRow, Group, GroupRanging, RangingMetric, Share};
 use crate::{Difficulty, EvaluatedClass, Report};
 
 use super::chart::{Chart, Series};
@@ -14,6 +15,9 @@ const REFERENCE_COLOR: [u8; 3] = [120, 120, 120];
 
 /// Bins with fewer found objects are not drawn: their error is an accident.
 const MIN_FOUND: usize = 5;
+
+/// Where the axis of distance ends, metres.
+const END_M: f64 = 80.0;
 
 /// All charts with the names of their files.
 pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
@@ -30,6 +34,8 @@ pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
             }
             charts.push((format!("{class}_share_found"), share_chart(ranging)));
             charts.extend(coverage_chart(ranging).map(|chart| (format!("{class}_error_bar_coverage"), chart)));
+            let by_distance = coverage_by_distance_chart(ranging);
+            charts.extend(by_distance.map(|chart| (format!("{class}_error_bars_by_distance"), chart)));
         }
     }
     charts
@@ -37,11 +43,14 @@ pub(super) fn charts(report: &Report) -> Vec<(String, Chart)> {
 
 fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option<Chart> {
     let mut series = Vec::new();
+    let intervals = report.ap.ap(OverlapSet::Strict, metric, class)?.intervals;
     for (level, color) in Difficulty::ALL.into_iter().zip(LEVEL_COLORS) {
+        let interval = intervals.and_then(|intervals| intervals.r40[level as usize]);
+        let interval = interval.map_or_else(String::new, |i| format!(" [{:.1}, {:.1}]", i.low, i.high));
         let curve = report.ap.curve(OverlapSet::Strict, metric, class, level)?;
         let points = curve.precision.iter().enumerate().map(|(i, p)| [i as f64 / 40.0, *p]).collect();
         series.push(Series {
-            name: format!("{level}: AP {:.2}", curve.ap_r40()),
+            name: format!("{level} {:.1}{interval}", curve.ap_r40()),
             color,
             points,
             band: Vec::new(),
@@ -49,8 +58,9 @@ fn curve_chart(report: &Report, class: EvaluatedClass, metric: Metric) -> Option
         });
     }
     let limit = OverlapSet::Strict.min_overlap(class, metric);
+    let with_intervals = if intervals.is_some() { ", with 95% intervals" } else { "" };
     Some(Chart {
-        title: format!("{class}, {} overlap above {limit}", metric.name()),
+        title: format!("{class}, {} overlap above {limit}: AP R40, percent{with_intervals}", metric.name()),
         x_label: "recall".to_owned(),
         y_label: "precision".to_owned(),
         x_end: 1.0,
@@ -67,7 +77,7 @@ fn error_chart(ranging: &ClassRanging) -> Chart {
         title: format!("{}: error of distance, 95% intervals; {MIN_FOUND} found or more", ranging.class),
         x_label: "true distance z, m".to_owned(),
         y_label: "mean absolute error of z, m".to_owned(),
-        x_end: 80.0,
+        x_end: END_M,
         y_end: if highest > 0.0 { 1.1 * highest } else { 1.0 },
         series,
     }
@@ -78,7 +88,7 @@ fn share_chart(ranging: &ClassRanging) -> Chart {
         title: format!("{}: share of the objects found", ranging.class),
         x_label: "true distance z, m".to_owned(),
         y_label: "found / objects".to_owned(),
-        x_end: 80.0,
+        x_end: END_M,
         y_end: 1.05,
         series: level_series(ranging, RangingMetric::Share, 0),
     }
@@ -108,6 +118,46 @@ fn coverage_chart(ranging: &ClassRanging) -> Option<Chart> {
         x_end: 1.0,
         y_end: 1.0,
         series: [ideal].into_iter().chain(calibrated).collect(),
+    })
+}
+
+/// How often the truth lies in the 50%, 68% and 90% intervals by distance; `None` without error bars.
+fn coverage_by_distance_chart(ranging: &ClassRanging) -> Option<Chart> {
+    let group = ranging.groups.iter().find(|group| group.group == Group::Level(Difficulty::Moderate))?;
+    let rows = &group.calibration.as_ref()?.rows;
+    let filled = || {
+        let bins = DISTANCE_BINS.iter().enumerate();
+        bins.filter_map(|(bin, name)| Some((bin, rows.iter().find(|row| row.part == *name && row.count >= MIN_FOUND)?)))
+    };
+    let shares: [(&str, f64, fn(&CoverageRow) -> Share); 3] = [
+        ("90% interval", 0.90, |row| row.within_90),
+        ("68% interval", 0.68, |row| row.within_68),
+        ("50% interval", 0.50, |row| row.within_50),
+    ];
+    let series = shares.iter().zip(LEVEL_COLORS).flat_map(|((name, expected, share), color)| {
+        let observed = Series {
+            name: (*name).to_owned(),
+            color,
+            points: filled().map(|(bin, row)| [bin_middle_m(bin), share(row).share]).collect(),
+            band: filled().map(|(_, row)| share(row).interval).map(|i| [i.low, i.high]).collect(),
+            is_reference: false,
+        };
+        let expected = Series {
+            name: format!("{:.0}%", 100.0 * expected),
+            color,
+            points: vec![[0.0, *expected], [END_M, *expected]],
+            band: Vec::new(),
+            is_reference: true,
+        };
+        [observed, expected]
+    });
+    (filled().count() > 0).then(|| Chart {
+        title: format!("{}, moderate: share of true z in the error bars' intervals", ranging.class),
+        x_label: "true distance z, m".to_owned(),
+        y_label: "observed share".to_owned(),
+        x_end: END_M,
+        y_end: 1.05,
+        series: series.collect(),
     })
 }
 

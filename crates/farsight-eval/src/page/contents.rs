@@ -3,7 +3,8 @@
 use image::RgbImage;
 
 use super::worst::WorstFrame;
-use crate::ranging::RangingComparison;
+use crate::compare::Comparison;
+use crate::oracle::OracleRow;
 use crate::{Findings, Frame, Report};
 
 /// What the page tells.
@@ -16,7 +17,9 @@ pub struct Page<'a> {
     /// What was odd about the files.
     pub findings: &'a Findings,
     /// The comparison with other results.
-    pub comparison: Option<&'a RangingComparison>,
+    pub comparison: Option<&'a Comparison>,
+    /// What the truth of some parts would bring.
+    pub oracle: &'a [OracleRow],
     /// The frames with the largest errors.
     pub worst: &'a [ShownFrame],
 }

@@ -60,7 +60,7 @@ fn errors(slice: &SliceErrors) -> Errors {
 }
 
 fn coverage(calibration: Option<&Calibration>, metres: &str) -> Option<ErrorBars> {
-    let row = calibration?.rows.iter().find(|row| row.distance == metres)?;
+    let row = calibration?.rows.iter().find(|row| row.part == metres)?;
     Some(ErrorBars {
         count: row.count,
         within_1_sigma: rounded(row.within_1_sigma),
