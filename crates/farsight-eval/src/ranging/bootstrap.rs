@@ -12,6 +12,9 @@ use serde::Serialize;
 /// Shares of the resamples below and above an interval: 95% lie in it.
 const TAILS: [f64; 2] = [0.025, 0.975];
 
+/// Keeps the draws of seeds apart from those of frames.
+const SEED_STREAM: u64 = 0x5eed_5eed_5eed_5eed;
+
 /// How intervals are found. The same seed gives the same intervals on every machine and for any number of threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bootstrap {
@@ -78,6 +81,21 @@ impl Bootstrap {
         let count = resamples.first().map_or_else(|| statistics(&vec![1.0; frames]).len(), Vec::len);
         let interval = |i: usize| Interval::of(&mut resamples.iter().map(|values| values[i]).collect());
         (0..count).into_par_iter().map(interval).collect()
+    }
+
+    /// The interval of a statistic that is given how often each seed and each frame was drawn, independently of one another.
+    ///
+    /// `None` without resamples, and when fewer than half of them have the statistic.
+    pub(super) fn crossed_interval(
+        &self,
+        [seeds, frames]: [usize; 2],
+        statistic: impl Fn(&[f64], &[f64]) -> f64 + Sync,
+    ) -> Option<Interval> {
+        let resample = |index: usize| {
+            let seeds = Self { seed: self.seed ^ SEED_STREAM, ..*self }.draw(seeds, index);
+            statistic(&seeds, &self.draw(frames, index))
+        };
+        Interval::of(&mut (0..self.resamples).into_par_iter().map(resample).collect())
     }
 
     /// How often each frame is drawn in the resample with this number; each has a stream of random numbers of its own.

@@ -21,6 +21,7 @@ mod metrics;
 mod operating;
 mod options;
 mod report;
+mod seeds;
 mod slices;
 mod tally;
 
@@ -32,5 +33,6 @@ pub use metrics::{RangingMetric, RangingMetrics};
 pub use operating::{OperatingPoint, OperatingPoints};
 pub use options::{MATCH_IOU, RangingOptions};
 pub use report::{ClassRanging, FIXED_RECALL, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
+pub use seeds::{SeedDifference, compare_seeds};
 pub(crate) use slices::bin_middle_m;
 pub use slices::{DISTANCE_BINS, Group, Part, Slice};

@@ -46,6 +46,9 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 #[cfg(feature = "train")]
+pub(crate) use progress::Progress;
+
+#[cfg(feature = "train")]
 mod progress {
     use std::io::{IsTerminal, stderr};
     use std::path::Path;
@@ -63,7 +66,7 @@ mod progress {
     const LINE_INTERVAL: Duration = Duration::from_secs(20);
 
     /// How the run goes: a bar on a terminal, a line now and then elsewhere.
-    pub(super) struct Progress<'a> {
+    pub(crate) struct Progress<'a> {
         bar: ProgressBar,
         printer: &'a mut Printer,
         last_line: Option<Instant>,
@@ -72,7 +75,7 @@ mod progress {
     }
 
     impl<'a> Progress<'a> {
-        pub(super) fn new(printer: &'a mut Printer) -> Self {
+        pub(crate) fn new(printer: &'a mut Printer) -> Self {
             let template = "{bar:30} {pos}/{len} steps  {eta} left  {msg}";
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
             Self { bar: ProgressBar::new(0).with_style(style), printer, last_line: None, validation: String::new() }

@@ -1,0 +1,206 @@
+//! Runs the cells of a plan that are not done yet, and writes what they say after each.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use farsight_data::{Dataset, open_labelled};
+use farsight_eval::{FrameFiles, LabelSource};
+use farsight_files::write_atomically;
+use farsight_graph::weights::Weights;
+use toml::{Table, Value};
+
+use super::cell::{CellFolder, Step, is_over};
+use super::plan::set;
+use super::results::CellResult;
+use super::statistics::{Judge, Judged};
+use super::twins::{Split, prepare};
+use super::{Cell, Experiment, Results, tables};
+use crate::commands::Outcome;
+use crate::printer::{Printer, counted};
+
+/// What is to be run.
+pub(crate) struct Job {
+    pub(crate) plan: Experiment,
+    pub(crate) data: PathBuf,
+    /// Labels to render the data of, when they are missing.
+    pub(crate) kitti: Option<PathBuf>,
+    /// Folder of the cells.
+    pub(crate) out: PathBuf,
+    /// File of the results.
+    pub(crate) results: PathBuf,
+    pub(crate) deadline: Option<Instant>,
+    /// How the names of the cells start; empty for all.
+    pub(crate) only: Vec<String>,
+    /// Of training, instead of the plan's.
+    pub(crate) threads: Option<u64>,
+}
+
+/// A job whose data are open.
+struct Open<'a> {
+    job: &'a Job,
+    /// Files of frame names in the experiment's folder.
+    train_file: PathBuf,
+    dataset: Arc<dyn Dataset>,
+    split: Split,
+    /// SHA-256 of the weights by the files that they are in.
+    starts: BTreeMap<String, String>,
+    judge: Judge,
+}
+
+/// Runs the cells; those of other processes are left out.
+pub(crate) fn run(job: &Job, printer: &mut Printer) -> Result<Outcome> {
+    let cells = job.plan.cells();
+    let is_asked = |cell: &Cell| job.only.is_empty() || job.only.iter().any(|start| cell.name().starts_with(start));
+    let asked: Vec<&Cell> = cells.iter().filter(|cell| is_asked(cell)).collect();
+    ensure!(!asked.is_empty(), "no cell's name starts with {}", job.only.join(" or "));
+    let parent = job.results.parent().filter(|parent| !parent.as_os_str().is_empty());
+    fs::create_dir_all(parent.unwrap_or(Path::new("."))).with_context(|| format!("{}", job.results.display()))?;
+    let mut open = open(job, printer)?;
+    let mut elsewhere = 0;
+    for (number, cell) in asked.into_iter().enumerate() {
+        // However little time there is, something comes forward.
+        if number > 0 && is_over(job.deadline) {
+            return Ok(Outcome::Unfinished);
+        }
+        match open.run_cell(cell, printer)? {
+            Ran::Whole => {}
+            Ran::Stopped => return Ok(Outcome::Unfinished),
+            Ran::Elsewhere => elsewhere += 1,
+        }
+        let results = open.results()?;
+        results.write(&job.results)?;
+        printer.line(&format!("{}: {}", cell.name(), tables::progress(&job.plan, &results)));
+    }
+    if elsewhere > 0 {
+        printer.status(&format!("{} in the hands of other processes", counted(elsewhere, "cell")));
+    }
+    Ok(Outcome::Done)
+}
+
+/// How a cell ended.
+enum Ran {
+    Whole,
+    /// The time was over first.
+    Stopped,
+    /// Another process works on it.
+    Elsewhere,
+}
+
+fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
+    let split = prepare(&job.plan.data, &job.data, job.kitti.as_deref(), printer)?;
+    let made = || format!("{}: cannot be made", job.out.display());
+    fs::create_dir_all(&job.out).with_context(made)?;
+    let out = job.out.canonicalize().with_context(made)?;
+    let listed = |name: &str, ids: &[String]| {
+        let path = out.join(name);
+        let text = ids.join("\n") + "\n";
+        write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+        Ok::<_, anyhow::Error>(path)
+    };
+    let train_file = listed("train.txt", &split.train)?;
+    let dataset = open_labelled(&job.data, Some(&listed("evaluate.txt", &split.evaluate)?))?;
+    let start = |path: PathBuf| -> Result<(String, String)> {
+        Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
+    };
+    let starts = job.plan.start_files().into_iter().map(start).collect::<Result<_>>()?;
+    let judge = Judge::new(&*dataset)?;
+    Ok(Open { job, train_file, dataset, split, starts, judge })
+}
+
+impl Open<'_> {
+    /// The training config of a cell with its data.
+    fn config(&self, cell: &Cell) -> Table {
+        let mut config = self.job.plan.config(cell);
+        let text = |path: &Path| Value::String(path.display().to_string());
+        set(&mut config, "data", "root", text(&self.job.data));
+        set(&mut config, "data", "split", text(&self.train_file));
+        if let Some(threads) = self.job.threads {
+            set(&mut config, "train", "threads", Value::Integer(threads as i64));
+        }
+        config
+    }
+
+    /// What must be the same for a cell to go on: config, frames, start and program.
+    fn identity(&self, cell: &Cell) -> Result<String> {
+        let mut config = self.job.plan.config(cell);
+        let start = config.get("train").and_then(|train| train.get("start_from")?.as_str()).unwrap_or("nothing");
+        let start = self.starts.get(start).map_or("nothing", String::as_str).to_owned();
+        for (table, field) in [("train", "threads"), ("train", "checkpoint_steps"), ("train", "log_steps")] {
+            if let Some(Value::Table(table)) = config.get_mut(table) {
+                table.remove(field);
+            }
+        }
+        config.remove("validate");
+        let Split { train, evaluate } = &self.split;
+        let identity = serde_json::json!({
+            "config": config,
+            "twin_seed": self.job.plan.data.twin_seed,
+            "train": train.join(" "),
+            "evaluate": evaluate.join(" "),
+            "start": start,
+            "program": env!("CARGO_PKG_VERSION"),
+        });
+        Ok(serde_json::to_string(&identity)? + "\n")
+    }
+
+    fn folder(&self, cell: &Cell) -> PathBuf {
+        self.job.out.join(cell.name())
+    }
+
+    fn run_cell(&mut self, cell: &Cell, printer: &mut Printer) -> Result<Ran> {
+        let Some(folder) = CellFolder::take(&self.folder(cell), &self.identity(cell)?)? else {
+            return Ok(Ran::Elsewhere);
+        };
+        if self.measured(cell).exists() {
+            return Ok(Ran::Whole);
+        }
+        let Job { deadline, threads, .. } = *self.job;
+        printer.status(&format!("{}: {}", cell.name(), self.job.plan.title(&cell.arm)));
+        let config = self.config(cell);
+        if folder.train(&config, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
+            return Ok(Ran::Stopped);
+        }
+        if folder.look(&*self.dataset, threads, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
+            return Ok(Ran::Stopped);
+        }
+        let judged = self.judged(&folder.results())?;
+        let metrics = self.judge.metrics(&judged);
+        let result = CellResult { arm: cell.arm.clone(), seed: cell.seed, steps: folder.steps()?, metrics };
+        let text = serde_json::to_string(&result)? + "\n";
+        write_atomically(&self.measured(cell), |file| file.write_all(text.as_bytes()))?;
+        Ok(Ran::Whole)
+    }
+
+    /// The file that says that a cell is done, and what it gave.
+    fn measured(&self, cell: &Cell) -> PathBuf {
+        self.folder(cell).join("measured.json")
+    }
+
+    fn judged(&self, results: &Path) -> Result<Judged> {
+        let ids = Some(self.split.evaluate.clone());
+        let files = FrameFiles::open(LabelSource::from(&self.dataset), results, ids)?.with_any_classes();
+        Judged::new(&files)
+    }
+
+    /// Every cell of the folder that is done, whoever did it, and the comparisons that they allow.
+    fn results(&mut self) -> Result<Results> {
+        let mut cells = Vec::new();
+        for cell in self.job.plan.cells() {
+            let path = self.measured(&cell);
+            if !path.exists() {
+                continue;
+            }
+            let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+            cells.push(serde_json::from_str(&text).with_context(|| format!("{}: no result", path.display()))?);
+            if !self.judge.has(&cell) {
+                let judged = self.judged(&self.folder(&cell).join("results"))?;
+                self.judge.keep(cell, judged);
+            }
+        }
+        Ok(Results { cells, comparisons: self.judge.comparisons(&self.job.plan) })
+    }
+}
