@@ -4,10 +4,10 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use crate::Frame;
-use crate::ap::{ApAccumulator, ApReport, OverlapSet};
-use crate::ranging::{
-    Bootstrap, FalseAlarm, OperatingPoints, RangingComparison, RangingOptions, RangingReport, Target, match_frame,
-};
+use crate::ap::{ApAccumulator, ApIntervals, ApReport, CurveOutcomes, CurveSpec, OverlapSet};
+use crate::bootstrap::{Bootstrap, Interval};
+use crate::compare::Comparison;
+use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport, Target, match_frame};
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
 ///
@@ -80,17 +80,35 @@ impl Evaluation {
         &self.targets
     }
 
+    /// The outcomes of these curves, in their order; `None` where the devkit would not evaluate one.
+    pub fn curve_outcomes(&self, curves: &[CurveSpec]) -> Vec<Option<CurveOutcomes>> {
+        self.ap.outcomes(curves)
+    }
+
+    /// 95% intervals over frames of the AP of these curves, in their order; `None` where the devkit would not evaluate
+    /// one.
+    pub fn ap_intervals(
+        &self,
+        curves: &[CurveSpec],
+        bootstrap: &Bootstrap,
+    ) -> Vec<Option<ApIntervals<Option<Interval>>>> {
+        CurveOutcomes::intervals(&self.ap.outcomes(curves), self.frames, bootstrap)
+    }
+
     /// These results beside `others` on the same frames; `None` when the labels differ.
-    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<RangingComparison> {
-        let mut comparison = RangingComparison::new(&self.targets, &others.targets, self.frames, bootstrap)?;
-        comparison.identical &= self.ap == others.ap && self.false_alarms == others.false_alarms;
-        Some(comparison)
+    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<Comparison> {
+        Comparison::new(self, others, bootstrap)
+    }
+
+    /// Whether everything that figures are made of is the same, but for the targets.
+    pub(crate) fn says_the_same_as(&self, others: &Self) -> bool {
+        self.ap == others.ap && self.false_alarms == others.false_alarms
     }
 
     /// The report on the frames so far.
     pub fn report(&self) -> Report {
         Report {
-            ap: self.ap.report(),
+            ap: self.ap.report(self.options.bootstrap.as_ref()),
             ranging: RangingReport::new(&self.targets, self.frames, &self.options),
             operating: OperatingPoints::new(&self.targets, &self.false_alarms, self.frames),
             frames: self.frames,

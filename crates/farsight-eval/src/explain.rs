@@ -8,6 +8,7 @@ use farsight_core::overlap::{Block, iou_2d};
 use crate::ap::{ApAccumulator, ClassFrame, MatchOutcome, Matching, Metric, OverlapSet, outcomes};
 use crate::class::Role;
 use crate::difficulty::DifficultyLimit;
+use crate::parts::Part;
 use crate::{Difficulty, EvaluatedClass, Frame};
 
 /// How to look at a frame.
@@ -134,7 +135,8 @@ impl Explainer<'_> {
     fn explain(&self, explanation: &mut Explanation) {
         let level = self.difficulty as usize;
         let min_overlap = self.options.overlaps.min_overlap(self.class, self.options.metric);
-        let matching = Matching { metric: self.options.metric, difficulty: self.difficulty, min_overlap };
+        let matching =
+            Matching { metric: self.options.metric, difficulty: self.difficulty, min_overlap, part: Part::Whole };
         let mut taken = Vec::new();
         let takes_part = |position: usize| !self.is_below(self.class_frame.predictions[position].score);
         let outcomes: Vec<_> = outcomes(self.class_frame, &matching, &mut taken, takes_part).collect();

@@ -56,7 +56,9 @@
 //! | [`text`], `page` | the report for people: tables and notes, HTML and charts |
 
 pub mod ap;
+mod bootstrap;
 pub mod class;
+pub mod compare;
 pub mod difficulty;
 pub mod evaluation;
 pub mod explain;
@@ -66,9 +68,12 @@ pub mod frame;
 mod label_source;
 #[cfg(feature = "page")]
 pub mod page;
+pub mod paired;
+mod parts;
 pub mod ranging;
 pub mod text;
 
+pub use bootstrap::{Bootstrap, Interval};
 pub use class::EvaluatedClass;
 pub use difficulty::Difficulty;
 pub use evaluation::{Evaluation, Report};
@@ -76,3 +81,4 @@ pub use files::{FilesError, FrameFiles, Scores};
 pub use findings::{Finding, Findings};
 pub use frame::{Frame, Prediction};
 pub use label_source::LabelSource;
+pub use parts::{DISTANCE_BINS, HEIGHT_BINS, OCCLUSIONS, Part, TRUNCATIONS};

@@ -25,7 +25,7 @@ fn report(frames: &[Frame]) -> ApReport {
     for frame in frames {
         set.append(ApAccumulator::of_frame(frame));
     }
-    set.report()
+    set.report(None)
 }
 
 fn frames_of_case(case: &Path) -> Vec<Frame> {

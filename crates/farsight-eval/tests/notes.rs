@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)] // Helpers of tests.
 
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
-use farsight_eval::ranging::{Bootstrap, RangingOptions};
-use farsight_eval::{Evaluation, Frame, text};
+use farsight_eval::ranging::RangingOptions;
+use farsight_eval::{Bootstrap, Evaluation, Frame, text};
 
 const OBJECTS: usize = 100;
 

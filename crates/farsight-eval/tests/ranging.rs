@@ -7,10 +7,10 @@ mod common;
 use common::RealSets;
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_eval::ranging::{
-    Bootstrap, FalseAlarm, Group, MATCH_IOU, OperatingPoints, RangingComparison, RangingMetric, RangingOptions,
-    RangingReport, match_frame, targets,
+    FalseAlarm, Group, MATCH_IOU, OperatingPoints, RangingComparison, RangingMetric, RangingOptions, RangingReport,
+    match_frame, targets,
 };
-use farsight_eval::{Difficulty, EvaluatedClass, Frame, Prediction};
+use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Frame, Prediction};
 
 /// How far a figure may be from the independent one, metres or shares: the order of summation.
 const TOLERANCE: f64 = 1e-9;

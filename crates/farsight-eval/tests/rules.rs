@@ -40,7 +40,7 @@ fn prediction(like: &Label, score: f64) -> Prediction {
 }
 
 fn report(labels: Vec<Label>, predictions: Vec<Prediction>) -> ApReport {
-    ApAccumulator::of_frame(&Frame { id: String::new(), labels, predictions }).report()
+    ApAccumulator::of_frame(&Frame { id: String::new(), labels, predictions }).report(None)
 }
 
 fn curve(report: &ApReport, metric: Metric, difficulty: Difficulty) -> &Curve {

@@ -3,19 +3,23 @@
 use farsight_core::overlap::{Block, covered_share_2d, iou_2d};
 use farsight_core::{Label, ObjectClass};
 
+use super::scores::ScoredDetection;
 use super::{Metric, Overlaps};
 use crate::class::Role;
+use crate::parts::Bins;
 use crate::{Difficulty, EvaluatedClass, Frame, Prediction};
 
 /// The objects that matter to a class in one frame, and the detections that overlap them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ClassFrame {
+    /// Position of the frame in the set.
+    pub(super) frame: u32,
     /// Objects of the class and its neighbours, in file order.
     pub objects: Vec<FrameObject>,
     /// Detections that overlap one of them, or a `DontCare` region, enough to matter; in file order.
     pub predictions: Vec<FramePrediction>,
-    /// Scores of all detections of the class with the size that they count at.
-    pub(super) scores: Vec<(f64, Option<Difficulty>)>,
+    /// All detections of the class.
+    pub(super) detections: Vec<ScoredDetection>,
 }
 
 /// The frames as one class sees them, in their order.
@@ -37,6 +41,8 @@ pub struct FrameLabel {
     pub index: usize,
     /// The easiest level at which it must be found; `None` for neighbours and objects that never count.
     pub difficulty: Option<Difficulty>,
+    /// Where it stands in the divisions of the data set.
+    pub(crate) bins: Bins,
     /// Observation angle, radians.
     pub alpha_rad: f64,
 }
@@ -50,6 +56,8 @@ pub struct FramePrediction {
     pub is_own: bool,
     /// The easiest level at which it is not too small; `None` when it always is.
     pub size: Option<Difficulty>,
+    /// Its height and distance.
+    pub(crate) bins: Bins,
     /// Its score.
     pub score: f64,
     /// Observation angle, radians.
@@ -75,6 +83,7 @@ pub(super) struct Prepared<'a> {
     label_blocks: Vec<Block>,
     prediction_blocks: Vec<Block>,
     prediction_sizes: Vec<Option<Difficulty>>,
+    prediction_bins: Vec<Bins>,
     /// Positions of the `DontCare` regions.
     dont_care: Vec<usize>,
 }
@@ -101,6 +110,13 @@ impl FramePrediction {
     }
 }
 
+impl FramePrediction {
+    /// As one of the detections of its class in this frame.
+    pub(super) fn scored(&self, frame: u32) -> ScoredDetection {
+        ScoredDetection { score: self.score, frame, size: self.size, bins: self.bins }
+    }
+}
+
 impl<'a> Prepared<'a> {
     pub(super) fn new(frame: &'a Frame) -> Self {
         let size = |prediction: &Prediction| {
@@ -116,6 +132,7 @@ impl<'a> Prepared<'a> {
                 .map(|prediction| Block::new(&prediction.detection.box3d))
                 .collect(),
             prediction_sizes: frame.predictions.iter().map(size).collect(),
+            prediction_bins: frame.predictions.iter().map(|p| Bins::of_detection(&p.detection)).collect(),
             dont_care: labels
                 .filter(|(_, label)| label.class.is_in_any_case(&ObjectClass::DontCare))
                 .map(|(index, _)| index)
@@ -128,9 +145,10 @@ impl<'a> Prepared<'a> {
         let mut objects: Vec<_> = self.frame.labels.iter().enumerate().filter_map(|row| object(class, row)).collect();
         let mut class_frame = ClassFrame::default();
         for (index, prediction) in self.frame.predictions.iter().enumerate() {
-            let (is_own, size) = (classes[index] == Some(class), self.prediction_sizes[index]);
+            let (size, bins) = (self.prediction_sizes[index], self.prediction_bins[index]);
+            let (is_own, score) = (classes[index] == Some(class), prediction.detection.score);
             if is_own {
-                class_frame.scores.push((prediction.detection.score, size));
+                class_frame.detections.push(ScoredDetection { score, frame: 0, size, bins });
             }
             // Large detections of other classes are not there; the smallest ones are in no level's way but all may be
             // taken by an object.
@@ -148,9 +166,8 @@ impl<'a> Prepared<'a> {
             }
             let excuse = if is_own { self.excuse(index) } else { Overlaps::default() };
             if matters || excuse.matter(class) {
-                let Prediction { detection, alpha_rad } = prediction;
-                let (score, alpha_rad) = (detection.score, *alpha_rad);
-                class_frame.predictions.push(FramePrediction { index, is_own, size, score, alpha_rad, excuse });
+                let alpha_rad = prediction.alpha_rad;
+                class_frame.predictions.push(FramePrediction { index, is_own, size, bins, score, alpha_rad, excuse });
             }
         }
         // Kept for the whole set.
@@ -189,7 +206,7 @@ fn object(class: EvaluatedClass, (index, label): (usize, &Label)) -> Option<Fram
         Role::Neighbour => None,
         Role::Other => return None,
     };
-    let label = FrameLabel { index, difficulty, alpha_rad: label.alpha };
+    let label = FrameLabel { index, difficulty, bins: Bins::of_label(label), alpha_rad: label.alpha };
     Some(FrameObject { label, overlapping: Vec::new() })
 }
 

@@ -1,8 +1,10 @@
 //! Who matches whom in one frame: the devkit's two greedy passes (spec rules 11 to 15).
 
 use super::class_frame::PredictionRole;
-use super::{ClassFrame, FramePrediction, Metric, OverlapSet};
-use crate::{Difficulty, EvaluatedClass};
+use super::scores::ScoredDetection;
+use super::{ClassFrame, CurveSpec, FrameLabel, FramePrediction, Metric};
+use crate::Difficulty;
+use crate::parts::Part;
 
 /// Scores at or below this never match (devkit, `NO_DETECTION`).
 const NO_DETECTION: f64 = -1e7;
@@ -14,6 +16,8 @@ pub(crate) struct Matching {
     pub(crate) difficulty: Difficulty,
     /// The overlap that must be exceeded.
     pub(crate) min_overlap: f64,
+    /// Objects elsewhere need not be found.
+    pub(crate) part: Part,
 }
 
 /// What became of an object.
@@ -43,8 +47,19 @@ pub(super) struct Counts {
 }
 
 impl Matching {
-    pub(super) fn new(set: OverlapSet, metric: Metric, class: EvaluatedClass, difficulty: Difficulty) -> Self {
-        Self { metric, difficulty, min_overlap: set.min_overlap(class, metric) }
+    pub(super) fn new(curve: &CurveSpec) -> Self {
+        let CurveSpec { overlaps, metric, class, difficulty, part } = *curve;
+        Self { metric, difficulty, min_overlap: overlaps.min_overlap(class, metric), part }
+    }
+
+    /// Whether the object is one of those that must be found.
+    pub(crate) fn must_be_found(&self, label: &FrameLabel) -> bool {
+        label.counts_at(self.difficulty) && self.part.holds(label.bins)
+    }
+
+    /// Whether the detection is wrong where no object takes it and no region excuses it.
+    pub(super) fn counts(&self, detection: &ScoredDetection) -> bool {
+        detection.size.is_some_and(|size| size <= self.difficulty) && self.part.judges(detection.bins)
     }
 
     /// Whether a `DontCare` region keeps the prediction from being a false positive.
@@ -77,7 +92,7 @@ pub(super) fn first_pass_scores(
         if let Some((position, score)) = best {
             taken[position] = true;
             let counts = class_frame.predictions[position].role_at(matching.difficulty) == PredictionRole::Counts;
-            if counts && object.label.counts_at(matching.difficulty) {
+            if counts && matching.must_be_found(&object.label) {
                 scores.push(score);
             }
         }
@@ -110,7 +125,7 @@ pub(crate) fn outcomes<'a>(
                 PredictionRole::Counts | PredictionRole::Other => {}
             }
         }
-        let must_be_found = object.label.counts_at(matching.difficulty);
+        let must_be_found = matching.must_be_found(&object.label);
         // A prediction of full size replaces a small one, whatever their overlaps.
         let Some(position) = best.map(|(position, _)| position).or(small) else {
             return if must_be_found { MatchOutcome::Missed } else { MatchOutcome::Left };
@@ -140,8 +155,9 @@ pub(super) fn counts(
         }
         if let MatchOutcome::Found(position) | MatchOutcome::Taken(position) = outcome {
             let prediction = &class_frame.predictions[position];
-            let would_count =
-                prediction.role_at(matching.difficulty) == PredictionRole::Counts && !matching.excuses(prediction);
+            let would_count = prediction.role_at(matching.difficulty) == PredictionRole::Counts
+                && matching.part.judges(prediction.bins)
+                && !matching.excuses(prediction);
             counts.matched += usize::from(would_count);
         }
     }

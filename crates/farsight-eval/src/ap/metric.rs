@@ -2,7 +2,8 @@
 
 use farsight_core::overlap::Overlap;
 
-use crate::EvaluatedClass;
+use crate::parts::Part;
+use crate::{Difficulty, EvaluatedClass};
 
 /// What an overlap is measured on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +23,36 @@ pub enum OverlapSet {
     Strict,
     /// 0.5 for cars, 0.25 for others, seen from above and in space; in the image as the strict ones.
     Loose,
+}
+
+/// Which curve: of what, measured how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CurveSpec {
+    /// The overlap that a detection must exceed.
+    pub overlaps: OverlapSet,
+    /// What it is measured on.
+    pub metric: Metric,
+    /// Of which class.
+    pub class: EvaluatedClass,
+    /// Which of its objects must be found.
+    pub difficulty: Difficulty,
+    /// And in which part of the data set. Objects elsewhere may be found; a detection that finds nothing is wrong when
+    /// its own height or distance lies in the part. No detection says how hidden it is, so in a part by occlusion or
+    /// truncation all of them are.
+    pub part: Part,
+}
+
+impl CurveSpec {
+    /// The devkit's curve: the whole data set.
+    pub fn new(overlaps: OverlapSet, metric: Metric, class: EvaluatedClass, difficulty: Difficulty) -> Self {
+        Self { overlaps, metric, class, difficulty, part: Part::Whole }
+    }
+
+    /// The same over a part of the data set.
+    #[must_use]
+    pub fn of_part(self, part: Part) -> Self {
+        Self { part, ..self }
+    }
 }
 
 impl Metric {

@@ -5,7 +5,8 @@ use serde::ser::{SerializeMap, Serializer};
 
 use super::curve::{percent_r11, percent_r40};
 use super::scores::ScoreRange;
-use super::{Curve, Metric, OverlapSet};
+use super::{Curve, CurveSpec, DrawnAp, Metric, OverlapSet};
+use crate::bootstrap::Interval;
 use crate::{Difficulty, EvaluatedClass};
 
 /// All curves of a result set.
@@ -13,6 +14,8 @@ use crate::{Difficulty, EvaluatedClass};
 pub struct ApReport {
     /// By overlap set, metric, class and difficulty; `None` where the devkit evaluates nothing.
     curves: Vec<Option<Curve>>,
+    /// Intervals of the same curves; `None` where there are none or nobody asked.
+    intervals: Vec<Option<ApIntervals<Option<Interval>>>>,
     /// How many detections each class has, with which scores.
     scores: [ScoreRange; 3],
     /// Whether every detection states its angle, so that AOS can be computed.
@@ -26,6 +29,20 @@ pub struct ApValues {
     pub r40: [f64; 3],
     /// Over 11 points of recall.
     pub r11: [f64; 3],
+    /// Their 95% intervals over frames, when they were asked for; in JSON `r40_interval` and `r11_interval`.
+    #[serde(flatten)]
+    pub intervals: Option<ApIntervals<[Option<Interval>; 3]>>,
+}
+
+/// 95% intervals over frames of average precision, percent: of one curve, or of the three difficulties.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ApIntervals<T> {
+    /// Over 40 points of recall.
+    #[serde(rename = "r40_interval")]
+    pub r40: T,
+    /// Over 11 points of recall.
+    #[serde(rename = "r11_interval")]
+    pub r11: T,
 }
 
 /// AP of every class under one overlap set; in JSON class, metric, recall points.
@@ -38,9 +55,36 @@ pub struct ApTable<'a> {
 /// AP of one class; in JSON a map from metric.
 struct ClassTable<'a>(ApTable<'a>, EvaluatedClass);
 
+impl ApIntervals<Option<Interval>> {
+    /// The intervals that these resamples give.
+    pub(super) fn of(resamples: &[DrawnAp]) -> Self {
+        let interval = |of: fn(&DrawnAp) -> f64| Interval::of(&mut resamples.iter().map(of).collect());
+        Self { r40: interval(|ap| ap.r40), r11: interval(|ap| ap.r11) }
+    }
+}
+
 impl ApReport {
-    pub(super) fn new(curves: Vec<Option<Curve>>, scores: [ScoreRange; 3], has_orientation: bool) -> Self {
-        Self { curves, scores, has_orientation }
+    /// How many curves there are at most.
+    pub(super) const CURVES: usize =
+        OverlapSet::ALL.len() * Metric::ALL.len() * EvaluatedClass::ALL.len() * Difficulty::ALL.len();
+
+    pub(super) fn new(
+        curves: Vec<Option<Curve>>,
+        intervals: Vec<Option<ApIntervals<Option<Interval>>>>,
+        scores: [ScoreRange; 3],
+        has_orientation: bool,
+    ) -> Self {
+        Self { curves, intervals, scores, has_orientation }
+    }
+
+    /// Where a curve of the whole data set stands.
+    pub(super) fn place(curve: &CurveSpec) -> usize {
+        let CurveSpec { overlaps, metric, class, difficulty, .. } = *curve;
+        // In the image the two sets are the same.
+        let overlaps = if metric == Metric::Image { OverlapSet::Strict } else { overlaps };
+        let row =
+            (overlaps as usize * Metric::ALL.len() + metric as usize) * EvaluatedClass::ALL.len() + class as usize;
+        row * Difficulty::ALL.len() + difficulty as usize
     }
 
     /// The scores of the detections of one class.
@@ -56,15 +100,18 @@ impl ApReport {
         class: EvaluatedClass,
         difficulty: Difficulty,
     ) -> Option<&Curve> {
-        // In the image the two sets are the same.
-        let set = if metric == Metric::Image { OverlapSet::Strict } else { set };
-        let row = (set as usize * Metric::ALL.len() + metric as usize) * EvaluatedClass::ALL.len() + class as usize;
-        self.curves.get(row * Difficulty::ALL.len() + difficulty as usize)?.as_ref()
+        self.curves.get(Self::place(&CurveSpec::new(set, metric, class, difficulty)))?.as_ref()
     }
 
     /// AP of one class in one metric; `None` when it is not evaluated.
     pub fn ap(&self, set: OverlapSet, metric: Metric, class: EvaluatedClass) -> Option<ApValues> {
-        self.values(set, metric, class, |curve| Some(curve.precision))
+        let values = self.values(set, metric, class, |curve| Some(curve.precision))?;
+        let intervals = Difficulty::ALL
+            .map(|difficulty| self.intervals[Self::place(&CurveSpec::new(set, metric, class, difficulty))]);
+        let has_any = intervals.iter().any(Option::is_some);
+        let all = |of: fn(ApIntervals<Option<Interval>>) -> Option<Interval>| intervals.map(|curve| curve.and_then(of));
+        let intervals = has_any.then(|| ApIntervals { r40: all(|curve| curve.r40), r11: all(|curve| curve.r11) });
+        Some(ApValues { intervals, ..values })
     }
 
     /// Average orientation similarity of one class; `None` when it is not evaluated or a detection has no angle.
@@ -84,7 +131,7 @@ impl ApReport {
         class: EvaluatedClass,
         points: impl Fn(&Curve) -> Option<[f64; super::RECALL_POINTS]>,
     ) -> Option<ApValues> {
-        let mut values = ApValues { r40: [0.0; 3], r11: [0.0; 3] };
+        let mut values = ApValues { r40: [0.0; 3], r11: [0.0; 3], intervals: None };
         for difficulty in Difficulty::ALL {
             let points = points(self.curve(set, metric, class, difficulty)?)?;
             values.r40[difficulty as usize] = percent_r40(&points);

@@ -1,7 +1,8 @@
 //! Which charts the page has.
 
 use crate::ap::{Metric, OverlapSet};
-use crate::ranging::{ClassRanging, GroupRanging, RangingMetric, bin_middle_m};
+use crate::parts::bin_middle_m;
+use crate::ranging::{ClassRanging, GroupRanging, RangingMetric};
 use crate::{Difficulty, EvaluatedClass, Report};
 
 use super::chart::{Chart, Series};

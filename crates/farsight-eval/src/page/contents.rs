@@ -3,7 +3,7 @@
 use image::RgbImage;
 
 use super::worst::WorstFrame;
-use crate::ranging::RangingComparison;
+use crate::compare::Comparison;
 use crate::{Findings, Frame, Report};
 
 /// What the page tells.
@@ -16,7 +16,7 @@ pub struct Page<'a> {
     /// What was odd about the files.
     pub findings: &'a Findings,
     /// The comparison with other results.
-    pub comparison: Option<&'a RangingComparison>,
+    pub comparison: Option<&'a Comparison>,
     /// The frames with the largest errors.
     pub worst: &'a [ShownFrame],
 }

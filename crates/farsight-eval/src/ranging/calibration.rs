@@ -3,7 +3,8 @@
 use serde::Serialize;
 
 use super::matching::Target;
-use super::slices::{Group, Part, Slice};
+use super::slices::{Group, Slice};
+use crate::parts::Part;
 
 /// How often the true z lies within one and two standard deviations of the predicted one. For errors of a normal
 /// distribution the shares are 0.683 and 0.954; smaller ones say that the detector is too sure of itself.
@@ -48,7 +49,7 @@ pub struct CoverageRow {
 impl Calibration {
     /// The calibration over the found ones of `targets`; `None` when no detection carries an error bar.
     pub(super) fn new(targets: &[&Target]) -> Option<Self> {
-        let [distances, ..] = Part::tables();
+        let [_, distances, ..] = Part::divisions();
         let parts = std::iter::once(("all", Part::Whole)).chain(distances);
         let rows: Vec<_> = parts.filter_map(|(name, part)| CoverageRow::new(name, part, targets)).collect();
         (!rows.is_empty()).then(|| Self { rows, coverage: coverage(targets) })

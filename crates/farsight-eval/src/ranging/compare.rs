@@ -2,12 +2,13 @@
 
 use serde::Serialize;
 
-use super::bootstrap::{Bootstrap, Interval};
 use super::matching::Target;
 use super::metrics::{RangingMetric, RangingMetrics};
-use super::slices::{Group, Part, Slice};
+use super::slices::{Group, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
+use crate::bootstrap::{Bootstrap, Interval};
+use crate::parts::Part;
 
 /// Ranging figures of two detectors side by side.
 ///
@@ -67,9 +68,7 @@ impl RangingComparison {
     ///
     /// Returns `None` when the labels differ.
     pub fn new(ours: &[Target], theirs: &[Target], frames: usize, bootstrap: &Bootstrap) -> Option<Self> {
-        let is_same =
-            |(a, b): (&Target, &Target)| Target { found: None, ..a.clone() } == Target { found: None, ..b.clone() };
-        if ours.len() != theirs.len() || !ours.iter().zip(theirs).all(is_same) {
+        if !same_objects(ours, theirs) {
             return None;
         }
         let rows = EvaluatedClass::ALL.into_iter().filter_map(|class| {
@@ -80,13 +79,19 @@ impl RangingComparison {
     }
 }
 
+/// Whether two sets of targets are of the same labels in the same order.
+pub(crate) fn same_objects(ours: &[Target], theirs: &[Target]) -> bool {
+    let unfound = |target: &Target| Target { found: None, ..target.clone() };
+    ours.len() == theirs.len() && ours.iter().zip(theirs).all(|(a, b)| unfound(a) == unfound(b))
+}
+
 fn rows_of_class(
     class: EvaluatedClass,
     pairs: &[(&Target, &Target)],
     frames: usize,
     bootstrap: &Bootstrap,
 ) -> Vec<ComparisonRow> {
-    let [distances, ..] = Part::tables();
+    let [_, distances, ..] = Part::divisions();
     let parts: Vec<_> = std::iter::once(("all", Part::Whole)).chain(distances).collect();
     let named: Vec<_> = Group::ALL.iter().flat_map(|group| parts.iter().map(move |part| (*group, *part))).collect();
     let slices: Vec<_> = named.iter().map(|(group, (_, part))| Slice { group: *group, part: *part }).collect();
@@ -122,7 +127,7 @@ impl Paired {
     }
 
     /// Both detectors' figures of each slice, NaN where there is none.
-    fn values(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<RangingMetrics<[f64; 2]>> {
+    fn values(&self, slices: &[Slice], drawn: Option<&[u32]>) -> Vec<RangingMetrics<[f64; 2]>> {
         let figures = |tallies: &[Tallies; 2]| {
             tallies.each_ref().map(|t| t.of_slices(slices, drawn).iter().map(Tally::metrics).collect::<Vec<_>>())
         };
@@ -142,5 +147,33 @@ impl Difference {
         let difference = value - against;
         let excludes_zero = interval.is_some_and(|i| i.excludes_zero());
         difference.is_finite().then_some(Self { value, against, difference, interval, excludes_zero })
+    }
+}
+
+/// One figure of two detectors over one slice, by frame.
+pub(crate) struct PairedTallies {
+    metric: RangingMetric,
+    arms: [Tallies; 2],
+    slice: Slice,
+}
+
+impl PairedTallies {
+    /// From the targets of both, which must be of the same objects.
+    pub(crate) fn new(targets: [&[Target]; 2], metric: RangingMetric, class: EvaluatedClass, slice: Slice) -> Self {
+        let [ours, theirs] = targets;
+        let pairs = || {
+            let of_slice = ours.iter().zip(theirs).filter(move |(ours, _)| ours.class == class && slice.holds(ours));
+            // Shares are of all objects, errors of those that both found.
+            of_slice.filter(move |(a, b)| metric == RangingMetric::Share || (a.found.is_some() && b.found.is_some()))
+        };
+        Self { metric, arms: [Tallies::new(pairs().map(|p| p.0)), Tallies::new(pairs().map(|p| p.1))], slice }
+    }
+
+    /// The figure of both, NaN where there is none.
+    pub(crate) fn values(&self, drawn: Option<&[u32]>) -> [f64; 2] {
+        self.arms.each_ref().map(|tallies| {
+            let tally = tallies.of_slices(&[self.slice], drawn);
+            tally.first().and_then(|tally| tally.metrics().get(self.metric)).unwrap_or(f64::NAN)
+        })
     }
 }

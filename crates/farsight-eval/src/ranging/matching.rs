@@ -17,6 +17,8 @@ pub struct Target {
     pub class: EvaluatedClass,
     /// The easiest level at which it counts; `None` when it counts at none.
     pub difficulty: Option<Difficulty>,
+    /// Height of its 2D box, pixels.
+    pub height_px: f64,
     /// KITTI's occlusion, 0 to 3.
     pub occlusion: i32,
     /// Share outside the image.
@@ -120,6 +122,7 @@ fn target(label: &Label, [frame, position]: [u32; 2]) -> Option<Target> {
         label: position,
         class,
         difficulty: Difficulty::of(label),
+        height_px: label.box2d.height(),
         occlusion,
         truncation,
         depth_m,

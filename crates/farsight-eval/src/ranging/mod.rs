@@ -13,7 +13,6 @@
 //! let report = RangingReport::new(&found, frames.len(), &options);
 //! ```
 
-mod bootstrap;
 mod calibration;
 mod compare;
 mod matching;
@@ -21,18 +20,15 @@ mod metrics;
 mod operating;
 mod options;
 mod report;
-mod seeds;
 mod slices;
 mod tally;
 
-pub use bootstrap::{Bootstrap, Interval};
 pub use calibration::{Calibration, CoveragePoint, CoverageRow};
 pub use compare::{ComparisonRow, Difference, RangingComparison};
+pub(crate) use compare::{PairedTallies, same_objects};
 pub use matching::{FalseAlarm, Measurement, Target, match_frame, targets};
 pub use metrics::{RangingMetric, RangingMetrics};
 pub use operating::{OperatingPoint, OperatingPoints};
 pub use options::{MATCH_IOU, RangingOptions};
 pub use report::{ClassRanging, FIXED_RECALL, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};
-pub use seeds::{SeedDifference, compare_seeds};
-pub(crate) use slices::bin_middle_m;
-pub use slices::{DISTANCE_BINS, Group, Part, Slice};
+pub use slices::{Group, Slice};

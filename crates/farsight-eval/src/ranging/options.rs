@@ -1,6 +1,6 @@
 //! What can be chosen about the ranging protocol.
 
-use super::bootstrap::Bootstrap;
+use crate::bootstrap::Bootstrap;
 
 /// A detection finds an object when their 2D boxes overlap by at least this much, unless the options say otherwise.
 pub const MATCH_IOU: f64 = 0.5;

@@ -3,14 +3,15 @@
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
-use super::bootstrap::{Bootstrap, Interval};
 use super::calibration::Calibration;
 use super::matching::Target;
 use super::metrics::{RangingMetric, RangingMetrics};
 use super::options::RangingOptions;
-use super::slices::{Group, Part, Slice};
+use super::slices::{Group, Slice};
 use super::tally::{Tallies, Tally};
 use crate::EvaluatedClass;
+use crate::bootstrap::{Bootstrap, Interval};
+use crate::parts::Part;
 
 /// The share of objects at which detectors are compared on equal terms.
 pub const FIXED_RECALL: f64 = 0.7;
@@ -44,6 +45,8 @@ pub struct GroupRanging {
     /// at all.
     #[serde(rename = "recall_0.7")]
     pub fixed_recall: Option<FixedRecall>,
+    /// By height in the image.
+    pub by_height: Named<SliceErrors>,
     /// By true z.
     pub by_distance: Named<SliceErrors>,
     /// By KITTI's occlusion level.
@@ -128,11 +131,12 @@ impl ClassRanging {
         let groups = Group::ALL.map(|group| {
             let members: Vec<_> = targets.iter().copied().filter(|target| group.holds(target.difficulty)).collect();
             let mut whole = table(vec![("", Part::Whole)]).0;
-            let [by_distance, by_occlusion, by_truncation] = Part::tables().map(&mut table);
+            let [by_height, by_distance, by_occlusion, by_truncation] = Part::divisions().map(&mut table);
             GroupRanging {
                 group,
                 whole: whole.remove(0).1,
                 fixed_recall: FixedRecall::new(group, &members, frames, bootstrap),
+                by_height,
                 by_distance,
                 by_occlusion,
                 by_truncation,

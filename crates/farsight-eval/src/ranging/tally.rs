@@ -101,10 +101,10 @@ impl Tallies {
     }
 
     /// The tally of each slice; `drawn` says how often each frame counts, `None` that each counts once.
-    pub(super) fn of_slices(&self, slices: &[Slice], drawn: Option<&[f64]>) -> Vec<Tally> {
+    pub(super) fn of_slices(&self, slices: &[Slice], drawn: Option<&[u32]>) -> Vec<Tally> {
         let mut of_cells = vec![Tally::default(); self.cells.len()];
         for (frame, cell, tally) in &self.entries {
-            let weight = drawn.map_or(1.0, |drawn| drawn[*frame]);
+            let weight = drawn.map_or(1.0, |drawn| f64::from(drawn[*frame]));
             if weight > 0.0 {
                 of_cells[*cell].add(tally, weight);
             }

@@ -2,6 +2,8 @@
 #![allow(dead_code, unreachable_pub)] // Each test file is a crate of its own and uses a part.
 #![allow(clippy::unwrap_used)] // Helpers of tests.
 
+pub mod awkward;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -9,8 +9,8 @@ use farsight_data::kitti::rows::{rows_from_text, rows_from_text_lenient};
 use farsight_data::kitti::{Calibration, DevkitRow, RowKind, rows_as_devkit};
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::explain::{ExplainOptions, explain};
-use farsight_eval::ranging::{Bootstrap, RangingOptions};
-use farsight_eval::{Evaluation, Frame, Prediction};
+use farsight_eval::ranging::RangingOptions;
+use farsight_eval::{Bootstrap, Evaluation, Frame, Prediction};
 
 const LABELS: &str = "\
 Car 0.00 0 1.55 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 1.62

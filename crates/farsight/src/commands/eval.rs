@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use farsight_eval::ap::Metric;
+use farsight_eval::compare::Comparison;
 use farsight_eval::page::Page;
-use farsight_eval::ranging::{Bootstrap, MATCH_IOU, RangingComparison, RangingOptions};
-use farsight_eval::{Evaluation, Findings, FrameFiles, LabelSource, Report, Scores, text};
+use farsight_eval::ranging::{MATCH_IOU, RangingOptions};
+use farsight_eval::{Bootstrap, Evaluation, Findings, FrameFiles, LabelSource, Report, Scores, text};
 use farsight_files::write_quickly;
 use serde::Serialize;
 
@@ -59,7 +60,7 @@ pub(crate) struct EvalArgs {
     /// Images to draw the worst frames on (KITTI's `training/image_2`, with `calib` beside it)
     #[arg(long, value_name = "DIR", requires = "report")]
     images: Option<PathBuf>,
-    /// Other results to compare distances with, frame by frame
+    /// Other results to compare AP and distances with, frame by frame
     #[arg(long, value_name = "DIR")]
     against: Option<PathBuf>,
     /// Tell what became of each object and detection of this frame, instead of evaluating
@@ -132,7 +133,7 @@ struct Answer<'a> {
     scores: Scores,
     findings: &'a Findings,
     #[serde(skip_serializing_if = "Option::is_none")]
-    against: Option<&'a RangingComparison>,
+    against: Option<&'a Comparison>,
 }
 
 /// Runs the command.
@@ -184,7 +185,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 /// Prints what was found out, for people to read.
-fn print(args: &EvalArgs, report: &Report, comparison: Option<&RangingComparison>, printer: &mut Printer) {
+fn print(args: &EvalArgs, report: &Report, comparison: Option<&Comparison>, printer: &mut Printer) {
     for line in text::lines(report) {
         printer.line(&line);
     }
@@ -296,7 +297,7 @@ fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -
     Ok(files.with_results(against)?.evaluate(&RangingOptions { bootstrap: None, ..options.clone() })?)
 }
 
-fn compare(args: &EvalArgs, labels: &LabelSource, theirs: &Evaluation, ours: &Evaluation) -> Result<RangingComparison> {
+fn compare(args: &EvalArgs, labels: &LabelSource, theirs: &Evaluation, ours: &Evaluation) -> Result<Comparison> {
     let bootstrap = Bootstrap { resamples: args.resamples, seed: args.seed };
     ours.compared_with(theirs, &bootstrap).with_context(|| format!("{labels}: the labels changed while they were read"))
 }
@@ -306,7 +307,7 @@ fn write_json(
     scores: Scores,
     report: &Report,
     findings: &Findings,
-    against: Option<&RangingComparison>,
+    against: Option<&Comparison>,
 ) -> Result<()> {
     let serde_json::Value::Object(report) = serde_json::to_value(report)? else {
         bail!("the report is no JSON object");

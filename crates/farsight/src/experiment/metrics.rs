@@ -24,29 +24,40 @@ pub(crate) enum Metric {
     /// AP in bird's-eye view at 0.5.
     #[serde(rename = "bev_05")]
     Bev05,
+    /// AP 3D at 0.5 of cars from 40 to 50 m.
+    #[serde(rename = "ap3d_05_far")]
+    Ap3d05Far,
+    /// Of cars from 25 to 40 pixels high.
+    #[serde(rename = "ap3d_05_small")]
+    Ap3d05Small,
+    /// Of largely hidden cars (Hard).
+    #[serde(rename = "ap3d_05_occluded")]
+    Ap3d05Occluded,
     /// AP of boxes in the image at 0.7.
     Ap2d,
     /// Mean absolute error of z, metres.
     Mae,
     /// Root of the mean squared error of z, metres.
     Rmse,
-    /// Mean absolute error of z of cars from 40 m on, metres.
+    /// Mean absolute error of z of cars from 40 to 50 m, metres.
     MaeFar,
     /// Of cars from 25 to 40 pixels high.
     MaeSmall,
-    /// Of cars that are partly or largely hidden.
+    /// Of largely hidden cars (Hard).
     MaeOccluded,
     /// Share of the cars that are found, 0 to 1.
     Found,
-    /// Share of the cars from 40 m on that are found.
+    /// Share of the cars from 40 to 50 m that are found.
     FoundFar,
-    /// Share of the partly or largely hidden cars that are found.
+    /// Share of the cars from 25 to 40 pixels high that are found.
+    FoundSmall,
+    /// Share of the largely hidden cars that are found (Hard).
     FoundOccluded,
 }
 
 impl Metric {
     /// All of them.
-    pub(crate) const ALL: [Self; 17] = [
+    pub(crate) const ALL: [Self; 21] = [
         Self::Ap3d,
         Self::Ap3dEasy,
         Self::Ap3dHard,
@@ -55,6 +66,9 @@ impl Metric {
         Self::BevHard,
         Self::Ap3d05,
         Self::Bev05,
+        Self::Ap3d05Far,
+        Self::Ap3d05Small,
+        Self::Ap3d05Occluded,
         Self::Ap2d,
         Self::Mae,
         Self::Rmse,
@@ -63,6 +77,7 @@ impl Metric {
         Self::MaeOccluded,
         Self::Found,
         Self::FoundFar,
+        Self::FoundSmall,
         Self::FoundOccluded,
     ];
 
@@ -73,7 +88,7 @@ impl Metric {
 
     /// Whether it is average precision.
     pub(crate) fn is_ap(self) -> bool {
-        !self.is_error() && !matches!(self, Self::Found | Self::FoundFar | Self::FoundOccluded)
+        !self.is_error() && !matches!(self, Self::Found | Self::FoundFar | Self::FoundSmall | Self::FoundOccluded)
     }
 
     /// What tables call it.
@@ -87,15 +102,19 @@ impl Metric {
             Self::BevHard => "AP bird's-eye, Hard",
             Self::Ap3d05 => "AP 3D at 0.5",
             Self::Bev05 => "AP bird's-eye at 0.5",
+            Self::Ap3d05Far => "AP 3D at 0.5, 40 to 50 m",
+            Self::Ap3d05Small => "AP 3D at 0.5, 25 to 40 px high",
+            Self::Ap3d05Occluded => "AP 3D at 0.5, largely hidden",
             Self::Ap2d => "AP 2D",
             Self::Mae => "MAE",
             Self::Rmse => "RMSE",
-            Self::MaeFar => "MAE from 40 m on",
+            Self::MaeFar => "MAE, 40 to 50 m",
             Self::MaeSmall => "MAE, 25 to 40 px high",
-            Self::MaeOccluded => "MAE, occluded",
+            Self::MaeOccluded => "MAE, largely hidden",
             Self::Found => "found",
-            Self::FoundFar => "found from 40 m on",
-            Self::FoundOccluded => "found, occluded",
+            Self::FoundFar => "found, 40 to 50 m",
+            Self::FoundSmall => "found, 25 to 40 px high",
+            Self::FoundOccluded => "found, largely hidden",
         }
     }
 

@@ -48,41 +48,33 @@ pub(crate) struct Comparison {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) claim: Option<f64>,
     pub(crate) verdict: Verdict,
+    /// Whether an effect as large as claimed is ruled out: with `Supported`, it is smaller or larger.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub(crate) excludes_claim: bool,
 }
 
-/// What an interval says.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands out references")]
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
+/// What an interval says, corrected for the number of metrics in a comparison (Holm).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Verdict {
-    /// Of a claim: the interval lies on the claimed side of zero and does not lie short of the claim.
+    /// Of a claim: there is an effect in its direction.
     Supported,
-    /// Of a claim: the whole interval lies short of it. The sign may be right all the same.
+    /// Of a claim: its effect is ruled out and none in its direction is shown, or one in the other direction is.
     Refuted,
-    /// Without a claim: the whole interval is on the better side of zero.
+    /// Without a claim: there is an effect for the better.
     Better,
-    /// Without a claim: the whole interval is on the worse side of zero.
+    /// Without a claim: there is one for the worse.
     Worse,
-    /// The interval leaves it open, or there are too few seeds.
+    /// Neither, or there are too few seeds.
     Undecided,
 }
 
 impl Verdict {
-    /// What `interval` says about a `claim` or, without one, about zero; never anything with too few seeds.
-    pub(crate) fn of(interval: Option<[f64; 2]>, claim: Option<f64>, metric: Metric, has_seeds: bool) -> Self {
-        let Some(interval) = interval.filter(|_| has_seeds) else { return Self::Undecided };
-        // Towards the better is up from here on.
-        let sign = if metric.is_error() { -1.0 } else { 1.0 };
-        let [a, b] = interval.map(|end| sign * end);
-        let (low, high) = (a.min(b), a.max(b));
-        match claim.map(|claim| sign * claim) {
-            Some(claim) if high < claim => Self::Refuted,
-            Some(_) if low > 0.0 => Self::Supported,
-            None if low > 0.0 => Self::Better,
-            None if high < 0.0 => Self::Worse,
-            _ => Self::Undecided,
-        }
-    }
-
     /// Its word.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -123,25 +115,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn verdicts_follow_from_interval_claim_and_direction() {
-        let judge = |interval, claim, metric| Verdict::of(Some(interval), claim, metric, true);
-        assert_eq!(judge([0.2, 0.9], Some(0.56), Metric::Ap3d), Verdict::Supported);
-        assert_eq!(judge([0.7, 0.9], Some(0.56), Metric::Ap3d), Verdict::Supported);
-        assert_eq!(judge([0.1, 0.5], Some(0.56), Metric::Ap3d), Verdict::Refuted);
-        assert_eq!(judge([-0.4, 0.3], Some(0.56), Metric::Ap3d), Verdict::Refuted);
-        assert_eq!(judge([-0.1, 0.9], Some(0.56), Metric::Ap3d), Verdict::Undecided);
-        // Less is better.
-        assert_eq!(judge([-0.3, -0.1], Some(-0.2), Metric::Mae), Verdict::Supported);
-        assert_eq!(judge([-0.1, 0.1], Some(-0.2), Metric::Mae), Verdict::Refuted);
-        assert_eq!(judge([-0.3, 0.1], Some(-0.2), Metric::Mae), Verdict::Undecided);
-        assert_eq!(judge([-0.3, -0.1], None, Metric::Mae), Verdict::Better);
-        assert_eq!(judge([0.1, 0.3], None, Metric::Mae), Verdict::Worse);
-        assert_eq!(judge([0.1, 0.3], None, Metric::Found), Verdict::Better);
-        assert_eq!(Verdict::of(Some([0.2, 0.9]), Some(0.56), Metric::Ap3d, false), Verdict::Undecided);
-        assert_eq!(Verdict::of(None, None, Metric::Ap3d, true), Verdict::Undecided);
-    }
-
-    #[test]
     fn a_file_comes_back_and_has_a_line_for_each_cell() {
         let cell = |seed| CellResult {
             arm: "smoke".to_owned(),
@@ -158,6 +131,7 @@ mod tests {
             interval: Some([-0.2, 0.0]),
             claim: Some(-0.2),
             verdict: Verdict::Undecided,
+            excludes_claim: false,
         };
         let results = Results { cells: vec![cell(1), cell(2)], comparisons: vec![comparison] };
         let folder = tempfile::tempdir().unwrap();

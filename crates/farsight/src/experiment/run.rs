@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use farsight_data::{Dataset, open_labelled};
-use farsight_eval::{FrameFiles, LabelSource};
+use farsight_eval::{Evaluation, FrameFiles, LabelSource};
 use farsight_files::write_atomically;
 use farsight_graph::weights::Weights;
 use toml::{Table, Value};
@@ -16,7 +16,7 @@ use toml::{Table, Value};
 use super::cell::{CellFolder, Step, is_over};
 use super::plan::set;
 use super::results::CellResult;
-use super::statistics::{Judge, Judged};
+use super::statistics::{self, Judge};
 use super::twins::{Split, prepare};
 use super::{Cell, Experiment, Results, tables};
 use crate::commands::Outcome;
@@ -107,8 +107,7 @@ fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
         Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
     };
     let starts = job.plan.start_files().into_iter().map(start).collect::<Result<_>>()?;
-    let judge = Judge::new(&*dataset)?;
-    Ok(Open { job, train_file, dataset, split, starts, judge })
+    Ok(Open { job, train_file, dataset, split, starts, judge: Judge::default() })
 }
 
 impl Open<'_> {
@@ -167,8 +166,7 @@ impl Open<'_> {
         if folder.look(&*self.dataset, threads, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
             return Ok(Ran::Stopped);
         }
-        let judged = self.judged(&folder.results())?;
-        let metrics = self.judge.metrics(&judged);
+        let metrics = statistics::metrics(&self.evaluation(&folder.results())?)?;
         let result = CellResult { arm: cell.arm.clone(), seed: cell.seed, steps: folder.steps()?, metrics };
         let text = serde_json::to_string(&result)? + "\n";
         write_atomically(&self.measured(cell), |file| file.write_all(text.as_bytes()))?;
@@ -180,10 +178,10 @@ impl Open<'_> {
         self.folder(cell).join("measured.json")
     }
 
-    fn judged(&self, results: &Path) -> Result<Judged> {
+    fn evaluation(&self, results: &Path) -> Result<Evaluation> {
         let ids = Some(self.split.evaluate.clone());
         let files = FrameFiles::open(LabelSource::from(&self.dataset), results, ids)?.with_any_classes();
-        Judged::new(&files)
+        statistics::evaluation(&files)
     }
 
     /// Every cell of the folder that is done, whoever did it, and the comparisons that they allow.
@@ -197,10 +195,10 @@ impl Open<'_> {
             let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
             cells.push(serde_json::from_str(&text).with_context(|| format!("{}: no result", path.display()))?);
             if !self.judge.has(&cell) {
-                let judged = self.judged(&self.folder(&cell).join("results"))?;
-                self.judge.keep(cell, judged);
+                let evaluation = self.evaluation(&self.folder(&cell).join("results"))?;
+                self.judge.keep(cell, evaluation);
             }
         }
-        Ok(Results { cells, comparisons: self.judge.comparisons(&self.job.plan) })
+        Ok(Results { cells, comparisons: self.judge.comparisons(&self.job.plan)? })
     }
 }

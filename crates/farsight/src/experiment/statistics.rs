@@ -2,186 +2,177 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Result;
-use farsight_data::Dataset;
-use farsight_eval::ap::{Metric as ApMetric, OverlapSet};
-use farsight_eval::ranging::{
-    Bootstrap, Group, RangingMetric, RangingOptions, SeedDifference, Target, compare_seeds,
-};
-use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
+use anyhow::{Context, Result};
+use farsight_eval::ap::{CurveSpec, Metric as ApMetric, OverlapSet};
+use farsight_eval::paired::{self, ClaimedEffect, Endpoint, PairedDifference, PairedRuns, holm, judge};
+use farsight_eval::ranging::{Group, RangingMetric, RangingOptions, Slice};
+use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Evaluation, FrameFiles, Part};
 
 use super::plan::PlannedComparison;
 use super::results::{Comparison, Verdict};
 use super::{Cell, Experiment, Metric};
 
-/// From here on a car is far, metres.
-const FAR_M: f64 = 40.0;
+/// The chance of a false alarm that a verdict takes, over all metrics of a comparison.
+const SIGNIFICANCE: f64 = 0.05;
 
-/// Below this a car is small, pixels of the image; KITTI's limit of Easy.
-const SMALL_PX: f64 = 40.0;
-
-/// The answers of a cell beside the labels.
-pub(super) struct Judged {
-    evaluation: Evaluation,
-    report: Report,
+/// Answers beside labels.
+pub(super) fn evaluation(files: &FrameFiles) -> Result<Evaluation> {
+    let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
+    Ok(files.evaluate(&options)?.0)
 }
 
-impl Judged {
-    pub(super) fn new(files: &FrameFiles) -> Result<Self> {
-        let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
-        let (evaluation, _) = files.evaluate(&options)?;
-        let report = evaluation.report();
-        Ok(Self { evaluation, report })
-    }
+/// All figures of one cell.
+pub(super) fn metrics(cell: &Evaluation) -> Result<BTreeMap<Metric, f64>> {
+    // An arm against itself: its own figures, of all that it found.
+    let runs = PairedRuns::new(vec![(cell, cell)]).context("the labels changed while they were read")?;
+    let found = runs.compare(&Metric::ALL.map(endpoint), &Bootstrap { resamples: 0, seed: 0 });
+    let values = Metric::ALL.into_iter().zip(found);
+    Ok(values.filter_map(|(metric, found)| Some((metric, found?.value))).collect())
 }
 
-/// Judges cells of one experiment, all on the same frames.
+/// Cells of one experiment, all on the same frames.
+#[derive(Default)]
 pub(super) struct Judge {
-    /// Heights of the 2D boxes of each frame's labels, pixels.
-    heights_px: Vec<Vec<f64>>,
-    cells: Vec<(Cell, Judged)>,
+    cells: Vec<(Cell, Evaluation)>,
+    /// Comparisons that are made already, with the number of their seeds: a cell more changes few of them.
+    known: BTreeMap<(String, String), (usize, Vec<Comparison>)>,
 }
 
 impl Judge {
-    pub(super) fn new(dataset: &dyn Dataset) -> Result<Self> {
-        let heights = |index: usize| -> Result<Vec<f64>> {
-            Ok(dataset.labels(index)?.iter().map(|label| label.box2d.height()).collect())
-        };
-        Ok(Self { heights_px: (0..dataset.len()).map(heights).collect::<Result<_>>()?, cells: Vec::new() })
-    }
-
     pub(super) fn has(&self, cell: &Cell) -> bool {
         self.cells.iter().any(|(kept, _)| kept == cell)
     }
 
-    pub(super) fn keep(&mut self, cell: Cell, judged: Judged) {
-        self.cells.push((cell, judged));
-    }
-
-    /// All figures of one cell.
-    pub(super) fn metrics(&self, judged: &Judged) -> BTreeMap<Metric, f64> {
-        let value = |metric: Metric| Some((metric, self.value(judged, metric)?));
-        Metric::ALL.into_iter().filter_map(value).collect()
-    }
-
-    fn value(&self, judged: &Judged, metric: Metric) -> Option<f64> {
-        if metric.is_ap() {
-            return Some(average_precision(&judged.report, metric));
-        }
-        let targets = judged.evaluation.targets();
-        // One arm against itself: its own figure, of all that it found.
-        let none = Bootstrap { resamples: 0, seed: 0 };
-        let pairs: [[&[Target]; 2]; 1] = [[targets, targets]];
-        let holds = |target: &Target| self.holds(metric, target);
-        Some(compare_seeds(&pairs, self.heights_px.len(), ranging_metric(metric), holds, &none)?.value)
-    }
-
-    /// Whether an error of this object belongs to the metric.
-    fn holds(&self, metric: Metric, target: &Target) -> bool {
-        let is_level = |level: Difficulty| Group::Level(level).holds(target.difficulty);
-        let is_in = match metric {
-            Metric::MaeFar | Metric::FoundFar => is_level(Difficulty::Moderate) && target.depth_m >= FAR_M,
-            Metric::MaeSmall => {
-                let heights = self.heights_px.get(target.frame as usize);
-                let height = heights.and_then(|heights| heights.get(target.label as usize));
-                is_level(Difficulty::Moderate) && height.is_some_and(|height| *height < SMALL_PX)
-            }
-            // Largely hidden cars count at Hard only.
-            Metric::MaeOccluded | Metric::FoundOccluded => {
-                is_level(Difficulty::Hard) && (1..=2).contains(&target.occlusion)
-            }
-            _ => is_level(Difficulty::Moderate),
-        };
-        target.class == EvaluatedClass::Car && is_in
+    pub(super) fn keep(&mut self, cell: Cell, evaluation: Evaluation) {
+        self.cells.push((cell, evaluation));
     }
 
     /// Every comparison of the plan for which both arms have a seed.
-    pub(super) fn comparisons(&self, plan: &Experiment) -> Vec<Comparison> {
-        let metrics = || plan.endpoints.primary.iter().chain(&plan.endpoints.secondary).copied();
-        let pairs = |planned: &PlannedComparison| {
-            let of = |arm: &str, seed: u64| {
-                self.cells.iter().find(|(cell, _)| cell.arm == arm && cell.seed == seed).map(|(_, judged)| judged)
+    pub(super) fn comparisons(&mut self, plan: &Experiment) -> Result<Vec<Comparison>> {
+        let mut all = Vec::new();
+        for planned in &plan.comparisons {
+            let key = (planned.arm.clone(), planned.against.clone());
+            let pairs = self.pairs(planned);
+            let known = self.known.get(&key).filter(|(seeds, _)| *seeds == pairs.len()).map(|(_, made)| made.clone());
+            let made = match known {
+                Some(made) => made,
+                None if pairs.is_empty() => Vec::new(),
+                None => compared(plan, planned, pairs)?,
             };
-            let ours = self.cells.iter().filter(|(cell, _)| cell.arm == planned.arm);
-            ours.filter_map(|(cell, judged)| Some([judged, of(&planned.against, cell.seed)?])).collect::<Vec<_>>()
-        };
-        let compared = |planned: &PlannedComparison| {
-            let pairs = pairs(planned);
-            metrics().filter_map(|metric| self.compared(plan, planned, metric, &pairs)).collect::<Vec<_>>()
-        };
-        plan.comparisons.iter().flat_map(compared).collect()
+            let seeds = made.first().map_or(0, |comparison| comparison.seeds);
+            self.known.insert(key, (seeds, made.clone()));
+            all.extend(made);
+        }
+        Ok(all)
     }
 
-    fn compared(
-        &self,
-        plan: &Experiment,
-        planned: &PlannedComparison,
-        metric: Metric,
-        pairs: &[[&Judged; 2]],
-    ) -> Option<Comparison> {
-        let bootstrap = Bootstrap { resamples: plan.endpoints.resamples, seed: 0 };
-        let found = if metric.is_ap() {
-            ap_difference(pairs, metric, &bootstrap)?
-        } else {
-            let targets: Vec<[&[Target]; 2]> =
-                pairs.iter().map(|pair| pair.map(|judged| judged.evaluation.targets())).collect();
-            let holds = |target: &Target| self.holds(metric, target);
-            compare_seeds(&targets, self.heights_px.len(), ranging_metric(metric), holds, &bootstrap)?
+    /// The cells of both arms, seed by seed.
+    fn pairs(&self, planned: &PlannedComparison) -> Vec<(&Evaluation, &Evaluation)> {
+        let of = |arm: &str, seed: u64| {
+            let cell = self.cells.iter().find(|(cell, _)| cell.arm == arm && cell.seed == seed);
+            cell.map(|(_, evaluation)| evaluation)
         };
-        let relative = || planned.relative_claims.get(&metric).map(|share| share * found.against);
-        let claim = planned.claims.get(&metric).copied().or_else(relative);
-        let interval = found.interval.map(<[f64; 2]>::from);
-        let has_seeds = pairs.len() >= plan.endpoints.least_seeds;
-        Some(Comparison {
+        let ours = self.cells.iter().filter(|(cell, _)| cell.arm == planned.arm);
+        ours.filter_map(|(cell, ours)| Some((ours, of(&planned.against, cell.seed)?))).collect()
+    }
+}
+
+/// One arm against another by every endpoint; claims, and what nothing is claimed of, are a family each.
+fn compared(
+    plan: &Experiment,
+    planned: &PlannedComparison,
+    pairs: Vec<(&Evaluation, &Evaluation)>,
+) -> Result<Vec<Comparison>> {
+    let seeds = pairs.len();
+    let metrics: Vec<Metric> = plan.endpoints.primary.iter().chain(&plan.endpoints.secondary).copied().collect();
+    let endpoints: Vec<Endpoint> = metrics.iter().map(|metric| endpoint(*metric)).collect();
+    let runs = PairedRuns::new(pairs).context("cells were judged on different labels")?;
+    let bootstrap = Bootstrap { resamples: plan.endpoints.resamples, seed: 0 };
+    let differences = runs.compare(&endpoints, &bootstrap);
+    let found: Vec<(Metric, &PairedDifference)> =
+        metrics.iter().zip(&differences).filter_map(|(metric, found)| Some((*metric, found.as_ref()?))).collect();
+
+    let claim = |metric: &Metric| {
+        let absolute = planned.claims.get(metric).map(|claim| ClaimedEffect::Absolute(*claim));
+        absolute.or_else(|| planned.relative_claims.get(metric).map(|share| ClaimedEffect::Relative(*share)))
+    };
+    let claimed: Vec<(Metric, &PairedDifference, ClaimedEffect)> =
+        found.iter().filter_map(|(metric, difference)| Some((*metric, *difference, claim(metric)?))).collect();
+    let judged = judge(&claimed.iter().map(|(_, difference, claim)| (*difference, *claim)).collect::<Vec<_>>());
+    let open: Vec<(Metric, &PairedDifference)> =
+        found.iter().filter(|(metric, _)| claim(metric).is_none()).copied().collect();
+    let p_zero = holm(&open.iter().map(|(_, difference)| difference.p_value(0.0)).collect::<Vec<_>>());
+
+    let has_seeds = seeds >= plan.endpoints.least_seeds;
+    let comparison = |metric: Metric, difference: &PairedDifference, claim: Option<f64>, verdict: Verdict, short| {
+        Comparison {
             arm: planned.arm.clone(),
             against: planned.against.clone(),
             metric,
-            seeds: pairs.len(),
-            difference: found.difference,
-            interval,
+            seeds,
+            difference: difference.difference,
+            interval: difference.interval.map(<[f64; 2]>::from),
             claim,
-            verdict: Verdict::of(interval, claim, metric, has_seeds),
-        })
-    }
+            verdict: if has_seeds { verdict } else { Verdict::Undecided },
+            excludes_claim: has_seeds && short,
+        }
+    };
+    let of_claims = claimed.iter().zip(judged).map(|((metric, difference, _), judged)| {
+        let verdict = match judged.verdict {
+            paired::Verdict::Supported => Verdict::Supported,
+            paired::Verdict::Refuted => Verdict::Refuted,
+            paired::Verdict::Undecided => Verdict::Undecided,
+        };
+        comparison(*metric, difference, Some(judged.claimed), verdict, judged.excludes_effect)
+    });
+    let of_others = open.iter().zip(p_zero).map(|((metric, difference), p_zero)| {
+        let is_better = (difference.difference < 0.0) == metric.is_error();
+        let verdict = match p_zero < SIGNIFICANCE {
+            true if is_better => Verdict::Better,
+            true => Verdict::Worse,
+            false => Verdict::Undecided,
+        };
+        comparison(*metric, difference, None, verdict, false)
+    });
+    let mut all: Vec<Comparison> = of_claims.chain(of_others).collect();
+    all.sort_by_key(|comparison| metrics.iter().position(|metric| *metric == comparison.metric));
+    Ok(all)
 }
 
-fn ranging_metric(metric: Metric) -> RangingMetric {
-    match metric {
-        Metric::Rmse => RangingMetric::RmseZ,
-        Metric::Found | Metric::FoundFar | Metric::FoundOccluded => RangingMetric::Share,
-        _ => RangingMetric::MaeZ,
-    }
-}
-
-/// The overlap, box and difficulty of an AP.
-fn ap_of(metric: Metric) -> (OverlapSet, ApMetric, Difficulty) {
+/// What the evaluator calls a metric.
+fn endpoint(metric: Metric) -> Endpoint {
     use Difficulty::{Easy, Hard, Moderate};
     use OverlapSet::{Loose, Strict};
-    match metric {
-        Metric::Ap3dEasy => (Strict, ApMetric::Box3d, Easy),
-        Metric::Ap3dHard => (Strict, ApMetric::Box3d, Hard),
-        Metric::Bev => (Strict, ApMetric::Bev, Moderate),
-        Metric::BevEasy => (Strict, ApMetric::Bev, Easy),
-        Metric::BevHard => (Strict, ApMetric::Bev, Hard),
-        Metric::Ap3d05 => (Loose, ApMetric::Box3d, Moderate),
-        Metric::Bev05 => (Loose, ApMetric::Bev, Moderate),
-        Metric::Ap2d => (Strict, ApMetric::Image, Moderate),
-        _ => (Strict, ApMetric::Box3d, Moderate),
-    }
-}
-
-/// Percent; 0 when nothing was found.
-fn average_precision(report: &Report, metric: Metric) -> f64 {
-    let (set, box_metric, level) = ap_of(metric);
-    report.ap.ap(set, box_metric, EvaluatedClass::Car).map_or(0.0, |ap| ap.r40[level as usize])
-}
-
-/// The difference of AP over the seeds.
-fn ap_difference(pairs: &[[&Judged; 2]], metric: Metric, _bootstrap: &Bootstrap) -> Option<SeedDifference> {
-    let mean = |arm: usize| {
-        let values = pairs.iter().map(|pair| average_precision(&pair[arm].report, metric));
-        values.sum::<f64>() / pairs.len() as f64
+    let class = EvaluatedClass::Car;
+    let ap = |overlaps, metric, difficulty, part| {
+        Endpoint::Ap(CurveSpec { part, ..CurveSpec::new(overlaps, metric, class, difficulty) })
     };
-    let [value, against] = [mean(0), mean(1)];
-    (!pairs.is_empty()).then_some(SeedDifference { value, against, difference: value - against, interval: None })
+    let ranging = |metric, level, part| {
+        Endpoint::Ranging { metric, class, slice: Slice { group: Group::Level(level), part } }
+    };
+    // 40 to 50 m; 25 to 40 pixels; largely hidden, which counts at Hard only.
+    let (far, small, hidden) = (Part::Distance(4), Part::Height(1), Part::Occlusion(2));
+    match metric {
+        Metric::Ap3d => ap(Strict, ApMetric::Box3d, Moderate, Part::Whole),
+        Metric::Ap3dEasy => ap(Strict, ApMetric::Box3d, Easy, Part::Whole),
+        Metric::Ap3dHard => ap(Strict, ApMetric::Box3d, Hard, Part::Whole),
+        Metric::Bev => ap(Strict, ApMetric::Bev, Moderate, Part::Whole),
+        Metric::BevEasy => ap(Strict, ApMetric::Bev, Easy, Part::Whole),
+        Metric::BevHard => ap(Strict, ApMetric::Bev, Hard, Part::Whole),
+        Metric::Ap3d05 => ap(Loose, ApMetric::Box3d, Moderate, Part::Whole),
+        Metric::Bev05 => ap(Loose, ApMetric::Bev, Moderate, Part::Whole),
+        Metric::Ap3d05Far => ap(Loose, ApMetric::Box3d, Moderate, far),
+        Metric::Ap3d05Small => ap(Loose, ApMetric::Box3d, Moderate, small),
+        Metric::Ap3d05Occluded => ap(Loose, ApMetric::Box3d, Hard, hidden),
+        Metric::Ap2d => ap(Strict, ApMetric::Image, Moderate, Part::Whole),
+        Metric::Mae => ranging(RangingMetric::MaeZ, Moderate, Part::Whole),
+        Metric::Rmse => ranging(RangingMetric::RmseZ, Moderate, Part::Whole),
+        Metric::MaeFar => ranging(RangingMetric::MaeZ, Moderate, far),
+        Metric::MaeSmall => ranging(RangingMetric::MaeZ, Moderate, small),
+        Metric::MaeOccluded => ranging(RangingMetric::MaeZ, Hard, hidden),
+        Metric::Found => ranging(RangingMetric::Share, Moderate, Part::Whole),
+        Metric::FoundFar => ranging(RangingMetric::Share, Moderate, far),
+        Metric::FoundSmall => ranging(RangingMetric::Share, Moderate, small),
+        Metric::FoundOccluded => ranging(RangingMetric::Share, Hard, hidden),
+    }
 }

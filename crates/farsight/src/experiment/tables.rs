@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::results::Comparison;
+use super::results::{Comparison, Verdict};
 use super::{Experiment, Metric, Results};
 use crate::figures::table;
 
@@ -72,6 +72,18 @@ fn cells(plan: &Experiment, results: &Results, metrics: &[Metric]) -> Vec<String
     table(&heading.collect::<Vec<_>>(), &plan.arms().iter().map(row).collect::<Vec<_>>())
 }
 
+/// A verdict, and how an effect that is there differs from the one that is claimed.
+fn verdict(found: &Comparison) -> String {
+    let word = found.verdict.name();
+    match found.claim {
+        Some(claim) if found.verdict == Verdict::Supported && found.excludes_claim => {
+            let other = if found.difference.abs() < claim.abs() { "less" } else { "more" };
+            format!("{word}, {other} than claimed")
+        }
+        _ => word.to_owned(),
+    }
+}
+
 /// Every comparison of the plan by every metric, done or not.
 fn comparisons(plan: &Experiment, results: &Results, metrics: &[Metric]) -> Vec<String> {
     let mut rows = Vec::new();
@@ -95,7 +107,7 @@ fn comparisons(plan: &Experiment, results: &Results, metrics: &[Metric]) -> Vec<
                 found.map_or_else(|| "-".to_owned(), |found| metric.shown_difference(found.difference)),
                 found.and_then(|found| found.interval).map_or_else(|| "-".to_owned(), interval),
                 claim,
-                found.map_or("undecided", |found| found.verdict.name()).to_owned(),
+                found.map_or_else(|| "undecided".to_owned(), verdict),
             ]);
         }
     }

@@ -6,8 +6,8 @@ use anyhow::{Context, Result, ensure};
 use farsight::{ModelSource, Pipeline, Road, StageSource};
 use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
-use farsight_eval::ranging::{Bootstrap, Difference, Group, RangingComparison, RangingMetric, RangingOptions};
-use farsight_eval::{Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
+use farsight_eval::ranging::{Difference, Group, RangingComparison, RangingMetric, RangingOptions};
+use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
 use farsight_methods::smoke::DetectorFile;
 use serde_json::{Map, Value, json};
 

@@ -1,9 +1,13 @@
 //! The report as a table for a terminal.
 
-use crate::ap::{ApReport, ApValues, Metric, OverlapSet};
+mod comparison;
+
+pub use comparison::comparison_lines;
+
+use crate::ap::{ApIntervals, ApReport, ApValues, Metric, OverlapSet};
+use crate::bootstrap::Interval;
 use crate::ranging::{
-    FIXED_RECALL, GroupRanging, OperatingPoint, OperatingPoints, RangingComparison, RangingMetric, RangingReport,
-    SliceErrors,
+    FIXED_RECALL, GroupRanging, OperatingPoint, OperatingPoints, RangingMetric, RangingReport, SliceErrors,
 };
 use crate::{Difficulty, EvaluatedClass, Report};
 
@@ -16,9 +20,6 @@ const CUT_FROM: f64 = 0.1;
 /// With fewer detections the lowest score is an accident.
 const ENOUGH_DETECTIONS: usize = 50;
 
-/// With fewer objects an interval over frames is too narrow to draw a conclusion from.
-const FEW_OBJECTS: usize = 10;
-
 /// The tables of a report, line by line.
 pub fn lines(report: &Report) -> Vec<String> {
     let mut lines = vec![format!("{} frame{}", report.frames, if report.frames == 1 { "" } else { "s" })];
@@ -27,9 +28,9 @@ pub fn lines(report: &Report) -> Vec<String> {
         if !rows.is_empty() {
             lines.push(String::new());
             lines.push(
-                format!("{:<24}{:^30}    {:^30}", format!("AP {class}, percent"), "R40", "R11").trim_end().to_owned(),
+                format!("{:<24}{:^36}    {:^36}", format!("AP {class}, percent"), "R40", "R11").trim_end().to_owned(),
             );
-            let levels = Difficulty::ALL.map(|level| format!("{:>10}", level.name())).concat();
+            let levels = Difficulty::ALL.map(|level| format!("{:>12}", level.name())).concat();
             lines.push(format!("{:<24}{levels}    {levels}", "  overlap more than"));
             lines.extend(rows);
         }
@@ -112,9 +113,11 @@ fn recall_note(report: &RangingReport, class: EvaluatedClass) -> Option<String> 
 fn ap_rows(report: &ApReport, class: EvaluatedClass) -> Vec<String> {
     let mut rows = Vec::new();
     let mut push = |name: &str, limit: f64, values: Option<ApValues>| {
-        rows.extend(values.map(|values| {
-            let cells = |three: [f64; 3]| three.map(|ap| format!("{ap:>10.2}")).concat();
-            format!("{:<24}{}    {}", format!("  {name:<4} {limit:.2}"), cells(values.r40), cells(values.r11))
+        rows.extend(values.into_iter().flat_map(|values| {
+            let cells = |three: [f64; 3]| three.map(|ap| format!("{ap:>12.2}")).concat();
+            let row =
+                format!("{:<24}{}    {}", format!("  {name:<4} {limit:.2}"), cells(values.r40), cells(values.r11));
+            std::iter::once(row).chain(values.intervals.map(|intervals| interval_row(&intervals)))
         }));
     };
     for set in OverlapSet::ALL {
@@ -130,6 +133,16 @@ fn ap_rows(report: &ApReport, class: EvaluatedClass) -> Vec<String> {
         }
     }
     rows
+}
+
+/// The 95% intervals below a row of AP.
+fn interval_row(intervals: &ApIntervals<[Option<Interval>; 3]>) -> String {
+    let cell = |interval: Option<Interval>| {
+        let text = interval.map_or_else(|| "-".to_owned(), |i| format!("{:.1}-{:.1}", i.low, i.high));
+        format!("{text:>12}")
+    };
+    let cells = |three: [Option<Interval>; 3]| three.map(cell).concat();
+    format!("{:<24}{}    {}", "    95% interval", cells(intervals.r40), cells(intervals.r11))
 }
 
 fn ranging_lines(report: &RangingReport) -> Vec<String> {
@@ -250,45 +263,4 @@ fn slice_line(name: &str, errors: &SliceErrors) -> String {
         value(RangingMetric::MaeGround, 3)
     );
     row.trim_end().to_owned()
-}
-
-/// The comparison with another result set, line by line: groups as a whole.
-pub fn comparison_lines(comparison: &RangingComparison) -> Vec<String> {
-    const SHOWN: [RangingMetric; 5] = [
-        RangingMetric::Share,
-        RangingMetric::MaeZ,
-        RangingMetric::RmseZ,
-        RangingMetric::BiasZ,
-        RangingMetric::MaeGround,
-    ];
-    if comparison.identical {
-        return vec!["identical: both results have the same detections in every frame".to_owned()];
-    }
-    let mut lines = vec![
-        "these results and the others (errors on objects that both found)".to_owned(),
-        format!("  {:<12}{:>9} {:>9}   difference with its 95% interval over frames", "", "these", "others"),
-    ];
-    for row in comparison.rows.iter().filter(|row| row.distance == "all" && row.objects > 0) {
-        lines
-            .push(format!("{} {}: {} objects, {} found by both", row.class, row.group, row.objects, row.found_by_both));
-        for figure in SHOWN {
-            let Some(d) = row.metrics.get(figure) else { continue };
-            let interval = d.interval.map_or_else(String::new, |i| format!(" [{:+.4}, {:+.4}]", i.low, i.high));
-            let objects = if figure == RangingMetric::Share { row.objects } else { row.found_by_both };
-            let verdict = match d.excludes_zero {
-                _ if d.value.total_cmp(&d.against).is_eq() => "the same",
-                _ if objects < FEW_OBJECTS => "too few objects to say",
-                true => "differs",
-                false => "could be chance",
-            };
-            lines.push(format!(
-                "  {:<12}{:>9.4} {:>9.4}   {:+.4}{interval}  {verdict}",
-                figure.name(),
-                d.value,
-                d.against,
-                d.difference
-            ));
-        }
-    }
-    lines
 }

@@ -12,9 +12,6 @@ use serde::Serialize;
 /// Shares of the resamples below and above an interval: 95% lie in it.
 const TAILS: [f64; 2] = [0.025, 0.975];
 
-/// Keeps the draws of seeds apart from those of frames.
-const SEED_STREAM: u64 = 0x5eed_5eed_5eed_5eed;
-
 /// How intervals are found. The same seed gives the same intervals on every machine and for any number of threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bootstrap {
@@ -54,7 +51,7 @@ impl Interval {
     }
 
     /// The interval of these values; `None` when fewer than half of them are numbers.
-    fn of(values: &mut Vec<f64>) -> Option<Self> {
+    pub(crate) fn of(values: &mut Vec<f64>) -> Option<Self> {
         let drawn = values.len();
         values.retain(|v| v.is_finite());
         if values.is_empty() || 2 * values.len() < drawn {
@@ -71,42 +68,36 @@ impl Bootstrap {
     ///
     /// `statistics` must always give the same number of values; NaN where a resample has none. Without resamples there
     /// are no intervals.
-    pub(super) fn intervals(
+    pub(crate) fn intervals(
         &self,
         frames: usize,
-        statistics: impl Fn(&[f64]) -> Vec<f64> + Sync,
+        statistics: impl Fn(&[u32]) -> Vec<f64> + Sync,
     ) -> Vec<Option<Interval>> {
         let resamples: Vec<Vec<f64>> =
             (0..self.resamples).into_par_iter().map(|index| statistics(&self.draw(frames, index))).collect();
-        let count = resamples.first().map_or_else(|| statistics(&vec![1.0; frames]).len(), Vec::len);
+        let count = resamples.first().map_or_else(|| statistics(&vec![1; frames]).len(), Vec::len);
         let interval = |i: usize| Interval::of(&mut resamples.iter().map(|values| values[i]).collect());
         (0..count).into_par_iter().map(interval).collect()
     }
 
-    /// The interval of a statistic that is given how often each seed and each frame was drawn, independently of one another.
-    ///
-    /// `None` without resamples, and when fewer than half of them have the statistic.
-    pub(super) fn crossed_interval(
-        &self,
-        [seeds, frames]: [usize; 2],
-        statistic: impl Fn(&[f64], &[f64]) -> f64 + Sync,
-    ) -> Option<Interval> {
-        let resample = |index: usize| {
-            let seeds = Self { seed: self.seed ^ SEED_STREAM, ..*self }.draw(seeds, index);
-            statistic(&seeds, &self.draw(frames, index))
-        };
-        Interval::of(&mut (0..self.resamples).into_par_iter().map(resample).collect())
+    /// How often each frame is drawn in the resample with this number; each has a stream of random numbers of its own.
+    pub fn draw(&self, frames: usize, resample: usize) -> Vec<u32> {
+        drawn(frames, Pcg64::new(u128::from(self.seed), resample as u128))
     }
 
-    /// How often each frame is drawn in the resample with this number; each has a stream of random numbers of its own.
-    fn draw(&self, frames: usize, resample: usize) -> Vec<f64> {
-        let mut random = Pcg64::new(u128::from(self.seed), resample as u128);
-        let mut drawn = vec![0.0; frames];
-        for _ in 0..frames {
-            drawn[random.random_range(0..frames)] += 1.0;
-        }
-        drawn
+    /// How often each run of an experiment is drawn in the resample with this number, independent of its frames.
+    pub fn draw_runs(&self, runs: usize, resample: usize) -> Vec<u32> {
+        drawn(runs, Pcg64::new(u128::from(self.seed), (1 << 64) + resample as u128))
     }
+}
+
+/// How often each of `count` things comes up in as many draws.
+fn drawn(count: usize, mut random: Pcg64) -> Vec<u32> {
+    let mut drawn = vec![0; count];
+    for _ in 0..count {
+        drawn[random.random_range(0..count)] += 1;
+    }
+    drawn
 }
 
 #[cfg(test)]
@@ -117,7 +108,7 @@ mod tests {
     fn the_interval_of_a_mean_is_that_of_the_central_limit() {
         // 0 and 1 in turn: the mean of n frames has the standard deviation 0.5 / sqrt(n).
         let frames = 400;
-        let mean = |drawn: &[f64]| vec![drawn.iter().skip(1).step_by(2).sum::<f64>() / frames as f64];
+        let mean = |drawn: &[u32]| vec![f64::from(drawn.iter().skip(1).step_by(2).sum::<u32>()) / frames as f64];
         let interval = Bootstrap { resamples: 2000, seed: 3 }.intervals(frames, mean)[0].unwrap();
         let half_width = 1.96 * 0.5 / (frames as f64).sqrt();
         assert!((interval.low - (0.5 - half_width)).abs() < 0.006, "{interval:?}");
@@ -126,7 +117,7 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_interval() {
-        let sum = |drawn: &[f64]| vec![drawn.iter().zip(0..).map(|(w, i)| w * f64::from(i)).sum(), f64::NAN];
+        let sum = |drawn: &[u32]| vec![drawn.iter().zip(0..).map(|(w, i)| f64::from(w * i)).sum(), f64::NAN];
         let intervals = |seed| Bootstrap { resamples: 100, seed }.intervals(50, sum);
         assert_eq!(intervals(1), intervals(1));
         assert_ne!(intervals(1), intervals(2));
