@@ -28,6 +28,12 @@ pub(crate) struct TrainArgs {
 /// Says how to get a build that can train.
 #[cfg(not(feature = "train"))]
 pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
+    cannot_train()
+}
+
+/// What a build without libtorch says to whoever wants to train.
+#[cfg(not(feature = "train"))]
+pub(super) fn cannot_train() -> Result<Outcome> {
     anyhow::bail!(
         "this farsight was built without training, which needs libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run train ...` builds and trains with it"
     )
@@ -46,10 +52,7 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 #[cfg(feature = "train")]
-pub(crate) use progress::Progress;
-
-#[cfg(feature = "train")]
-mod progress {
+pub(crate) mod progress {
     use std::io::{IsTerminal, stderr};
     use std::path::Path;
     use std::time::{Duration, Instant};

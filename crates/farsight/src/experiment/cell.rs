@@ -19,7 +19,7 @@ use farsight_train::training::{Callback, FileOptions, Start, TrainError};
 use toml::Table;
 
 use crate::commands::eval::MIN_SCORE;
-use crate::commands::train::Progress;
+use crate::commands::train::progress::Progress;
 use crate::printer::{Printer, counted};
 
 /// What a folder must belong to, so that nothing is mixed: one line of text.
