@@ -53,57 +53,60 @@ impl Comparison {
     pub(crate) fn new(ours: &Evaluation, theirs: &Evaluation, bootstrap: &Bootstrap) -> Option<Self> {
         let ranging = RangingComparison::new(ours.targets(), theirs.targets(), ours.frames(), bootstrap)?;
         let identical = ranging.identical && ours.says_the_same_as(theirs);
-        let runs = PairedRuns::new(vec![(ours, theirs)])?;
+        let mut ap = Vec::new();
         // Class by class, as what the curves are made of takes memory.
-        let rows =
-            EvaluatedClass::ALL.into_iter().flat_map(|class| rows_of_class(class, ours, theirs, &runs, bootstrap));
-        Some(Self { identical, ap: rows.collect(), rows: ranging.rows })
+        for class in EvaluatedClass::ALL {
+            ap.extend(ap_rows([level_curves(class), part_curves(class)].concat(), ours, theirs, bootstrap)?);
+        }
+        Some(Self { identical, ap, rows: ranging.rows })
     }
 }
 
-fn rows_of_class(
-    class: EvaluatedClass,
+/// AP of two evaluations by each of these curves that either is evaluated on and that has objects; `None` when they are
+/// of other labels.
+pub(crate) fn ap_rows(
+    curves: Vec<CurveSpec>,
     ours: &Evaluation,
     theirs: &Evaluation,
-    runs: &PairedRuns,
     bootstrap: &Bootstrap,
-) -> Vec<ApComparisonRow> {
-    let curves = compared_curves(class);
-    // Where both are not evaluated there is no AP to compare.
-    let objects: Vec<Option<usize>> = [ours, theirs]
-        .map(|arm| arm.curve_outcomes(&curves))
-        .into_iter()
-        .map(|outcomes| outcomes.iter().map(|outcomes| outcomes.as_ref().map(|o| o.objects())).collect::<Vec<_>>())
-        .reduce(|ours, theirs| ours.into_iter().zip(theirs).map(|(ours, theirs)| ours.or(theirs)).collect())
-        .unwrap_or_default();
-    let (curves, objects): (Vec<_>, Vec<_>) = curves
+) -> Option<Vec<ApComparisonRow>> {
+    let runs = PairedRuns::new(vec![(ours, theirs)])?;
+    let [ours, theirs] = [ours, theirs].map(|arm| arm.curve_outcomes(&curves));
+    let objects = ours.iter().zip(&theirs).map(|(ours, theirs)| Some(ours.as_ref().or(theirs.as_ref())?.objects()));
+    let compared: Vec<_> = curves
         .into_iter()
         .zip(objects)
         .filter_map(|(curve, objects)| Some((curve, objects.filter(|n| *n > 0)?)))
-        .unzip();
-    let endpoints: Vec<_> = curves.iter().copied().map(Endpoint::Ap).collect();
-    let differences = runs.compare(&endpoints, bootstrap);
-    let rows = curves.iter().zip(objects).zip(differences);
-    rows.filter_map(|((curve, objects), difference)| Some(ApComparisonRow::new(curve, objects, &difference?))).collect()
+        .collect();
+    let endpoints: Vec<_> = compared.iter().map(|(curve, _)| Endpoint::Ap(*curve)).collect();
+    let rows = compared.iter().zip(runs.compare(&endpoints, bootstrap));
+    Some(rows.filter_map(|((curve, objects), found)| Some(ApComparisonRow::new(curve, *objects, &found?))).collect())
 }
 
-/// Every curve of the devkit and the loose ones, then each of them over the parts of the hard objects.
-fn compared_curves(class: EvaluatedClass) -> Vec<CurveSpec> {
-    let [heights, distances, occlusions, _] = Part::divisions();
-    let parts: Vec<Part> = [heights, distances, occlusions].into_iter().flatten().map(|(_, part)| part).collect();
-    let mut curves = Vec::new();
-    for (overlaps, metric) in [
+/// The kinds of curves, for one class.
+fn kinds(class: EvaluatedClass) -> impl Iterator<Item = impl Fn(Difficulty) -> CurveSpec> {
+    let kinds = [
         (OverlapSet::Strict, Metric::Image),
         (OverlapSet::Strict, Metric::Bev),
         (OverlapSet::Strict, Metric::Box3d),
         (OverlapSet::Loose, Metric::Bev),
         (OverlapSet::Loose, Metric::Box3d),
-    ] {
-        curves.extend(Difficulty::ALL.map(|level| CurveSpec::new(overlaps, metric, class, level)));
-        let hard = CurveSpec::new(overlaps, metric, class, Difficulty::Hard);
-        curves.extend(parts.iter().map(|part| hard.of_part(*part)));
-    }
-    curves
+    ];
+    kinds.into_iter().map(move |(overlaps, metric)| move |level| CurveSpec::new(overlaps, metric, class, level))
+}
+
+/// Every curve of the devkit and the loose ones.
+pub(crate) fn level_curves(class: EvaluatedClass) -> Vec<CurveSpec> {
+    kinds(class).flat_map(|curve| Difficulty::ALL.map(curve)).collect()
+}
+
+/// The same over the parts of the hard objects.
+fn part_curves(class: EvaluatedClass) -> Vec<CurveSpec> {
+    let [heights, distances, occlusions, _] = Part::divisions();
+    let parts: Vec<Part> = [heights, distances, occlusions].into_iter().flatten().map(|(_, part)| part).collect();
+    kinds(class)
+        .flat_map(|curve| parts.iter().map(move |part| curve(Difficulty::Hard).of_part(*part)).collect::<Vec<_>>())
+        .collect()
 }
 
 impl ApComparisonRow {

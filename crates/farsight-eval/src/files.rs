@@ -263,10 +263,22 @@ impl FrameFiles {
     /// # Errors
     /// As [`FrameFiles::read`].
     pub fn evaluate(&self, options: &RangingOptions) -> Result<(Evaluation, Findings), FilesError> {
+        self.evaluate_changed(options, |frame| frame)
+    }
+
+    /// As [`FrameFiles::evaluate`], each frame being changed first.
+    ///
+    /// # Errors
+    /// As [`FrameFiles::read`].
+    pub fn evaluate_changed(
+        &self,
+        options: &RangingOptions,
+        change: impl Fn(Frame) -> Frame + Sync,
+    ) -> Result<(Evaluation, Findings), FilesError> {
         let mut evaluation = Evaluation::new(options.clone());
         let mut findings = self.left_out.clone();
         for ids in self.ids.chunks(CHUNK) {
-            let evaluated: Vec<_> = ids.par_iter().map(|id| self.evaluate_frame(id, options)).collect();
+            let evaluated: Vec<_> = ids.par_iter().map(|id| self.evaluate_frame(id, options, &change)).collect();
             for frame in evaluated {
                 let (frame, found) = frame?;
                 evaluation.append(frame);
@@ -276,10 +288,15 @@ impl FrameFiles {
         Ok((evaluation, findings))
     }
 
-    fn evaluate_frame(&self, id: &str, options: &RangingOptions) -> Result<(Evaluation, Findings), FilesError> {
+    fn evaluate_frame(
+        &self,
+        id: &str,
+        options: &RangingOptions,
+        change: impl Fn(Frame) -> Frame,
+    ) -> Result<(Evaluation, Findings), FilesError> {
         let (frame, findings) = self.read(id)?;
         let mut evaluation = Evaluation::new(options.clone());
-        evaluation.add(&frame);
+        evaluation.add(&change(frame));
         Ok((evaluation, findings))
     }
 

@@ -50,6 +50,8 @@
 //! | [`ap`] | how good is the detector by KITTI's average precision? |
 //! | [`ranging`] | how far off are the distances, and of how many objects? |
 //! | [`evaluation`] | frames in, report out: both of the above |
+//! | [`compare`], [`paired`] | do two result sets, or two arms of an experiment, differ? |
+//! | [`oracle`] | what would AP be if one part of each detection were true? |
 //! | [`explain`] | what became of each object and detection of one frame? |
 //! | [`frame`], [`class`], [`difficulty`] | what is evaluated, and the devkit's rules of what counts |
 //! | [`files`], [`findings`] | folders of label and result files, and what is odd about them |
@@ -66,6 +68,7 @@ pub mod files;
 pub mod findings;
 pub mod frame;
 mod label_source;
+pub mod oracle;
 #[cfg(feature = "page")]
 pub mod page;
 pub mod paired;

@@ -4,6 +4,7 @@ use image::RgbImage;
 
 use super::worst::WorstFrame;
 use crate::compare::Comparison;
+use crate::oracle::OracleRow;
 use crate::{Findings, Frame, Report};
 
 /// What the page tells.
@@ -17,6 +18,8 @@ pub struct Page<'a> {
     pub findings: &'a Findings,
     /// The comparison with other results.
     pub comparison: Option<&'a Comparison>,
+    /// What the truth of some parts would bring.
+    pub oracle: &'a [OracleRow],
     /// The frames with the largest errors.
     pub worst: &'a [ShownFrame],
 }

@@ -30,6 +30,9 @@ pub(super) fn page(page: &Page, charts: &[Picture], worst: &[Option<Picture>]) -
     if let Some(comparison) = page.comparison {
         push_lines(&mut html, "Comparison", &text::comparison_lines(comparison));
     }
+    if !page.oracle.is_empty() {
+        push_lines(&mut html, "Parts replaced by the truth", &text::oracle_lines(page.oracle));
+    }
     html.push_str("<h2>Curves</h2>\n<div class=\"charts\">\n");
     for chart in charts {
         push_picture(&mut html, chart);

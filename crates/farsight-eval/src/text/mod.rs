@@ -1,8 +1,10 @@
 //! The report as a table for a terminal.
 
 mod comparison;
+mod oracle;
 
 pub use comparison::comparison_lines;
+pub use oracle::oracle_lines;
 
 use crate::ap::{ApIntervals, ApReport, ApValues, Metric, OverlapSet};
 use crate::bootstrap::Interval;

@@ -3,6 +3,7 @@
 mod classic;
 mod explained;
 mod modelled;
+mod oracle;
 mod pictured;
 
 use std::collections::BTreeMap;
@@ -12,6 +13,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use farsight_eval::ap::Metric;
 use farsight_eval::compare::Comparison;
+use farsight_eval::oracle::OracleRow;
 use farsight_eval::page::Page;
 use farsight_eval::ranging::{MATCH_IOU, RangingOptions};
 use farsight_eval::{Bootstrap, Evaluation, Findings, FrameFiles, LabelSource, Report, Scores, text};
@@ -75,6 +77,9 @@ pub(crate) struct EvalArgs {
     /// Tell also what the same detections would give with the distances of the classic rangers: from the height of the 2D box, and from its bottom edge
     #[arg(long, conflicts_with = "explain")]
     classic: bool,
+    /// Tell also what AP would be if this part of each detection that matches an object in the image were true; with several, each alone and all together
+    #[arg(long, value_enum, value_name = "PART", value_delimiter = ',', conflicts_with = "explain")]
+    oracle: Vec<oracle::PartName>,
     /// Folder of calibration files, for --classic [default: `calib` beside the labels]
     #[arg(long, value_name = "DIR", requires = "classic")]
     calib: Option<PathBuf>,
@@ -134,6 +139,8 @@ struct Answer<'a> {
     findings: &'a Findings,
     #[serde(skip_serializing_if = "Option::is_none")]
     against: Option<&'a Comparison>,
+    #[serde(skip_serializing_if = "<[OracleRow]>::is_empty")]
+    oracle: &'a [OracleRow],
 }
 
 /// Runs the command.
@@ -161,18 +168,24 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let report = evaluation.report();
     let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
     print(args, &report, comparison.as_ref(), printer);
+    let oracle = oracle::rows(args, &files, &evaluation, &source.labels)?;
+    for line in text::oracle_lines(&oracle) {
+        printer.line(&line);
+    }
     if args.classic {
         classic::run(args, &source, &files, printer)?;
     }
     if let Some(path) = &args.json {
-        write_json(path, args.scores.scores(), &report, &findings, comparison.as_ref())?;
+        let (scores, against) = (args.scores.scores(), comparison.as_ref());
+        write_json(path, &report, |report| Answer { report, scores, findings: &findings, against, oracle: &oracle })?;
     }
     let mut outcome = Outcome::Done;
     if let Some(folder) = &args.report {
         let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
         let title = format!("{} against {}", args.title(), source.labels);
         let comparison = comparison.as_ref();
-        let page = Page { title: &title, report: &report, findings: &findings, comparison, worst: &worst };
+        let (title, findings) = (title.as_str(), &findings);
+        let page = Page { title, report: &report, findings, comparison, oracle: &oracle, worst: &worst };
         let page = page.write(folder)?;
         printer.status(&format!("report: {}", page.display()));
         outcome = tell(&unseen, args, printer);
@@ -223,8 +236,12 @@ impl EvalArgs {
         if self.scores == ScoresName::Place { format!("{judged} (place scores)") } else { judged }
     }
 
+    fn bootstrap(&self) -> Bootstrap {
+        Bootstrap { resamples: self.resamples, seed: self.seed }
+    }
+
     fn ranging_options(&self) -> RangingOptions {
-        let bootstrap = (self.resamples > 0).then_some(Bootstrap { resamples: self.resamples, seed: self.seed });
+        let bootstrap = (self.resamples > 0).then(|| self.bootstrap());
         RangingOptions { min_score: self.min_score, min_iou: self.ranging_overlap, bootstrap }
     }
 }
@@ -298,22 +315,19 @@ fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -
 }
 
 fn compare(args: &EvalArgs, labels: &LabelSource, theirs: &Evaluation, ours: &Evaluation) -> Result<Comparison> {
-    let bootstrap = Bootstrap { resamples: args.resamples, seed: args.seed };
-    ours.compared_with(theirs, &bootstrap).with_context(|| format!("{labels}: the labels changed while they were read"))
+    ours.compared_with(theirs, &args.bootstrap())
+        .with_context(|| format!("{labels}: the labels changed while they were read"))
 }
 
-fn write_json(
+fn write_json<'a>(
     path: &Path,
-    scores: Scores,
     report: &Report,
-    findings: &Findings,
-    against: Option<&Comparison>,
+    answer: impl FnOnce(BTreeMap<String, serde_json::Value>) -> Answer<'a>,
 ) -> Result<()> {
     let serde_json::Value::Object(report) = serde_json::to_value(report)? else {
         bail!("the report is no JSON object");
     };
-    let answer = Answer { report: report.into_iter().collect(), scores, findings, against };
-    let mut text = serde_json::to_string_pretty(&answer)?;
+    let mut text = serde_json::to_string_pretty(&answer(report.into_iter().collect()))?;
     text.push('\n');
     Ok(write_quickly(path, |file| file.write_all(text.as_bytes()))?)
 }
