@@ -145,7 +145,7 @@ impl Experiment {
         ensure!(self.endpoints.resamples > 0, "endpoints.resamples is 0; expected at least 1");
         let Data { train, evaluate, held_out, .. } = &self.data;
         ensure!(*held_out == 0 || train == evaluate, "data.held_out needs evaluate to be the split that is learnt from");
-        for (table, field) in [("data", "root"), ("data", "split"), ("data", "rendered"), ("train", "seed")] {
+        for (table, field) in [("data", "root"), ("data", "split"), ("data", "limit"), ("data", "rendered"), ("train", "seed")] {
             let is_there = |config: &Table| config.get(table).and_then(|table| table.get(field)).is_some();
             let is_there = is_there(&self.base) || self.arms.values().any(|arm| is_there(&arm.patch));
             ensure!(!is_there, "{table}.{field} is the experiment's to say; expected none in base and arms");

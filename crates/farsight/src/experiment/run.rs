@@ -42,8 +42,6 @@ pub(crate) struct Job {
 /// A job whose data are open.
 struct Open<'a> {
     job: &'a Job,
-    /// Files of frame names in the experiment's folder.
-    train_file: PathBuf,
     dataset: Arc<dyn Dataset>,
     split: Split,
     /// SHA-256 of the weights by the files that they are in.
@@ -60,20 +58,28 @@ pub(crate) fn run(job: &Job, printer: &mut Printer) -> Result<Outcome> {
     let parent = job.results.parent().filter(|parent| !parent.as_os_str().is_empty());
     fs::create_dir_all(parent.unwrap_or(Path::new("."))).with_context(|| format!("{}", job.results.display()))?;
     let mut open = open(job, printer)?;
-    let mut elsewhere = 0;
-    for (number, cell) in asked.into_iter().enumerate() {
+    let (mut elsewhere, mut worked) = (0, false);
+    for cell in asked {
         // However little time there is, something comes forward.
-        if number > 0 && is_over(job.deadline) {
+        if worked && is_over(job.deadline) {
             return Ok(Outcome::Unfinished);
         }
         match open.run_cell(cell, printer)? {
-            Ran::Whole => {}
+            Ran::Whole => worked = true,
+            Ran::Before => continue,
             Ran::Stopped => return Ok(Outcome::Unfinished),
-            Ran::Elsewhere => elsewhere += 1,
+            Ran::Elsewhere => {
+                elsewhere += 1;
+                continue;
+            }
         }
         let results = open.results()?;
         results.write(&job.results)?;
         printer.line(&format!("{}: {}", cell.name(), tables::progress(&job.plan, &results)));
+    }
+    if !worked {
+        // Cells may have come from elsewhere.
+        open.results()?.write(&job.results)?;
     }
     if elsewhere > 0 {
         printer.status(&format!("{} in the hands of other processes", counted(elsewhere, "cell")));
@@ -84,6 +90,8 @@ pub(crate) fn run(job: &Job, printer: &mut Printer) -> Result<Outcome> {
 /// How a cell ended.
 enum Ran {
     Whole,
+    /// It was done already.
+    Before,
     /// The time was over first.
     Stopped,
     /// Another process works on it.
@@ -92,31 +100,27 @@ enum Ran {
 
 fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
     let split = prepare(&job.plan.data, &job.data, job.kitti.as_deref(), printer)?;
-    let made = || format!("{}: cannot be made", job.out.display());
-    fs::create_dir_all(&job.out).with_context(made)?;
-    let out = job.out.canonicalize().with_context(made)?;
-    let listed = |name: &str, ids: &[String]| {
-        let path = out.join(name);
-        let text = ids.join("\n") + "\n";
-        write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
-        Ok::<_, anyhow::Error>(path)
-    };
-    let train_file = listed("train.txt", &split.train)?;
-    let dataset = open_labelled(&job.data, Some(&listed("evaluate.txt", &split.evaluate)?))?;
+    fs::create_dir_all(&job.out).with_context(|| format!("{}: cannot be made", job.out.display()))?;
+    // A list of its own, as frames that are held out are no split.
+    let list = job.out.join("evaluate.txt");
+    let text = split.evaluate.join("\n") + "\n";
+    write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
+    let dataset = open_labelled(&job.data, Some(&list))?;
     let start = |path: PathBuf| -> Result<(String, String)> {
         Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
     };
     let starts = job.plan.start_files().into_iter().map(start).collect::<Result<_>>()?;
-    Ok(Open { job, train_file, dataset, split, starts, judge: Judge::default() })
+    Ok(Open { job, dataset, split, starts, judge: Judge::default() })
 }
 
 impl Open<'_> {
     /// The training config of a cell with its data.
     fn config(&self, cell: &Cell) -> Table {
         let mut config = self.job.plan.config(cell);
-        let text = |path: &Path| Value::String(path.display().to_string());
-        set(&mut config, "data", "root", text(&self.job.data));
-        set(&mut config, "data", "split", text(&self.train_file));
+        set(&mut config, "data", "root", Value::String(self.job.data.display().to_string()));
+        set(&mut config, "data", "split", Value::String(self.job.plan.data.train.clone()));
+        // Those that are held out are the last ones.
+        set(&mut config, "data", "limit", Value::Integer(self.split.train.len() as i64));
         if let Some(threads) = self.job.threads {
             set(&mut config, "train", "threads", Value::Integer(threads as i64));
         }
@@ -155,7 +159,7 @@ impl Open<'_> {
             return Ok(Ran::Elsewhere);
         };
         if self.measured(cell).exists() {
-            return Ok(Ran::Whole);
+            return Ok(Ran::Before);
         }
         let Job { deadline, threads, .. } = *self.job;
         printer.status(&format!("{}: {}", cell.name(), self.job.plan.title(&cell.arm)));
