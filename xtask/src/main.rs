@@ -1,7 +1,7 @@
 //! Chores of the workspace, with no dependency but cargo and, for libtorch, a Python that has pip.
 
 mod libtorch;
-mod proof;
+mod quickstart;
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,6 @@ cargo xtask COMMAND
   test [ARGS]              all tests, libtorch included; ARGS go to `cargo test`
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
-  proof [--data DIR]       the proof on real frames of docs/proof.md: overfit, train on 64 frames, range 20 others
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
@@ -26,8 +25,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let rest: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
     let done = match arguments.first().map(String::as_str) {
-        Some("quickstart") => data_folder(&rest).and_then(|data| proof::quickstart(&data)),
-        Some("proof") => data_folder(&rest).and_then(|data| proof::proof(&data)),
+        Some("quickstart") => data_folder(&rest).and_then(|data| quickstart::quickstart(&data)),
         Some("test") => test(&rest),
         Some("check") => check(),
         Some("run") => Libtorch::find_or_fetch().and_then(|libtorch| farsight(&libtorch, &rest)),

@@ -2,9 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// How wide the Gaussian of an object is (spec section 6; dynamic Gaussian heat map: MSFE/DGH spec section 4).
 ///
-/// Sizes are cells of the feature map. In every rule `sigma = (2 radius + 1) / 6`.
+/// Boxes, radii, floors and ceilings are in cells of the feature map: four pixels of the network's input each (stride 4), not pixels of the image. In every
+/// rule `sigma = (2 radius + 1) / 6`, so a radius of 0 still reaches a third of a cell. Every rule takes a floor, `min_radius`, so that a comparison of rules
+/// need not be one of floors; 0 is none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "rule", rename_all = "snake_case", deny_unknown_fields)]
 pub enum HeatMapRule {
@@ -12,16 +18,25 @@ pub enum HeatMapRule {
     Fixed {
         /// Radius, cells.
         radius: f64,
+        /// Smallest radius, cells.
+        #[serde(default, skip_serializing_if = "is_default")]
+        min_radius: f64,
     },
     /// The corrected CornerNet radius of official SMOKE, cut to whole cells.
     CornerNet {
         /// Overlap that a box moved by the radius must keep.
         min_overlap: f64,
+        /// Smallest radius, cells; none in official SMOKE.
+        #[serde(default, skip_serializing_if = "is_default")]
+        min_radius: f64,
     },
     /// The CornerNet radius as its authors' code has it, several times larger than what the formula is for, cut to whole cells.
     CornerNetOriginal {
         /// Overlap that a box moved by the radius was meant to keep.
         min_overlap: f64,
+        /// Smallest radius, cells; none in the authors' code.
+        #[serde(default, skip_serializing_if = "is_default")]
+        min_radius: f64,
     },
     /// DGH as the paper words it: `alpha * sqrt(w h)`, rounded to whole cells.
     DynamicInteger {
@@ -45,16 +60,18 @@ pub enum HeatMapRule {
 
 impl HeatMapRule {
     /// Official SMOKE's rule.
-    pub const SMOKE: Self = Self::CornerNet { min_overlap: 0.7 };
+    pub const SMOKE: Self = Self::CornerNet { min_overlap: 0.7, min_radius: 0.0 };
 
-    /// The Gaussian of a box `width` x `height` cells large; `factor` scales alpha for its class.
+    /// The Gaussian of a box `width` x `height` cells large; `factor` scales alpha for its class (before the floor), and plays no part in other rules.
     pub fn gaussian(&self, width: f64, height: f64, factor: f64) -> Gaussian {
         let dynamic = |alpha: f64| alpha * factor * (width.max(0.0) * height.max(0.0)).sqrt();
         let radius = match *self {
-            Self::Fixed { radius } => radius,
-            Self::CornerNet { min_overlap } => cornernet_radius(width, height, min_overlap).trunc().max(0.0),
-            Self::CornerNetOriginal { min_overlap } => {
-                cornernet_original_radius(width, height, min_overlap).trunc().max(0.0)
+            Self::Fixed { radius, min_radius } => radius.max(min_radius),
+            Self::CornerNet { min_overlap, min_radius } => {
+                cornernet_radius(width, height, min_overlap).trunc().max(min_radius)
+            }
+            Self::CornerNetOriginal { min_overlap, min_radius } => {
+                cornernet_original_radius(width, height, min_overlap).trunc().max(min_radius)
             }
             Self::DynamicInteger { alpha, min_radius, max_radius } => {
                 (dynamic(alpha) + 0.5).floor().clamp(min_radius, max_radius)
@@ -70,11 +87,17 @@ impl HeatMapRule {
             (!(value.is_finite() && value > 0.0))
                 .then(|| format!("heat map {name} is {value}; expected a positive number"))
         };
+        let cells = |name: &str, value: f64| {
+            (!(0.0..=MOST_CELLS).contains(&value))
+                .then(|| format!("heat map {name} is {value}; expected 0 to {MOST_CELLS} cells"))
+        };
         match *self {
-            Self::Fixed { radius } => (!(0.0..=MOST_CELLS).contains(&radius))
-                .then(|| format!("heat map radius is {radius}; expected 0 to {MOST_CELLS} cells")),
-            Self::CornerNet { min_overlap } | Self::CornerNetOriginal { min_overlap } => (!(min_overlap > 0.0 && min_overlap < 1.0))
-                .then(|| format!("heat map min_overlap is {min_overlap}; expected a number between 0 and 1")),
+            Self::Fixed { radius, min_radius } => cells("radius", radius).or_else(|| cells("min_radius", min_radius)),
+            Self::CornerNet { min_overlap, min_radius } | Self::CornerNetOriginal { min_overlap, min_radius } => {
+                (!(min_overlap > 0.0 && min_overlap < 1.0))
+                    .then(|| format!("heat map min_overlap is {min_overlap}; expected a number between 0 and 1"))
+                    .or_else(|| cells("min_radius", min_radius))
+            }
             Self::DynamicInteger { alpha, min_radius, max_radius }
             | Self::Dynamic { alpha, min_radius, max_radius } => positive("alpha", alpha).or_else(|| {
                 (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius <= MOST_CELLS)).then(|| {

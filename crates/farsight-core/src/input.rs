@@ -24,6 +24,10 @@ pub enum Sampling {
     PixelExact,
     /// Output pixel `p` samples `T^-1 (p + 1/2) - 1/2`: Pillow, and so official SMOKE.
     HalfPixel,
+    /// As [`PixelExact`](Self::PixelExact), but where the image shrinks, each output pixel is a mean over all source
+    /// pixels within one step of it, weighted by a triangle (`antialias=True` of torchvision). So what is too fine for
+    /// the output becomes grey instead of a pattern that is not there. Maps that turn the image are not filtered.
+    Antialias,
 }
 
 /// Mean that is subtracted from each channel, on the scale 0 to 1 (ImageNet).

@@ -1,5 +1,6 @@
 //! From pixels to the network's input: an affine warp, colour jitter and normalisation in one pass.
 
+mod antialias;
 mod paint;
 mod resample;
 mod taps;
@@ -16,8 +17,8 @@ use paint::Paint;
 /// `affine` takes pixels of `image` to pixels of the input; mirror, crop, scale and rotation are all allowed. What lies
 /// outside the image is black, before and after the jitter. A singular `affine` gives a black input.
 ///
-/// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with [`Sampling::PixelExact`] they stay
-/// as they are.
+/// With [`Sampling::HalfPixel`] values are cut to whole numbers as Pillow does; with the others they stay as they
+/// are.
 pub fn network_input(image: &RgbImage, affine: &Affine2, rules: &InputRules, jitter: Option<&ColorJitter>) -> Vec<f32> {
     let mut input = Vec::new();
     network_input_into(&mut input, image, affine, rules, jitter);
@@ -55,8 +56,7 @@ pub fn network_input_into(
 
 /// The image after `affine`, `size` (width, height) pixels large, bilinear, black outside.
 ///
-/// Values are cut to whole numbers with [`Sampling::HalfPixel`] (Pillow) and rounded with [`Sampling::PixelExact`]
-/// (OpenCV).
+/// Values are cut to whole numbers with [`Sampling::HalfPixel`] (Pillow) and rounded with the others (OpenCV).
 ///
 /// # Panics
 /// When a side of `size` does not fit `u32`.
@@ -65,7 +65,7 @@ pub fn warp(image: &RgbImage, affine: &Affine2, size: [usize; 2], sampling: Samp
     let mut warped = RgbImage::new(width, height);
     let Some(source_from_output) = source_from_output(affine, sampling) else { return warped };
     let rounding = match sampling {
-        Sampling::PixelExact => 0.5,
+        Sampling::PixelExact | Sampling::Antialias => 0.5,
         Sampling::HalfPixel => 0.0,
     };
     resample::rows(image, &source_from_output, size, sampling, |row, columns, [red, green, blue]| {

@@ -125,6 +125,12 @@ pub enum TrainError {
     /// There is a run in the folder already.
     #[error("{}: there is a run here already; use --resume to go on with it, or another --out", .0.display())]
     Occupied(PathBuf),
+    /// The callback asked to stop. The checkpoint is of this step; the run goes on from there.
+    #[error("stopped after step {step}; a run that resumes goes on from there")]
+    Stopped {
+        /// Steps that are done.
+        step: u64,
+    },
     /// The model so far could not be measured.
     #[error("validation: {0}")]
     Validate(String),
@@ -176,6 +182,11 @@ pub trait Callback {
 
     /// A step is done; the numbers are its own.
     fn on_step(&mut self, step: &StepSummary);
+
+    /// Whether the run is to stop at a checkpoint now, with [`TrainError::Stopped`]; asked after every step but the last.
+    fn stops(&mut self) -> bool {
+        false
+    }
 
     /// The model so far stands in the file `model`: what it is worth on the frames of `config`, by name. It belongs to so many steps.
     ///
@@ -316,8 +327,12 @@ impl<T: Task> Trainer<'_, T> {
             if is_due(train.log_steps) {
                 metrics.write(&window.finish(progress.steps, position.epoch, rate)).map_err(write_error)?;
             }
-            if is_due(train.checkpoint_steps) {
+            let stops = progress.steps < total && callback.stops();
+            if stops || is_due(train.checkpoint_steps) {
                 learner.write(&self.checkpoint_path(), progress, &run.identity())?;
+            }
+            if stops {
+                return Err(TrainError::Stopped { step: progress.steps });
             }
             if let Some(config) = run.validate.as_ref().filter(|config| is_due(config.every_steps)) {
                 let measured = self.validated(learner, progress, config, callback)?;

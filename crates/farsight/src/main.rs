@@ -1,9 +1,11 @@
 //! The command line.
 //!
-//! Exit status: 0 done; 1 done, but an input failed or something was told that the caller asked for; 2 could not run, or could not write an output.
+//! Exit status: 0 done; 1 done, but an input failed or something was told that the caller asked for; 2 could not run, or could not write an output;
+//! 75 the time that was given is over, the same command goes on.
 
 mod camera_args;
 mod commands;
+mod experiment;
 mod figures;
 mod inputs;
 mod names;
@@ -36,6 +38,9 @@ struct Cli {
     log_level: Option<LogLevel>,
 }
 
+/// `EX_TEMPFAIL` of `sysexits.h`: try again later.
+const UNFINISHED: u8 = 75;
+
 fn main() -> ExitCode {
     if let Some((written, meant)) = one_dash::meant(&Cli::command(), std::env::args_os()) {
         Cli::command()
@@ -50,6 +55,7 @@ fn main() -> ExitCode {
     match ended {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Told) => ExitCode::from(1),
+        Ok(Outcome::Unfinished) => ExitCode::from(UNFINISHED),
         Err(error) => {
             printer.failure(&error);
             ExitCode::from(2)

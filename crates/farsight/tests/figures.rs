@@ -34,7 +34,8 @@ fn files(folder: &str, extension: &str) -> Vec<String> {
 fn documents_say_what_was_measured() {
     let copy = tempfile::tempdir().unwrap();
     let documents = ["", "docs", "models"].map(|folder| files(folder, "md")).concat();
-    for file in documents.iter().chain(&files("docs/results", "json")) {
+    let made_of = [files("docs/results", "json"), files("configs/experiments", "toml")].concat();
+    for file in documents.iter().chain(&made_of) {
         let to = copy.path().join(file);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
         fs::copy(root().join(file), to).unwrap();

@@ -6,6 +6,7 @@ use farsight_core::Affine2;
 use farsight_core::input::Sampling;
 use image::RgbImage;
 
+use super::antialias;
 use super::taps::{Taps, axis_taps, covered_range, taps};
 
 /// Hands the rows of the output to `emit`: row number, columns that see the source, and their red, green and blue.
@@ -22,10 +23,13 @@ pub(super) fn rows(
     if image.is_empty() || size.contains(&0) {
         return;
     }
-    if shear_x == 0.0 && shear_y == 0.0 {
-        upright_rows(image, source_from_output, size, sampling, emit);
-    } else {
+    let shrinks = || (0..2).any(|axis| source_from_output.matrix[axis][axis].abs() > 1.0);
+    if shear_x != 0.0 || shear_y != 0.0 {
         turned_rows(image, source_from_output, size, sampling, emit);
+    } else if sampling == Sampling::Antialias && shrinks() {
+        antialias::rows(image, source_from_output, size, emit);
+    } else {
+        upright_rows(image, source_from_output, size, sampling, emit);
     }
 }
 
@@ -96,10 +100,10 @@ fn lerp(a: [f32; 3], b: [f32; 3], weight: f32) -> [f32; 3] {
 }
 
 /// A row as three planes, one after the other.
-struct Planes(Vec<f32>);
+pub(super) struct Planes(pub(super) Vec<f32>);
 
 impl Planes {
-    fn new(len: usize) -> Self {
+    pub(super) fn new(len: usize) -> Self {
         Self(vec![0.0; 3 * len])
     }
 
@@ -107,7 +111,7 @@ impl Planes {
         self.0.len() / 3
     }
 
-    fn channels(&self) -> [&[f32]; 3] {
+    pub(super) fn channels(&self) -> [&[f32]; 3] {
         let len = self.len();
         [0, 1, 2].map(|channel| &self.0[channel * len..][..len])
     }

@@ -23,7 +23,7 @@ pub(super) fn taps(position: f64, len: usize, sampling: Sampling) -> Option<Taps
     let floor = position.floor();
     let weight = (position - floor) as f32;
     match sampling {
-        Sampling::PixelExact => (position > -1.0 && position < end).then(|| {
+        Sampling::PixelExact | Sampling::Antialias => (position > -1.0 && position < end).then(|| {
             let first = (floor + 1.0) as usize;
             Taps { first, second: first + 1, weight }
         }),

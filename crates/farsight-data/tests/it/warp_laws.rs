@@ -7,7 +7,7 @@ use image::RgbImage;
 use image::imageops::flip_horizontal;
 use proptest::prelude::*;
 
-const BOTH: [Sampling; 2] = [Sampling::PixelExact, Sampling::HalfPixel];
+const ALL: [Sampling; 3] = [Sampling::PixelExact, Sampling::HalfPixel, Sampling::Antialias];
 const INPUT_TOLERANCE: f32 = 2e-5;
 /// One grey level, normalised with the smallest standard deviation.
 const ONE_LEVEL: f32 = 1.0 / 255.0 / 0.224 + INPUT_TOLERANCE;
@@ -27,17 +27,83 @@ fn size(image: &RgbImage) -> [usize; 2] {
     [image.width() as usize, image.height() as usize]
 }
 
+/// The standard deviation of a channel, shares of white, away from the border.
+fn contrast(image: &RgbImage) -> f64 {
+    let values: Vec<f64> = image
+        .enumerate_pixels()
+        .filter(|(x, y, _)| (2..image.width() - 2).contains(x) && (2..image.height() - 2).contains(y))
+        .map(|(_, _, pixel)| f64::from(pixel[0]) / 255.0)
+        .collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn shrinking_makes_grey_of_what_is_too_fine_instead_of_a_pattern() {
+    // 1242 x 375 to 416 x 128: stripes of two pixels have no place in it; sampled, they come back as slow waves.
+    let stripes = |period: u32| {
+        RgbImage::from_fn(1242, 375, |x, _| image::Rgb([if x % period < period / 2 { 255 } else { 0 }; 3]))
+    };
+    let shrunk = |image: &RgbImage, sampling| warp(image, &Affine2::window([621.0, 187.5], 1242.0, [416, 128]), [416, 128], sampling);
+    let fine = stripes(2);
+    assert!(contrast(&shrunk(&fine, Sampling::PixelExact)) > 0.15);
+    let left = contrast(&shrunk(&fine, Sampling::Antialias));
+    assert!(left < 0.04, "{left}");
+    // What the output can show, it shows.
+    let coarse = stripes(60);
+    let kept = contrast(&shrunk(&coarse, Sampling::Antialias));
+    assert!(kept > 0.45, "{kept}");
+}
+
 proptest! {
     #[test]
+    fn antialiasing_changes_nothing_that_does_not_shrink(
+        image in images(), center in [0.0..20.0, 0.0..12.0], width in 2.0..12.0,
+    ) {
+        let window = Affine2::window(center, width, [12, 6]);
+        let [exact, antialias] = [Sampling::PixelExact, Sampling::Antialias]
+            .map(|sampling| network_input(&image, &window, &rules([12, 6], sampling), None));
+        prop_assert_eq!(exact, antialias);
+    }
+
+    #[test]
+    fn antialiased_pixels_are_means_over_a_triangle(
+        image in images(), center in [0.0..20.0, 0.0..12.0], step in 1.0..4.0, mirrored in any::<bool>(),
+    ) {
+        let (size, length) = ([5, 3], 5.0 * step);
+        let window = Affine2::window(center, length, size);
+        let map = if mirrored { Affine2::mirror(image.width() as usize).then(&window) } else { window };
+        let found = warp(&image, &map, size, Sampling::Antialias);
+        let inverse = map.inverse().unwrap();
+        for (column, row, pixel) in found.enumerate_pixels() {
+            let [x, y] = inverse.apply([f64::from(column), f64::from(row)]);
+            let triangle = |distance: f64| f64::max(1.0 - distance.abs() / step, 0.0);
+            let around = |c: f64| (c - step).ceil() as i64..=(c + step).floor() as i64;
+            let (mut sum, mut total) = (0.0, 0.0);
+            for source_row in around(y) {
+                for source_column in around(x) {
+                    let weight = triangle(source_column as f64 - x) * triangle(source_row as f64 - y);
+                    let inside = (0..i64::from(image.width())).contains(&source_column)
+                        && (0..i64::from(image.height())).contains(&source_row);
+                    let value = if inside { image.get_pixel(source_column as u32, source_row as u32)[1] } else { 0 };
+                    sum += weight * f64::from(value);
+                    total += weight;
+                }
+            }
+            prop_assert!((f64::from(pixel[1]) - sum / total).abs() < 0.51, "{} {}", pixel[1], sum / total);
+        }
+    }
+
+    #[test]
     fn nothing_done_changes_nothing(image in images()) {
-        for sampling in BOTH {
+        for sampling in ALL {
             prop_assert_eq!(&warp(&image, &Affine2::IDENTITY, size(&image), sampling), &image);
         }
     }
 
     #[test]
     fn the_mirror_mirrors_pixels(image in images()) {
-        for sampling in BOTH {
+        for sampling in ALL {
             let mirror = Affine2::mirror(size(&image)[0]);
             prop_assert_eq!(warp(&image, &mirror, size(&image), sampling), flip_horizontal(&image));
         }
@@ -60,7 +126,7 @@ proptest! {
     #[test]
     fn whole_shifts_move_pixels_and_leave_black(image in images(), shift in [-5_i32..6, -5_i32..6]) {
         let map = Affine2 { matrix: [[1.0, 0.0, f64::from(shift[0])], [0.0, 1.0, f64::from(shift[1])]] };
-        for sampling in BOTH {
+        for sampling in ALL {
             let moved = warp(&image, &map, size(&image), sampling);
             for (x, y, pixel) in moved.enumerate_pixels() {
                 let from = [x as i32 - shift[0], y as i32 - shift[1]].map(u32::try_from);
@@ -83,7 +149,7 @@ proptest! {
         let upright = if mirror { Affine2::mirror(size(&image)[0]).then(&window) } else { window };
         let mut turned = upright;
         turned.matrix[0][1] = 1e-14;
-        for sampling in BOTH {
+        for sampling in ALL {
             let rules = rules([24, 10], sampling);
             let [a, b] = [upright, turned].map(|map| network_input(&image, &map, &rules, None));
             let differing = a.iter().zip(&b).filter(|(a, b)| (*a - *b).abs() > ONE_LEVEL).count();
@@ -99,7 +165,7 @@ proptest! {
     ) {
         let mut map = Affine2::window(center, width, [24, 10]);
         map.matrix[0][1] = if upright { 0.0 } else { shear };
-        for sampling in BOTH {
+        for sampling in ALL {
             let rules = rules([24, 10], sampling);
             let mut used = vec![f32::NAN; 1000];
             network_input_into(&mut used, &image, &map, &rules, None);
@@ -153,7 +219,7 @@ fn what_lies_outside_is_black_even_after_the_jitter() {
     let jitter = ColorJitter { brightness: 1.3, contrast: 0.5, saturation: 1.5, hue_rad: 0.2 };
     let outside = Affine2 { matrix: [[1.0, 0.0, 100.0], [0.0, 1.0, 0.0]] };
     let singular = Affine2 { matrix: [[0.0; 3]; 2] };
-    for sampling in BOTH {
+    for sampling in ALL {
         for map in [outside, singular] {
             let input = network_input(&image, &map, &rules([16, 4], sampling), Some(&jitter));
             assert_eq!(input.len(), 3 * 16 * 4);

@@ -20,6 +20,8 @@ pub enum Msfe {
     B,
     /// Bidirectional pyramid before the neck.
     C,
+    /// Not the paper's: what design A costs without its idea, for experiments. Levels keep to themselves and nothing weighs channels.
+    Control,
 }
 
 /// Prefix of the parameter names in a whole network.
@@ -43,25 +45,22 @@ pub fn residual_pyramid(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], wid
     for (name, node) in [("p3", p3), ("p4", p4)] {
         b.tap(&format!("{prefix}tap.{name}.topdown"), node);
     }
-    let smooth = |b: &mut Builder, i: usize, x: NodeId| {
-        let (conv, norm) = (level_name(prefix, i, "smooth"), level_name(prefix, i, "smooth_norm"));
-        b.conv_norm_relu(x, &conv, &norm, width, Window::same(3, 1))
-    };
-    let s3 = smooth(b, 0, p3);
-    let s4 = smooth(b, 1, p4);
-    // The coarsest level has few cells; a separable convolution is enough there.
-    let s5 = b.depthwise_conv(p5, &level_name(prefix, 2, "smooth_dw"), Window::same(3, 1));
-    let s5 = b.conv_norm_relu(
-        s5,
-        &level_name(prefix, 2, "smooth_pw"),
-        &level_name(prefix, 2, "smooth_norm"),
-        width,
-        Window::same(1, 1),
-    );
-    let smoothed = [s3, s4, s5];
+    let fused = [p3, p4, p5];
+    let smoothed = [0, 1, 2].map(|i| smooth(b, prefix, i, fused[i], width));
     [0, 1, 2].map(|i| {
         let gated = b.channel_attention(smoothed[i], &level_name(prefix, i, "se"), REDUCTION);
         write_back(b, prefix, i, gated, pyramid[i])
+    })
+}
+
+/// The control of design A: the same convolutions at each level, but no level hears of another and there is no channel attention. The few parameters of the
+/// attention are not made up for.
+pub fn separate_levels(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) -> [NodeId; 3] {
+    b.stage("msfe");
+    [0, 1, 2].map(|i| {
+        let x = lateral(b, prefix, i, pyramid[i], width);
+        let x = smooth(b, prefix, i, x, width);
+        write_back(b, prefix, i, x, pyramid[i])
     })
 }
 
@@ -107,6 +106,16 @@ pub fn bifpn(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) 
     let out5 = fusion(b, prefix, "out5", &[p5, down4]);
     let outputs = [out3, out4, out5];
     [0, 1, 2].map(|i| write_back(b, prefix, i, outputs[i], pyramid[i]))
+}
+
+/// What design A does at a level after the levels have met. The coarsest has few cells; a separable convolution is enough there.
+fn smooth(b: &mut Builder, prefix: &str, i: usize, x: NodeId, width: usize) -> NodeId {
+    let norm = level_name(prefix, i, "smooth_norm");
+    if i < 2 {
+        return b.conv_norm_relu(x, &level_name(prefix, i, "smooth"), &norm, width, Window::same(3, 1));
+    }
+    let x = b.depthwise_conv(x, &level_name(prefix, i, "smooth_dw"), Window::same(3, 1));
+    b.conv_norm_relu(x, &level_name(prefix, i, "smooth_pw"), &norm, width, Window::same(1, 1))
 }
 
 /// One node of the bidirectional pyramid: weighted sum, separable convolution, norm, `ReLU`.

@@ -70,7 +70,7 @@ impl Default for CenterNet3dConfig {
             stem: Stem::Full,
             norm: NormKind::Batch,
             neck: NeckKind::Deformable,
-            heatmap: HeatMapRule::CornerNetOriginal { min_overlap: 0.7 },
+            heatmap: HeatMapRule::CornerNetOriginal { min_overlap: 0.7, min_radius: 0.0 },
             classes: ClassReference::smoke(),
             depth_focal_px: None,
             error: None,

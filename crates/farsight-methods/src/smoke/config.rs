@@ -28,7 +28,8 @@ const SMOKE_HEAD_WIDTH: usize = 256;
 const FPN_CHANNELS: usize = 64;
 
 /// Channels inside each MSFE design of the full-width network (MSFE/DGH spec section 3).
-const MSFE_WIDTHS: [(Msfe, usize); 3] = [(Msfe::A, 128), (Msfe::B, 128), (Msfe::C, 192)];
+const MSFE_WIDTHS: [(Msfe, usize); 4] =
+    [(Msfe::A, 128), (Msfe::B, 128), (Msfe::C, 192), (Msfe::Control, 128)];
 
 /// Widths are multiples of this, so that group normalisation always has its groups.
 const WIDTH_STEP: usize = 16;
@@ -106,6 +107,9 @@ pub struct SmokeConfig {
     /// this range, and users are told when that cannot be done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focal_range_px: Option<[f64; 2]>,
+    /// Whether images that become smaller are freed of what is too fine for the input, instead of sampled (`Sampling::Antialias`).
+    #[serde(skip_serializing_if = "is_default")]
+    pub antialias: bool,
     /// Habits of the official code.
     pub quirks: Quirks,
 }
@@ -129,6 +133,7 @@ impl Default for SmokeConfig {
             classes: ClassReference::smoke(),
             depth: DepthReference::KITTI,
             focal_range_px: None,
+            antialias: false,
             quirks: Quirks::default(),
         }
     }
@@ -195,6 +200,9 @@ impl SmokeConfig {
         }
         if let Some((field, problem)) = self.misfit_of_backbone() {
             return error(field, problem.to_owned());
+        }
+        if self.antialias && self.quirks.sampling != Sampling::default() {
+            return error("antialias", "is true; expected quirks.sampling to be pixel_exact with it".to_owned());
         }
         if let Some(problem) = self.heat_map.problem() {
             return error("heat_map", problem);
@@ -286,7 +294,8 @@ impl SmokeConfig {
 
     /// What the network expects of its input.
     pub fn input_rules(&self) -> InputRules {
-        InputRules { size: self.input, channels: self.quirks.channels, sampling: self.quirks.sampling }
+        let sampling = if self.antialias { Sampling::Antialias } else { self.quirks.sampling };
+        InputRules { size: self.input, channels: self.quirks.channels, sampling }
     }
 
     /// Whether scores or error bars were fitted on labelled frames; such answers belong to the size of the input.

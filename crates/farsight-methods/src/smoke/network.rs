@@ -30,6 +30,7 @@ pub(super) fn network(config: &SmokeConfig) -> Graph {
     let fused = match config.msfe {
         Msfe::A => Some(msfe::residual_pyramid(&mut b, msfe::PREFIX, pyramid, msfe_width)),
         Msfe::C => Some(msfe::bifpn(&mut b, msfe::PREFIX, pyramid, msfe_width)),
+        Msfe::Control => Some(msfe::separate_levels(&mut b, msfe::PREFIX, pyramid, msfe_width)),
         Msfe::None | Msfe::B => None,
     };
     if let Some(fused) = fused {

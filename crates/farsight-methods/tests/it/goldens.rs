@@ -40,7 +40,7 @@ fn heat_maps_and_radii_agree() {
     let golden = Golden::open("heatmaps");
     let integer = |alpha| HeatMapRule::DynamicInteger { alpha, min_radius: 1.0, max_radius: 24.0 };
     let rules = [
-        ("fixed2", HeatMapRule::Fixed { radius: 2.0 }),
+        ("fixed2", HeatMapRule::Fixed { radius: 2.0, min_radius: 0.0 }),
         ("cornernet", HeatMapRule::SMOKE),
         ("dyn080", integer(0.08)),
         ("dyn150", integer(0.15)),

@@ -16,6 +16,7 @@ mod geometry;
 mod goldens;
 mod networks;
 mod onnx_files;
+mod paper;
 mod plate_reader_network;
 mod pruning;
 mod quantized;

@@ -1,6 +1,7 @@
 //! The switches of a model are independent of each other, and a wrong one says what is wrong.
 
 use farsight_core::heatmap::HeatMapRule;
+use farsight_core::input::Sampling;
 use farsight_core::{ClassReference, DepthReference};
 use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
 use farsight_graph::count::{count, total};
@@ -8,14 +9,14 @@ use farsight_graph::graph::Role;
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
 use farsight_graph::model::NetworkConfig;
-use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::{Quirks, SmokeConfig};
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{LOGITS, REGRESSION};
 
 #[test]
 fn every_combination_is_a_network_with_heads_at_stride_four() {
-    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
+    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C, Msfe::Control] {
         for norm in [NormKind::Group, NormKind::Batch] {
             for neck in [NeckKind::Deformable, NeckKind::Plain] {
                 for (width, input) in [(1.0, [1280, 384]), (0.5, [640, 192]), (0.25, [96, 32])] {
@@ -39,7 +40,7 @@ fn mobile(config: SmokeConfig) -> SmokeConfig {
 
 #[test]
 fn another_backbone_goes_with_every_neck_and_msfe() {
-    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C] {
+    for msfe in [Msfe::None, Msfe::A, Msfe::B, Msfe::C, Msfe::Control] {
         for neck in [NeckKind::Deformable, NeckKind::Plain] {
             for (width, input) in [(1.0, [640, 192]), (0.35, [96, 32])] {
                 let config = mobile(SmokeConfig { msfe, neck, width, input, ..SmokeConfig::default() });
@@ -63,7 +64,8 @@ fn another_backbone_goes_with_every_neck_and_msfe() {
 #[test]
 fn a_config_of_dla34_is_written_as_before_there_were_others() {
     let text = serde_json::to_string(&SmokeConfig::default()).unwrap();
-    assert!(!text.contains("backbone") && !text.contains("neck_channels"), "{text}");
+    let later = ["backbone", "neck_channels", "antialias", "min_radius"];
+    assert!(later.iter().all(|field| !text.contains(field)), "{text}");
     let text = serde_json::to_string(&mobile(SmokeConfig::default())).unwrap();
     assert!(text.contains("\"backbone\":\"mobilenet_v2\""), "{text}");
 }
@@ -156,8 +158,16 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
             "model.heat_map heat map alpha is -1; expected a positive number",
         ),
         (
-            SmokeConfig { heat_map: HeatMapRule::Fixed { radius: 1e5 }, ..base() },
+            SmokeConfig { heat_map: HeatMapRule::Fixed { radius: 1e5, min_radius: 0.0 }, ..base() },
             "model.heat_map heat map radius is 100000; expected 0 to 10000 cells",
+        ),
+        (
+            SmokeConfig { heat_map: HeatMapRule::CornerNet { min_overlap: 0.7, min_radius: -1.0 }, ..base() },
+            "model.heat_map heat map min_radius is -1; expected 0 to 10000 cells",
+        ),
+        (
+            SmokeConfig { antialias: true, quirks: Quirks { sampling: Sampling::HalfPixel, ..Quirks::default() }, ..base() },
+            "model.antialias is true; expected quirks.sampling to be pixel_exact with it",
         ),
     ];
     for (config, expected) in table {

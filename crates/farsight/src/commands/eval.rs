@@ -26,7 +26,8 @@ use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
 pub(super) use classic::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
-pub(super) use modelled::{MIN_SCORE, write_results_of};
+pub(super) use modelled::write_results_of;
+pub(crate) use modelled::MIN_SCORE;
 
 /// Frames drawn anew more often than this make no interval better, and each draw takes memory.
 const MOST_RESAMPLES: usize = 100_000;

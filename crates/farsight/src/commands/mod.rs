@@ -5,7 +5,8 @@ mod completions;
 mod demo;
 mod doctor;
 mod engine;
-mod eval;
+pub(crate) mod eval;
+mod experiment;
 mod export;
 mod fine_tune;
 mod import;
@@ -15,8 +16,8 @@ mod measure;
 mod parity;
 mod prune;
 mod range;
-mod synth;
-mod train;
+pub(crate) mod synth;
+pub(crate) mod train;
 #[cfg(feature = "train")]
 mod validate;
 
@@ -60,6 +61,8 @@ pub(crate) enum Command {
     Info(info::InfoArgs),
     /// Measure a model on several data sets, and put the figures into documents
     Measure(measure::MeasureArgs),
+    /// Train and judge several arms with several seeds, as a plan says
+    Experiment(experiment::ExperimentArgs),
     /// Print the script by which a shell completes commands and options
     Completions(completions::CompletionsArgs),
     /// Print a manual page
@@ -73,6 +76,9 @@ pub(crate) enum Outcome {
     Done,
     /// Done, with something that the caller asked to be told by the exit status.
     Told,
+    /// The time that was given is over before the work; the same command goes on.
+    #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "only training takes so long"))]
+    Unfinished,
 }
 
 impl Command {
@@ -96,6 +102,7 @@ impl Command {
             Self::Completions(args) => completions::run(&args, printer),
             Self::Man(args) => man::run(&args, printer),
             Self::Measure(args) => measure::run(&args, printer),
+            Self::Experiment(args) => experiment::run(&args, printer),
         }
     }
 }

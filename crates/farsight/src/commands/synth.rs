@@ -51,6 +51,24 @@ pub(crate) struct SynthArgs {
     calib_dir: Option<PathBuf>,
 }
 
+impl SynthArgs {
+    /// Twins of the frames that the file `split` lists, of labels and cameras in the folder `kitti`.
+    #[cfg(feature = "train")]
+    pub(crate) fn twins(out: &Path, kitti: &Path, split: &Path, seed: u64) -> Self {
+        let training = kitti.join("training");
+        Self {
+            out: out.to_owned(),
+            frames: None,
+            seed,
+            jpeg: None,
+            scene_config: None,
+            layout: Some(training.join("label_2")),
+            split: Some(split.to_owned()),
+            calib_dir: Some(training.join("calib")),
+        }
+    }
+}
+
 /// Frames to try things on.
 const DEFAULT_FRAMES: usize = 100;
 

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 #[cfg(feature = "train")]
-pub(super) mod progress {
+pub(crate) mod progress {
     use std::io::{IsTerminal, stderr};
     use std::path::Path;
     use std::time::{Duration, Instant};
@@ -69,7 +69,7 @@ pub(super) mod progress {
     const LINE_INTERVAL: Duration = Duration::from_secs(20);
 
     /// How the run goes: a bar on a terminal, a line now and then elsewhere.
-    pub(in crate::commands) struct Progress<'a> {
+    pub(crate) struct Progress<'a> {
         bar: ProgressBar,
         printer: &'a mut Printer,
         last_line: Option<Instant>,
@@ -78,7 +78,7 @@ pub(super) mod progress {
     }
 
     impl<'a> Progress<'a> {
-        pub(in crate::commands) fn new(printer: &'a mut Printer) -> Self {
+        pub(crate) fn new(printer: &'a mut Printer) -> Self {
             let template = "{bar:30} {pos}/{len} steps  {eta} left  {msg}";
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
             Self { bar: ProgressBar::new(0).with_style(style), printer, last_line: None, validation: String::new() }

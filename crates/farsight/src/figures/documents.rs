@@ -6,7 +6,8 @@
 //! <!-- /figures -->
 //! ```
 //!
-//! The file's path is relative to the document, as that of a link is.
+//! The file's path is relative to the document, as that of a link is. A table of an experiment also names its plan,
+//! `experiment=../configs/experiments/claim.toml`, and its file is what `farsight experiment run` wrote.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,6 +17,7 @@ use anyhow::{Context, Result, bail, ensure};
 use farsight_files::write_atomically;
 
 use super::{Figures, tables};
+use crate::experiment::{self, tables::PLAN_OPTION};
 
 const OPENING: &str = "<!-- figures: ";
 const END_OF_MARK: &str = " -->";
@@ -65,8 +67,11 @@ fn rows(mark: &str, document: &Path) -> Result<Vec<String>> {
         let (name, value) = word.split_once('=').with_context(|| format!("\"{word}\"; expected NAME=VALUE"))?;
         ensure!(options.insert(name, value).is_none(), "{name} is there twice");
     }
-    let figures = Figures::read(&document.parent().unwrap_or(Path::new("")).join(file))?;
-    tables::rows(&figures, options)
+    let folder = document.parent().unwrap_or(Path::new(""));
+    if options.contains_key(PLAN_OPTION) {
+        return experiment::tables::rows(&folder.join(file), folder, options);
+    }
+    tables::rows(&Figures::read(&folder.join(file))?, options)
 }
 
 #[cfg(test)]

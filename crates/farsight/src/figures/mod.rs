@@ -3,6 +3,8 @@
 pub(crate) mod documents;
 mod tables;
 
+pub(crate) use tables::table;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -141,9 +143,7 @@ impl Figures {
 
     /// Writes them to `path`, as a whole or not at all.
     pub(crate) fn write(&self, path: &Path) -> Result<()> {
-        let mut text = String::new();
-        lay_out(&serde_json::to_value(self)?, 0, &mut text);
-        text.push('\n');
+        let text = laid_out(&serde_json::to_value(self)?, OPEN_LEVELS);
         Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
     }
 
@@ -156,14 +156,21 @@ impl Figures {
 /// Levels of the file that have a line for each of their values: file, data sets, data set, classes, class.
 const OPEN_LEVELS: usize = 5;
 
-/// Appends `value` as JSON: the outer levels a line each, what is within them on one line, so that a diff shows what
-/// has changed.
-fn lay_out(value: &Value, level: usize, text: &mut String) {
+/// `value` as JSON: so many outer levels have a line for each of their values, what is within them is on one line. So a
+/// diff shows what has changed.
+pub(crate) fn laid_out(value: &Value, open_levels: usize) -> String {
+    let mut text = String::new();
+    lay_out(value, 0, open_levels, &mut text);
+    text.push('\n');
+    text
+}
+
+fn lay_out(value: &Value, level: usize, open_levels: usize, text: &mut String) {
     let (ends, members): ([char; 2], Vec<(String, &Value)>) = match value {
-        Value::Object(map) if level < OPEN_LEVELS => {
+        Value::Object(map) if level < open_levels => {
             (['{', '}'], map.iter().map(|(name, value)| (format!("{}: ", Value::from(name.as_str())), value)).collect())
         }
-        Value::Array(values) if level < OPEN_LEVELS => {
+        Value::Array(values) if level < open_levels => {
             (['[', ']'], values.iter().map(|value| (String::new(), value)).collect())
         }
         _ => return text.push_str(&value.to_string()),
@@ -173,7 +180,7 @@ fn lay_out(value: &Value, level: usize, text: &mut String) {
         text.push_str(if i == 0 { "\n" } else { ",\n" });
         text.push_str(&"  ".repeat(level + 1));
         text.push_str(name);
-        lay_out(member, level + 1, text);
+        lay_out(member, level + 1, open_levels, text);
     }
     text.push('\n');
     text.push_str(&"  ".repeat(level));

@@ -68,7 +68,7 @@ impl<'a> Options<'a> {
     }
 }
 
-fn table<T: AsRef<str>>(heading: &[T], rows: &[Vec<String>]) -> Vec<String> {
+pub(crate) fn table<T: AsRef<str>>(heading: &[T], rows: &[Vec<String>]) -> Vec<String> {
     let line = |cells: Vec<&str>| format!("| {} |", cells.join(" | "));
     let rule = std::iter::once("|---|").chain(std::iter::repeat_n("---:|", heading.len() - 1)).collect();
     let heading = line(heading.iter().map(AsRef::as_ref).collect());

@@ -20,7 +20,7 @@ use crate::pipeline_args;
 use crate::printer::{Printer, counted, progress_bar};
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
-pub(in crate::commands) const MIN_SCORE: f64 = 0.05;
+pub(crate) const MIN_SCORE: f64 = 0.05;
 
 /// Frames that failed are told one by one up to this number, and the rest in one line: a folder without its images has thousands.
 const TOLD_FAILURES: usize = 5;

@@ -1,4 +1,4 @@
-//! The proof on real frames (docs/proof.md): the commands that its figures come from, in order.
+//! A first training, from frames to pictures.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,29 +24,7 @@ pub(crate) fn quickstart(data: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Overfits eight frames; trains SMOKE and the improved SMOKE on the training frames; evaluates both on the validation frames.
-pub(crate) fn proof(data: &Path) -> Result<(), String> {
-    let libtorch = Libtorch::find_or_fetch()?;
-    let out = root().join("runs/proof");
-    let run = Run { libtorch: &libtorch, data, out: &out };
-    run.train("overfit8")?;
-    let seen = first_ids(data, "train", OVERFIT_FRAMES)?;
-    run.range("overfit8", &seen, &["--out", &text(&out.join("pictures"))])?;
-    // Found means a 2D overlap of 0.7 here.
-    run.evaluate("overfit8", &seen, &["--ranging-overlap", "0.7"])?;
-
-    let unseen = first_ids(data, "val", usize::MAX)?;
-    for config in ["proof_smoke", "proof_smoke_imp"] {
-        run.train(config)?;
-        // Sixty-four frames make no confident network: at the usual limit of 0.25 it says nothing.
-        let pictures = text(&out.join(config).join("pictures"));
-        run.range(config, &unseen, &["--min-score", "0.1", "--out", &pictures])?;
-        run.evaluate(config, &unseen, &[])?;
-    }
-    Ok(())
-}
-
-/// Where a proof takes its frames from and leaves its results.
+/// Where a run takes its frames from and leaves its results.
 struct Run<'a> {
     libtorch: &'a Libtorch,
     data: &'a Path,
@@ -76,17 +54,6 @@ impl Run<'_> {
             .chain(more.iter().copied())
             .collect();
         farsight(self.libtorch, &arguments)
-    }
-
-    /// Evaluates the rows that [`Run::range`] wrote.
-    fn evaluate(&self, config: &str, ids: &[String], more: &[&str]) -> Result<(), String> {
-        let (labels, rows) = (text(&self.data.join("training/label_2")), text(&self.results(config)));
-        let split = self.out.join(config).join("frames.txt");
-        fs::write(&split, ids.join("\n") + "\n").map_err(|e| format!("{}: {e}", split.display()))?;
-        let (split, json) = (text(&split), text(&self.out.join(config).join("eval.json")));
-        eprintln!("\n== evaluate {config}");
-        let arguments = ["eval", "--labels", &labels, "--results", &rows, "--split", &split, "--json", &json];
-        farsight(self.libtorch, &[&arguments, more].concat())
     }
 
     fn results(&self, config: &str) -> PathBuf {

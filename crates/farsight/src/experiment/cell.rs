@@ -1,0 +1,176 @@
+//! One cell: a training, its answers, what they are worth. Every step is left out when its output is whole.
+
+use std::fs::{self, File, TryLockError};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use farsight::object::detections;
+use farsight::{ModelSource, Pipeline, Road, StageSource};
+use farsight_data::Dataset;
+use farsight_data::kitti::write_results;
+use farsight_files::write_atomically;
+use farsight_graph::weights::Weights;
+use farsight_methods::training::train;
+use farsight_onnx::key;
+use farsight_train::config::ValidateConfig;
+use farsight_train::metrics::StepSummary;
+use farsight_train::training::{Callback, FileOptions, Start, TrainError};
+use toml::Table;
+
+use crate::commands::eval::MIN_SCORE;
+use crate::commands::train::progress::Progress;
+use crate::printer::{Printer, counted};
+
+/// What a folder must belong to, so that nothing is mixed: one line of text.
+const IDENTITY_FILE: &str = "identity.txt";
+const CONFIG_FILE: &str = "cell.toml";
+const LOCK_FILE: &str = "lock";
+const RESULTS_FOLDER: &str = "results";
+
+/// Frames between two lines that say how far the answers have come.
+const TOLD_EVERY: usize = 500;
+
+/// Whether the time that was given is over.
+pub(super) fn is_over(deadline: Option<Instant>) -> bool {
+    deadline.is_some_and(|deadline| Instant::now() >= deadline)
+}
+
+/// How a step of a cell ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Step {
+    Done,
+    /// The time is over; the same step goes on from where it stopped.
+    Stopped,
+}
+
+/// The folder of a cell, held by this process.
+pub(super) struct CellFolder {
+    folder: PathBuf,
+    /// Held while it is open, and let go when the process dies.
+    _lock: File,
+}
+
+impl CellFolder {
+    /// Takes the folder; none when another process has it. What is in it must be of the same `identity`.
+    pub(super) fn take(folder: &Path, identity: &str) -> Result<Option<Self>> {
+        let failed = || format!("{}: cannot be made", folder.display());
+        fs::create_dir_all(folder.join(RESULTS_FOLDER)).with_context(failed)?;
+        let lock = File::create(folder.join(LOCK_FILE)).with_context(failed)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Ok(None),
+            Err(TryLockError::Error(error)) => return Err(error).with_context(failed),
+        }
+        let path = folder.join(IDENTITY_FILE);
+        if path.exists() {
+            let found = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+            let expected = "expected the plan, data, start and program of the cell that is there; or another --out";
+            ensure!(found == identity, "{}: a cell of another experiment; {expected}", folder.display());
+        } else {
+            write_atomically(&path, |file| file.write_all(identity.as_bytes()))?;
+        }
+        Ok(Some(Self { folder: folder.to_owned(), _lock: lock }))
+    }
+
+    /// The trained model.
+    fn model(&self) -> PathBuf {
+        self.folder.join("model.safetensors")
+    }
+
+    /// The folder of its answers.
+    pub(super) fn results(&self) -> PathBuf {
+        self.folder.join(RESULTS_FOLDER)
+    }
+
+    /// Trains, or goes on.
+    pub(super) fn train(&self, config: &Table, deadline: Option<Instant>, printer: &mut Printer) -> Result<Step> {
+        if self.model().exists() {
+            return Ok(Step::Done);
+        }
+        let path = self.folder.join(CONFIG_FILE);
+        let text = toml::to_string(config).context("the config of a cell")?;
+        write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+        let options = FileOptions { data: None, out: self.folder.clone(), resume: true };
+        let mut callback = Timed { inner: Progress::new(printer), deadline };
+        match train(&path, &options, &mut callback) {
+            Ok(model) => {
+                let expected = self.model();
+                ensure!(model == expected, "{}: expected the model of a detector", model.display());
+                Ok(Step::Done)
+            }
+            Err(TrainError::Stopped { .. }) => Ok(Step::Stopped),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Steps of the training that is done.
+    pub(super) fn steps(&self) -> Result<u64> {
+        let path = self.model();
+        let weights = Weights::read(&path)?;
+        let facts = weights.metadata.get(key::TRAINING).map(|text| serde_json::from_str::<serde_json::Value>(text));
+        let steps = facts.transpose()?.and_then(|facts| facts.get("steps")?.as_u64());
+        steps.with_context(|| format!("{}: does not say its steps", path.display()))
+    }
+
+    /// Looks at the frames that have no answer yet; the detector alone.
+    pub(super) fn look(
+        &self,
+        dataset: &dyn Dataset,
+        threads: Option<u64>,
+        deadline: Option<Instant>,
+        printer: &mut Printer,
+    ) -> Result<Step> {
+        let results = self.results();
+        let path = |id: &str| results.join(format!("{id}.txt"));
+        let open: Vec<(usize, String)> =
+            dataset.ids().into_iter().enumerate().filter(|(_, id)| !path(id).exists()).collect();
+        if open.is_empty() {
+            return Ok(Step::Done);
+        }
+        let builder = Pipeline::builder().road(Road::Ignored).min_score(MIN_SCORE);
+        let builder = builder.refiner(StageSource::Off).plates(StageSource::Off);
+        let builder = match threads {
+            Some(threads) => builder.threads(threads as usize),
+            None => builder,
+        };
+        let pipeline = builder.model(ModelSource::File(self.model())).open()?;
+        let began = Instant::now();
+        for (done, (index, id)) in open.iter().enumerate() {
+            if done > 0 && is_over(deadline) {
+                return Ok(Step::Stopped);
+            }
+            let found = pipeline.detect(&dataset.image(*index)?, &dataset.camera(*index)?);
+            write_results(&path(id), &detections(&found.with_context(|| dataset.origin(*index))?))?;
+            if (done + 1) % TOLD_EVERY == 0 {
+                let rate = (done + 1) as f64 / began.elapsed().as_secs_f64();
+                printer.status(&format!("{} of {} looked at, {rate:.1}/s", done + 1, counted(open.len(), "frame")));
+            }
+        }
+        Ok(Step::Done)
+    }
+}
+
+/// Tells how a training goes, and stops it when its time is over.
+struct Timed<'a> {
+    inner: Progress<'a>,
+    deadline: Option<Instant>,
+}
+
+impl Callback for Timed<'_> {
+    fn on_start(&mut self, start: Start) {
+        self.inner.on_start(start);
+    }
+
+    fn on_step(&mut self, step: &StepSummary) {
+        self.inner.on_step(step);
+    }
+
+    fn stops(&mut self) -> bool {
+        is_over(self.deadline)
+    }
+
+    fn validate(&mut self, step: u64, model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        self.inner.validate(step, model, config)
+    }
+}

@@ -1,0 +1,344 @@
+//! The plan of an experiment: a TOML file.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use super::Metric;
+
+/// An experiment as its file has it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Experiment {
+    /// Name, which its folder and result file have.
+    pub(crate) name: String,
+    pub(crate) data: Data,
+    /// The training config that all arms share.
+    base: Table,
+    /// By their names.
+    arms: BTreeMap<String, Arm>,
+    /// What is run, one block after the other.
+    blocks: Vec<Block>,
+    pub(crate) endpoints: Endpoints,
+    pub(crate) comparisons: Vec<PlannedComparison>,
+}
+
+/// Where the frames come from. Splits are names under `ImageSets`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Data {
+    /// What arms learn from.
+    pub(crate) train: String,
+    /// What they are judged on.
+    pub(crate) evaluate: String,
+    /// Seed of the worlds around rendered twins.
+    #[serde(default)]
+    pub(crate) twin_seed: u64,
+    /// Take the last so many frames of `train` away from learning, and judge on these instead of another split; `evaluate` then is `train`, too.
+    #[serde(default)]
+    pub(crate) held_out: usize,
+}
+
+/// What makes an arm differ from the base.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Arm {
+    /// What tables call it.
+    title: String,
+    /// Laid over the base, table by table.
+    #[serde(default)]
+    patch: Table,
+}
+
+/// Arms that are run with the same seeds.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Block {
+    arms: Vec<String>,
+    seeds: Vec<u64>,
+}
+
+/// By what arms are judged. Fixed before the first cell.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Endpoints {
+    pub(crate) primary: Vec<Metric>,
+    #[serde(default)]
+    pub(crate) secondary: Vec<Metric>,
+    /// With fewer seeds there is an interval but no verdict.
+    pub(crate) least_seeds: usize,
+    #[serde(default = "default_resamples")]
+    pub(crate) resamples: usize,
+}
+
+fn default_resamples() -> usize {
+    2000
+}
+
+/// One arm against another.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlannedComparison {
+    pub(crate) arm: String,
+    pub(crate) against: String,
+    /// By how much the paper says that the arm is better, in the units of the metric.
+    #[serde(default)]
+    pub(crate) claims: BTreeMap<Metric, f64>,
+    /// The same as shares of what the other arm has.
+    #[serde(default)]
+    pub(crate) relative_claims: BTreeMap<Metric, f64>,
+}
+
+/// One arm with one seed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Cell {
+    pub(crate) arm: String,
+    pub(crate) seed: u64,
+}
+
+impl Cell {
+    /// Name of its folder.
+    pub(crate) fn name(&self) -> String {
+        format!("{}-{}", self.arm, self.seed)
+    }
+}
+
+impl Experiment {
+    /// The plan in the file at `path`.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        let text = fs::read_to_string(path).with_context(|| format!("{shown}: cannot be read"))?;
+        let experiment: Self = toml::from_str(&text).with_context(|| format!("{shown}: no plan of an experiment"))?;
+        experiment.check().with_context(|| shown.to_string())?;
+        Ok(experiment)
+    }
+
+    fn check(&self) -> Result<()> {
+        let is_name = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        ensure!(is_name(&self.name), "name is \"{}\"; expected letters, digits and _", self.name);
+        if let Some(name) = self.arms.keys().find(|name| !is_name(name)) {
+            bail!("an arm is called \"{name}\"; expected letters, digits and _");
+        }
+        let known = |arm: &String, place: &str| {
+            ensure!(self.arms.contains_key(arm), "{place} names the arm \"{arm}\"; expected one of [arms]");
+            Ok(())
+        };
+        for block in &self.blocks {
+            ensure!(!block.arms.is_empty() && !block.seeds.is_empty(), "a block has no arms or no seeds");
+            block.arms.iter().try_for_each(|arm| known(arm, "blocks"))?;
+        }
+        let cells = self.cells();
+        ensure!(!cells.is_empty(), "blocks is empty; expected at least one");
+        for (i, cell) in cells.iter().enumerate() {
+            ensure!(!cells[..i].contains(cell), "blocks has the cell {} twice", cell.name());
+        }
+        for comparison in &self.comparisons {
+            known(&comparison.arm, "comparisons")?;
+            known(&comparison.against, "comparisons")?;
+            ensure!(comparison.arm != comparison.against, "comparisons compares {} with itself", comparison.arm);
+        }
+        ensure!(self.endpoints.least_seeds > 0, "endpoints.least_seeds is 0; expected at least 1");
+        ensure!(self.endpoints.resamples > 0, "endpoints.resamples is 0; expected at least 1");
+        let Data { train, evaluate, held_out, .. } = &self.data;
+        ensure!(*held_out == 0 || train == evaluate, "data.held_out needs evaluate to be the split that is learnt from");
+        for (table, field) in [("data", "root"), ("data", "split"), ("data", "limit"), ("data", "rendered"), ("train", "seed")] {
+            let is_there = |config: &Table| config.get(table).and_then(|table| table.get(field)).is_some();
+            let is_there = is_there(&self.base) || self.arms.values().any(|arm| is_there(&arm.patch));
+            ensure!(!is_there, "{table}.{field} is the experiment's to say; expected none in base and arms");
+        }
+        Ok(())
+    }
+
+    /// Every cell in the order in which they are run: block by block, by seed, then arm, so that after any seed all arms of a block have as many.
+    pub(crate) fn cells(&self) -> Vec<Cell> {
+        let of_block = |block: &Block| {
+            let cell = |seed: u64| block.arms.iter().map(move |arm| Cell { arm: arm.clone(), seed });
+            block.seeds.iter().flat_map(|seed| cell(*seed)).collect::<Vec<_>>()
+        };
+        self.blocks.iter().flat_map(of_block).collect()
+    }
+
+    /// What tables call an arm.
+    pub(crate) fn title<'a>(&'a self, arm: &'a str) -> &'a str {
+        self.arms.get(arm).map_or(arm, |arm| &arm.title)
+    }
+
+    /// The names of arms in the order in which they are first run.
+    pub(crate) fn arms(&self) -> Vec<String> {
+        let mut arms: Vec<String> = Vec::new();
+        for cell in self.cells() {
+            if !arms.contains(&cell.arm) {
+                arms.push(cell.arm);
+            }
+        }
+        arms
+    }
+
+    /// The training config of a cell, without its data.
+    pub(crate) fn config(&self, cell: &Cell) -> Table {
+        let mut config = self.base.clone();
+        if let Some(arm) = self.arms.get(&cell.arm) {
+            lay_over(&mut config, &arm.patch);
+        }
+        set(&mut config, "train", "seed", Value::Integer(i64::try_from(cell.seed).unwrap_or(i64::MAX)));
+        config
+    }
+
+    /// The weights that the arms start from, where they do.
+    pub(crate) fn start_files(&self) -> Vec<PathBuf> {
+        let start = |config: &Table| Some(PathBuf::from(config.get("train")?.get("start_from")?.as_str()?));
+        let mut files: Vec<PathBuf> = self.cells().iter().filter_map(|cell| start(&self.config(cell))).collect();
+        files.sort();
+        files.dedup();
+        files
+    }
+}
+
+/// Puts `value` into a table of `config`, which is made when it is missing.
+pub(crate) fn set(config: &mut Table, table: &str, field: &str, value: Value) {
+    let table = config.entry(table).or_insert_with(|| Value::Table(Table::new()));
+    if let Value::Table(table) = table {
+        table.insert(field.to_owned(), value);
+    }
+}
+
+/// Lays `patch` over `config`: tables are joined, all else is replaced. A table with a `rule` or `kind` of its own is one value, as its fields go with it.
+fn lay_over(config: &mut Table, patch: &Table) {
+    for (name, value) in patch {
+        match (config.get_mut(name), value) {
+            (Some(Value::Table(old)), Value::Table(new)) if !new.contains_key("rule") && !new.contains_key("kind") => {
+                lay_over(old, new);
+            }
+            _ => {
+                config.insert(name.clone(), value.clone());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use farsight_graph::init::initial_weights;
+    use farsight_graph::model::NetworkConfig;
+    use farsight_methods::smoke::SmokeConfig;
+
+    use super::*;
+
+    const PLAN: &str = r#"
+name = "two"
+data = { train = "train", evaluate = "val" }
+endpoints = { primary = ["ap3d"], least_seeds = 2 }
+
+[base]
+method = "smoke"
+model = { width = 0.5, heat_map = { rule = "corner_net", min_overlap = 0.7 } }
+
+[arms.a]
+title = "plain"
+
+[arms.b]
+title = "other"
+patch.model = { heat_map = { rule = "fixed", radius = 1.0 }, msfe = "a" }
+
+[[blocks]]
+arms = ["a", "b"]
+seeds = [1, 2]
+
+[[blocks]]
+arms = ["b"]
+seeds = [3]
+
+[[comparisons]]
+arm = "b"
+against = "a"
+claims = { ap3d = 0.56 }
+"#;
+
+    fn read(text: &str) -> Result<Experiment> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.toml");
+        fs::write(&path, text).unwrap();
+        Experiment::read(&path)
+    }
+
+    #[test]
+    fn cells_come_by_block_seed_and_arm() {
+        let names: Vec<String> = read(PLAN).unwrap().cells().iter().map(Cell::name).collect();
+        assert_eq!(names, ["a-1", "b-1", "a-2", "b-2", "b-3"]);
+    }
+
+    #[test]
+    fn a_patch_joins_tables_and_replaces_rules() {
+        let plan = read(PLAN).unwrap();
+        let config = |arm: &str| plan.config(&Cell { arm: arm.to_owned(), seed: 7 });
+        assert_eq!(config("a")["model"]["heat_map"]["rule"].as_str(), Some("corner_net"));
+        let patched = config("b");
+        assert_eq!(patched["model"]["width"].as_float(), Some(0.5));
+        assert_eq!(patched["model"]["msfe"].as_str(), Some("a"));
+        assert_eq!(patched["model"]["heat_map"].as_table().unwrap().len(), 2, "nothing is left of the other rule");
+        assert_eq!(patched["train"]["seed"].as_integer(), Some(7));
+    }
+
+    #[test]
+    fn plans_that_cannot_be_run_are_told() {
+        let table = [
+            ("name = \"two\"", "name = \"a/b\"", "name is \"a/b\"; expected letters, digits and _"),
+            ("seeds = [3]", "seeds = [2]", "blocks has the cell b-2 twice"),
+            ("arms = [\"b\"]", "arms = [\"c\"]", "blocks names the arm \"c\"; expected one of [arms]"),
+            ("against = \"a\"", "against = \"b\"", "comparisons compares b with itself"),
+            ("method = \"smoke\"", "train = { seed = 1 }", "train.seed is the experiment's to say; expected none in base and arms"),
+            ("least_seeds = 2", "least_seeds = 0", "endpoints.least_seeds is 0; expected at least 1"),
+        ];
+        for (old, new, expected) in table {
+            let error = format!("{:#}", read(&PLAN.replace(old, new)).unwrap_err());
+            assert!(error.ends_with(expected), "{error}");
+        }
+        assert!(format!("{:#}", read(&PLAN.replace("ap3d = 0.56", "apd = 1")).unwrap_err()).contains("apd"));
+    }
+
+    /// A plan of the project.
+    fn plan(name: &str) -> Experiment {
+        Experiment::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/experiments").join(name)).unwrap()
+    }
+
+    #[test]
+    fn the_claim_has_35_cells_and_a_first_verdict_after_15() {
+        let plan = plan("claim.toml");
+        let cells = plan.cells();
+        assert_eq!(cells.len(), 35);
+        for arm in ["smoke", "clff", "dgh", "both", "corner_floor"] {
+            assert_eq!(cells[..15].iter().filter(|cell| cell.arm == arm).count(), 3, "{arm}");
+        }
+        for arm in ["smoke", "clff", "dgh", "both"] {
+            assert_eq!(cells.iter().filter(|cell| cell.arm == arm).count(), 5, "{arm}");
+        }
+        assert_eq!(self::plan("alpha.toml").cells().len(), 10);
+    }
+
+    #[test]
+    fn arms_differ_in_msfe_and_heat_map_alone_and_begin_with_the_same_weights() {
+        for plan in [plan("claim.toml"), plan("alpha.toml")] {
+            let config = |arm: &str| plan.config(&Cell { arm: arm.to_owned(), seed: 2 });
+            let model = |arm: &str| config(arm)["model"].clone().try_into::<SmokeConfig>().unwrap();
+            let arms = plan.arms();
+            let begun = |arm: &str| initial_weights(&model(arm).graph(), 2).tensors;
+            let (base, base_weights) = (config(&arms[0]), begun(&arms[0]));
+            for arm in &arms {
+                assert!(model(arm).validate().is_ok(), "{arm}");
+                let mut same = config(arm);
+                for field in ["msfe", "heat_map"] {
+                    set(&mut same, "model", field, base["model"][field].clone());
+                }
+                assert_eq!(same, base, "{arm}: the same but for two fields, the order of frames (train.seed) included");
+                let weights = begun(arm);
+                assert!(base_weights.iter().all(|(name, tensor)| weights[name] == *tensor), "{arm}");
+                let own = weights.keys().filter(|name| !base_weights.contains_key(*name));
+                assert!(own.into_iter().all(|name| name.starts_with("backbone.body.msfe.")), "{arm}");
+            }
+        }
+    }
+}

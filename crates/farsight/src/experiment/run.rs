@@ -1,0 +1,208 @@
+//! Runs the cells of a plan that are not done yet, and writes what they say after each.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use farsight_data::{Dataset, open_labelled};
+use farsight_eval::{Evaluation, FrameFiles, LabelSource};
+use farsight_files::write_atomically;
+use farsight_graph::weights::Weights;
+use toml::{Table, Value};
+
+use super::cell::{CellFolder, Step, is_over};
+use super::plan::set;
+use super::results::CellResult;
+use super::statistics::{self, Judge};
+use super::twins::{Split, prepare};
+use super::{Cell, Experiment, Results, tables};
+use crate::commands::Outcome;
+use crate::printer::{Printer, counted};
+
+/// What is to be run.
+pub(crate) struct Job {
+    pub(crate) plan: Experiment,
+    pub(crate) data: PathBuf,
+    /// Labels to render the data of, when they are missing.
+    pub(crate) kitti: Option<PathBuf>,
+    /// Folder of the cells.
+    pub(crate) out: PathBuf,
+    /// File of the results.
+    pub(crate) results: PathBuf,
+    pub(crate) deadline: Option<Instant>,
+    /// How the names of the cells start; empty for all.
+    pub(crate) only: Vec<String>,
+    /// Of training, instead of the plan's.
+    pub(crate) threads: Option<u64>,
+}
+
+/// A job whose data are open.
+struct Open<'a> {
+    job: &'a Job,
+    dataset: Arc<dyn Dataset>,
+    split: Split,
+    /// SHA-256 of the weights by the files that they are in.
+    starts: BTreeMap<String, String>,
+    judge: Judge,
+}
+
+/// Runs the cells; those of other processes are left out.
+pub(crate) fn run(job: &Job, printer: &mut Printer) -> Result<Outcome> {
+    let cells = job.plan.cells();
+    let is_asked = |cell: &Cell| job.only.is_empty() || job.only.iter().any(|start| cell.name().starts_with(start));
+    let asked: Vec<&Cell> = cells.iter().filter(|cell| is_asked(cell)).collect();
+    ensure!(!asked.is_empty(), "no cell's name starts with {}", job.only.join(" or "));
+    let parent = job.results.parent().filter(|parent| !parent.as_os_str().is_empty());
+    fs::create_dir_all(parent.unwrap_or(Path::new("."))).with_context(|| format!("{}", job.results.display()))?;
+    let mut open = open(job, printer)?;
+    let (mut elsewhere, mut worked) = (0, false);
+    for cell in asked {
+        // However little time there is, something comes forward.
+        if worked && is_over(job.deadline) {
+            return Ok(Outcome::Unfinished);
+        }
+        match open.run_cell(cell, printer)? {
+            Ran::Whole => worked = true,
+            Ran::Before => continue,
+            Ran::Stopped => return Ok(Outcome::Unfinished),
+            Ran::Elsewhere => {
+                elsewhere += 1;
+                continue;
+            }
+        }
+        let results = open.results()?;
+        results.write(&job.results)?;
+        printer.line(&format!("{}: {}", cell.name(), tables::progress(&job.plan, &results)));
+    }
+    if !worked {
+        // Cells may have come from elsewhere.
+        open.results()?.write(&job.results)?;
+    }
+    if elsewhere > 0 {
+        printer.status(&format!("{} in the hands of other processes", counted(elsewhere, "cell")));
+    }
+    Ok(Outcome::Done)
+}
+
+/// How a cell ended.
+enum Ran {
+    Whole,
+    /// It was done already.
+    Before,
+    /// The time was over first.
+    Stopped,
+    /// Another process works on it.
+    Elsewhere,
+}
+
+fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
+    let split = prepare(&job.plan.data, &job.data, job.kitti.as_deref(), printer)?;
+    fs::create_dir_all(&job.out).with_context(|| format!("{}: cannot be made", job.out.display()))?;
+    // A list of its own, as frames that are held out are no split.
+    let list = job.out.join("evaluate.txt");
+    let text = split.evaluate.join("\n") + "\n";
+    write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
+    let dataset = open_labelled(&job.data, Some(&list))?;
+    let start = |path: PathBuf| -> Result<(String, String)> {
+        Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
+    };
+    let starts = job.plan.start_files().into_iter().map(start).collect::<Result<_>>()?;
+    Ok(Open { job, dataset, split, starts, judge: Judge::default() })
+}
+
+impl Open<'_> {
+    /// The training config of a cell with its data.
+    fn config(&self, cell: &Cell) -> Table {
+        let mut config = self.job.plan.config(cell);
+        set(&mut config, "data", "root", Value::String(self.job.data.display().to_string()));
+        set(&mut config, "data", "split", Value::String(self.job.plan.data.train.clone()));
+        // Those that are held out are the last ones.
+        set(&mut config, "data", "limit", Value::Integer(self.split.train.len() as i64));
+        if let Some(threads) = self.job.threads {
+            set(&mut config, "train", "threads", Value::Integer(threads as i64));
+        }
+        config
+    }
+
+    /// What must be the same for a cell to go on: config, frames, start and program.
+    fn identity(&self, cell: &Cell) -> Result<String> {
+        let mut config = self.job.plan.config(cell);
+        let start = config.get("train").and_then(|train| train.get("start_from")?.as_str()).unwrap_or("nothing");
+        let start = self.starts.get(start).map_or("nothing", String::as_str).to_owned();
+        for (table, field) in [("train", "threads"), ("train", "checkpoint_steps"), ("train", "log_steps")] {
+            if let Some(Value::Table(table)) = config.get_mut(table) {
+                table.remove(field);
+            }
+        }
+        config.remove("validate");
+        let Split { train, evaluate } = &self.split;
+        let identity = serde_json::json!({
+            "config": config,
+            "twin_seed": self.job.plan.data.twin_seed,
+            "train": train.join(" "),
+            "evaluate": evaluate.join(" "),
+            "start": start,
+            "program": env!("CARGO_PKG_VERSION"),
+        });
+        Ok(serde_json::to_string(&identity)? + "\n")
+    }
+
+    fn folder(&self, cell: &Cell) -> PathBuf {
+        self.job.out.join(cell.name())
+    }
+
+    fn run_cell(&mut self, cell: &Cell, printer: &mut Printer) -> Result<Ran> {
+        let Some(folder) = CellFolder::take(&self.folder(cell), &self.identity(cell)?)? else {
+            return Ok(Ran::Elsewhere);
+        };
+        if self.measured(cell).exists() {
+            return Ok(Ran::Before);
+        }
+        let Job { deadline, threads, .. } = *self.job;
+        printer.status(&format!("{}: {}", cell.name(), self.job.plan.title(&cell.arm)));
+        let config = self.config(cell);
+        if folder.train(&config, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
+            return Ok(Ran::Stopped);
+        }
+        if folder.look(&*self.dataset, threads, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
+            return Ok(Ran::Stopped);
+        }
+        let metrics = statistics::metrics(&self.evaluation(&folder.results())?)?;
+        let result = CellResult { arm: cell.arm.clone(), seed: cell.seed, steps: folder.steps()?, metrics };
+        let text = serde_json::to_string(&result)? + "\n";
+        write_atomically(&self.measured(cell), |file| file.write_all(text.as_bytes()))?;
+        Ok(Ran::Whole)
+    }
+
+    /// The file that says that a cell is done, and what it gave.
+    fn measured(&self, cell: &Cell) -> PathBuf {
+        self.folder(cell).join("measured.json")
+    }
+
+    fn evaluation(&self, results: &Path) -> Result<Evaluation> {
+        let ids = Some(self.split.evaluate.clone());
+        let files = FrameFiles::open(LabelSource::from(&self.dataset), results, ids)?.with_any_classes();
+        statistics::evaluation(&files)
+    }
+
+    /// Every cell of the folder that is done, whoever did it, and the comparisons that they allow.
+    fn results(&mut self) -> Result<Results> {
+        let mut cells = Vec::new();
+        for cell in self.job.plan.cells() {
+            let path = self.measured(&cell);
+            if !path.exists() {
+                continue;
+            }
+            let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+            cells.push(serde_json::from_str(&text).with_context(|| format!("{}: no result", path.display()))?);
+            if !self.judge.has(&cell) {
+                let evaluation = self.evaluation(&self.folder(&cell).join("results"))?;
+                self.judge.keep(cell, evaluation);
+            }
+        }
+        Ok(Results { cells, comparisons: self.judge.comparisons(&self.job.plan)? })
+    }
+}

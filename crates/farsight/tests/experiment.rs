@@ -1,0 +1,176 @@
+//! `farsight experiment run`: cells in order, nothing done twice, killed at any moment, told when it belongs to another plan.
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+#[allow(dead_code, reason = "each test program uses a part")]
+mod program;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use program::{done, farsight};
+use serde_json::Value;
+
+/// Two arms and two seeds of a network of 16 channels, three steps each.
+const PLAN: &str = r#"
+name = "tiny"
+data = { train = "train", evaluate = "val" }
+endpoints = { primary = ["ap3d", "mae", "found"], least_seeds = 2, resamples = 50 }
+
+[base]
+method = "smoke"
+
+[base.model]
+input = [96, 32]
+level_channels = [16, 16, 16, 16, 16, 16]
+head_channels = 16
+norm = "batch"
+neck = "plain"
+heat_map = { rule = "corner_net", min_overlap = 0.7 }
+antialias = true
+depth = { mean_m = 28.01, std_m = 16.32, focal_px = 55.8 }
+
+[base.train]
+epochs = 3
+batch_size = 2
+learning_rate = 1e-3
+threads = 1
+checkpoint_steps = 1
+log_steps = 1
+
+[arms.plain]
+title = "plain"
+
+[arms.wide]
+title = "floor of two"
+patch.model.heat_map = { rule = "fixed", radius = 0.0, min_radius = 2.0 }
+
+[[blocks]]
+arms = ["plain", "wide"]
+seeds = [1, 2]
+
+[[comparisons]]
+arm = "wide"
+against = "plain"
+claims = { ap3d = 5.0 }
+"#;
+
+const CELLS: [&str; 4] = ["plain-1", "wide-1", "plain-2", "wide-2"];
+
+/// A plan, and labels of four frames to render twins of.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    fs::write(root.join("plan.toml"), PLAN).unwrap();
+    done(root, &["synth", "--out", "kitti", "--frames", "4", "--seed", "6"]);
+    fs::write(root.join("kitti/ImageSets/train.txt"), "000000\n000001\n").unwrap();
+    fs::write(root.join("kitti/ImageSets/val.txt"), "000002\n000003\n").unwrap();
+    folder
+}
+
+fn arguments<'a>(out: &'a str, results: &'a str) -> Vec<&'a str> {
+    let fixed = ["experiment", "run", "plan.toml", "--data", "twins", "--kitti", "kitti", "--out"];
+    fixed.into_iter().chain([out, "--results", results]).collect()
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn start(root: &Path, out: &str, results: &str) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_farsight"));
+    command.args(arguments(out, results)).current_dir(root).stdout(Stdio::null()).stderr(Stdio::null());
+    command.spawn().unwrap()
+}
+
+/// How many files of any cell are there, and how long the metrics are: what grows while an experiment runs.
+fn come_to(out: &Path) -> usize {
+    let length = |path: &Path| fs::metadata(path).map_or(0, |data| data.len() as usize);
+    CELLS.iter().map(|cell| length(&out.join(cell).join("metrics.jsonl"))).sum()
+}
+
+#[test]
+fn a_killed_experiment_ends_as_one_left_alone() {
+    let folder = folder();
+    let root = folder.path();
+    let listed = done(root, &["experiment", "run", "plan.toml", "--list", "--results", "whole.json"]);
+    assert!(listed.contains("plain-1") && listed.contains("0 of 4 cells"), "{listed}");
+    let told = done(root, &arguments("whole", "whole.json"));
+    let order: Vec<&str> = told.lines().map(|line| line.split(':').next().unwrap()).collect();
+    assert_eq!(order, CELLS);
+    assert!(!root.join("twins.unfinished").exists() && root.join("twins/ImageSets/val.txt").exists());
+
+    let mut kills = 0;
+    let killed = root.join("killed");
+    loop {
+        let before = come_to(&killed);
+        let mut child = start(root, "killed", "killed.json");
+        while child.try_wait().unwrap().is_none() && come_to(&killed) == before {
+            sleep(Duration::from_millis(3));
+        }
+        // Not always at the same place.
+        sleep(Duration::from_millis(7 * kills % 40));
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+        assert!(kills < 60, "it does not come forward");
+    }
+    assert!(kills >= 3, "it was too short to be killed");
+    done(root, &arguments("killed", "killed.json"));
+    assert_eq!(json(&root.join("killed.json")), json(&root.join("whole.json")));
+    for cell in CELLS {
+        let model = |out: &str| fs::read(root.join(out).join(cell).join("model.safetensors")).unwrap();
+        assert!(model("whole") == model("killed"), "{cell}: the models differ");
+    }
+
+    let results = json(&root.join("whole.json"));
+    assert_eq!(results["cells"].as_array().unwrap().len(), 4);
+    assert_eq!(results["cells"][1]["arm"], "wide");
+    assert_eq!(results["cells"][1]["steps"], 3);
+    assert!(results["cells"][1]["ap3d"].is_number(), "{results}");
+    let comparison = &results["comparisons"][0];
+    assert_eq!((&comparison["metric"], &comparison["seeds"]), (&"ap3d".into(), &2.into()), "{results}");
+    let keys: Vec<&String> = results.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["cells", "comparisons"]);
+}
+
+#[test]
+fn minutes_stop_at_a_checkpoint_and_the_same_command_goes_on() {
+    let folder = folder();
+    let root = folder.path();
+    let timed = |out: &str| {
+        let mut words = arguments(out, "timed.json");
+        words.extend(["--minutes", "0.0001"]);
+        farsight(root, &words)
+    };
+    let mut stops = 0;
+    loop {
+        let output = timed("timed");
+        match output.status.code() {
+            Some(75) => stops += 1,
+            Some(0) => break,
+            other => panic!("{other:?}: {}", String::from_utf8_lossy(&output.stderr)),
+        }
+        assert!(stops < 40, "it does not come forward");
+    }
+    // Steps, frames and cells: each goes on where it was.
+    assert!(stops >= 8, "{stops}");
+    done(root, &arguments("whole", "whole.json"));
+    assert_eq!(json(&root.join("timed.json")), json(&root.join("whole.json")));
+
+    // One cell alone, and a cell of another plan.
+    let mut words = arguments("one", "one.json");
+    words.extend(["--only", "wide-2"]);
+    done(root, &words);
+    assert_eq!(json(&root.join("one.json"))["cells"][0], json(&root.join("whole.json"))["cells"][3]);
+    fs::write(root.join("plan.toml"), PLAN.replace("learning_rate = 1e-3", "learning_rate = 2e-3")).unwrap();
+    let output = farsight(root, &arguments("whole", "whole.json"));
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("plain-1: a cell of another experiment"), "{told}");
+}
