@@ -2,7 +2,9 @@
 //!
 //! Every crate that writes files uses this one. The bytes go to a scratch file beside the target, which then takes its
 //! name: [`write_atomically`] also asks the disk to keep it, [`write_quickly`] does not, for files that can be made
-//! again.
+//! again. Reading is here, too, as far as it must not wait or grow without end: [`read_file`].
+
+mod read;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -10,6 +12,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use thiserror::Error;
+
+pub use read::{LARGEST_TEXT, read_file, read_text};
 
 /// How often another scratch name is tried when the first one is taken by what a killed process left behind.
 const NAME_ATTEMPTS: u32 = 64;
