@@ -1,7 +1,7 @@
 //! What every detector can do, whatever its method.
 
 use farsight_core::detection::DecodeOptions;
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{Camera, ClassReference, Detection, ObjectClass};
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 use thiserror::Error;
@@ -70,6 +70,22 @@ pub enum DetectError {
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// An object is where no camera sees one, or larger than anything there is.
+    #[error(
+        "{model}: its answer has a {class} at {location:?} m with sides of {dimensions:?} m; expected at most {limit} m: are the weights broken?"
+    )]
+    Absurd {
+        /// The model.
+        model: String,
+        /// Class of the object.
+        class: ObjectClass,
+        /// Where it is, camera coordinates, metres.
+        location: [f64; 3],
+        /// Length, height and width, metres.
+        dimensions: [f64; 3],
+        /// The largest number that is believed, metres.
+        limit: f64,
+    },
     /// The engine's answer does not fit the model's description.
     #[error("the engine {engine} gave \"{map}\" of the shape {found:?}; expected {expected:?}")]
     Maps {

@@ -52,6 +52,26 @@ pub enum OnnxProblem {
     /// It has no graph.
     #[error("no graph in it; expected an ONNX model")]
     NoGraph,
+    /// It is not as it was written.
+    #[error(
+        "its contents have the hash {found}, its metadata say {expected}: the file was damaged or changed since it was written; expected another copy of it"
+    )]
+    Hash {
+        /// SHA-256 of its contents.
+        found: String,
+        /// SHA-256 that the metadata give, shortened.
+        expected: String,
+    },
+    /// A constant has a number that no network computes with.
+    #[error("constant \"{name}\" has {value} at place {place}; expected finite numbers")]
+    NotFinite {
+        /// Its name, shortened.
+        name: String,
+        /// Where in it, from 0.
+        place: usize,
+        /// What stands there.
+        value: f32,
+    },
     /// It was not written by us.
     #[error("no \"{0}\" in its metadata; expected a file written by `farsight export`", crate::key::MODEL)]
     Foreign,

@@ -14,6 +14,7 @@ pub(super) const NODE_OUTPUT: u64 = 2;
 pub(super) const NODE_OPERATOR: u64 = 4;
 pub(super) const TENSOR_AXIS: u64 = 1;
 pub(super) const TENSOR_TYPE: u64 = 2;
+pub(super) const TENSOR_FLOATS: u64 = 4;
 pub(super) const TENSOR_NAME: u64 = 8;
 pub(super) const TENSOR_RAW: u64 = 9;
 pub(super) const TENSOR_LOCATION: u64 = 14;

@@ -12,6 +12,7 @@ mod parts;
 mod proto;
 mod quantized;
 mod read;
+mod seal;
 mod wire;
 mod write;
 

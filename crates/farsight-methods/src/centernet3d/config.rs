@@ -2,6 +2,7 @@
 
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::references::LARGEST_FOCAL_PX;
 use farsight_core::{ClassReference, RangeError};
 use farsight_graph::graph::Graph;
 use farsight_graph::layers::{NeckKind, NormKind, Stem};
@@ -131,16 +132,19 @@ impl NetworkConfig for CenterNet3dConfig {
         if let Some(problem) = self.heatmap.problem() {
             return Some(format!("model.heatmap: {problem}"));
         }
-        if let Some(focal_px) = self.depth_focal_px.filter(|focal_px| !(focal_px.is_finite() && *focal_px > 0.0)) {
+        if let Some(focal_px) =
+            self.depth_focal_px.filter(|focal_px| !(*focal_px > 0.0 && *focal_px <= LARGEST_FOCAL_PX))
+        {
             return Some(format!("model.depth_focal_px is {focal_px}; expected a positive number of pixels"));
         }
         if self.error.is_some_and(|fit| !fit.is_usable()) {
             return Some("model.error has numbers that no fit gives".to_owned());
         }
         if let Some([low, high]) = self.focal_range_px
-            && !(low > 0.0 && low <= high && high.is_finite())
+            && !(low > 0.0 && low <= high && high <= LARGEST_FOCAL_PX)
         {
-            return Some(format!("model.focal_range_px is {low} to {high}; expected 0 < smallest <= largest"));
+            let expected = format!("expected 0 < smallest <= largest <= {LARGEST_FOCAL_PX}");
+            return Some(format!("model.focal_range_px is {low} to {high}; {expected}"));
         }
         self.problem_of_classes()
     }

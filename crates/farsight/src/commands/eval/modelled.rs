@@ -102,7 +102,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         (folder.path().to_owned(), Some(folder))
     };
     let min_score = args.min_score.unwrap_or(MIN_SCORE);
-    let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(min_score))?;
+    let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(min_score), printer)?;
     let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
