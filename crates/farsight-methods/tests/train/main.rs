@@ -7,6 +7,7 @@
 )]
 
 mod centernet3d;
+mod checkpoints;
 mod golden_network;
 #[path = "../../../farsight-train/tests/it/golden_support.rs"]
 #[allow(dead_code, reason = "each test program uses a part")]
