@@ -99,6 +99,31 @@ pub enum OnnxProblem {
         /// Its name, shortened.
         name: String,
     },
+    /// A setting of an operator is out of all proportion.
+    #[error("\"{setting}\" of an operator {operator} is {value}; no model of ours has more than {limit}")]
+    Setting {
+        /// The operator.
+        operator: String,
+        /// The setting, shortened.
+        setting: String,
+        /// What it is.
+        value: i64,
+        /// The largest that is taken.
+        limit: i64,
+    },
+    /// A `Resize` that does not say how much it enlarges, or by too much.
+    #[error("an operator Resize whose scales are no constant floats above 0 and at most 128")]
+    Resize,
+    /// A map is larger than any of ours.
+    #[error("its value \"{name}\" takes {megabytes:.0} MB for an image; no model of ours has more than {limit:.0} MB")]
+    Memory {
+        /// Its name, shortened.
+        name: String,
+        /// What it takes for an image of 1280x384 pixels.
+        megabytes: f64,
+        /// The most that is taken.
+        limit: f64,
+    },
     /// An input or output is missing.
     #[error("no {kind} \"{name}\"; found {found:?}")]
     Value {

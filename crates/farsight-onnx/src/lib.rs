@@ -7,6 +7,7 @@ mod deform;
 mod error;
 mod facts;
 mod field;
+mod limits;
 mod local_head;
 mod parts;
 mod proto;

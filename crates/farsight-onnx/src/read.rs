@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::error::{OnnxError, OnnxProblem};
 use crate::wire::{Message, WireError};
-use crate::{Facts, INPUT, Target, field, key, seal, write};
+use crate::{Facts, INPUT, Target, field, key, limits, seal, write};
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::{FILE_SHA256_KEY, WeightsError};
@@ -71,7 +71,8 @@ pub struct TensorInfo {
 ///
 /// Whoever made the file, this holds: it is a whole protobuf message of at most a gibibyte, it says which method it is of, it has one input
 /// and at least one output, its constants are in it and in no other file, and it consists of operators that `farsight export`
-/// writes: none that loops, branches or calls other code. Reading it takes memory for one copy of the file.
+/// writes: none that loops, branches or calls other code. No window, stride or enlargement is wider than 128, and no map of an image takes more than 2 GiB.
+/// Its floats are finite, and where it carries a hash, it is as it was written. Reading it takes memory for one copy of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnnxModel {
     bytes: Vec<u8>,
@@ -210,6 +211,7 @@ fn checked(bytes: &[u8]) -> Result<Checked, OnnxProblem> {
     let inputs = values(graph, field::GRAPH_INPUT)?;
     let input = inputs.iter().find(|input| input.name == INPUT).cloned();
     let input = input.ok_or_else(|| missing("input", INPUT, &inputs))?;
+    limits::check(graph, INPUT)?;
     let outputs = values(graph, field::GRAPH_OUTPUT)?;
     if outputs.is_empty() {
         return Err(missing("output", "of any name", &outputs));

@@ -4,6 +4,7 @@
 //! business of the method that the network belongs to.
 
 pub mod calibration;
+pub mod elf;
 pub mod finite;
 pub mod library;
 pub mod onnxruntime;
