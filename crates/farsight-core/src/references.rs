@@ -78,6 +78,23 @@ fn one() -> f64 {
 }
 
 impl ClassReference {
+    /// What is wrong with the names of these classes, if anything is.
+    pub fn problem_of_names(classes: &[Self]) -> Option<String> {
+        for (place, Self { class, .. }) in classes.iter().enumerate() {
+            if classes[..place].iter().any(|other| other.class == *class) {
+                return Some(format!("names {class} twice"));
+            }
+            if let Some(known) = class.misspelt() {
+                return Some(format!("names {class}; expected {known}, as KITTI writes it"));
+            }
+            let name = class.name();
+            if name.is_empty() || name.len() > 64 || name.contains(|c: char| c.is_whitespace() || c.is_control()) {
+                return Some(format!("names {name:?}; expected one word"));
+            }
+        }
+        None
+    }
+
     /// SMOKE's three classes with its reference sizes, in the official order of channels: car, cyclist, pedestrian (spec 5.1).
     ///
     /// The car's height and width look exchanged; both public code bases carry it and it only shifts a learnt offset.

@@ -117,6 +117,32 @@ pub enum UnfamiliarCamera {
         /// Width and height of the image, pixels.
         image_size: [usize; 2],
     },
+    /// It stands far from where its coordinates begin.
+    #[error(
+        "the camera stands {offset_m:.3} m from the origin of its coordinates (fourth column of the projection; KITTI's 0.06 m), so all places are off by that; is the column in metres times pixels?"
+    )]
+    Offset {
+        /// How far, metres.
+        offset_m: f64,
+    },
+    /// Its pixels are no squares.
+    #[error("the camera's focal lengths are {} and {} pixels; in photographs they are nearly the same, so distances are a guess", focals_px[0].round(), focals_px[1].round())]
+    Stretched {
+        /// Across and down, pixels.
+        focals_px: [f64; 2],
+    },
+    /// Its focal length is that of no camera of such an image.
+    #[error(
+        "the camera's focal length is {focal_px:.1} pixels for an image {width_px} pixels wide, {hfov_deg:.2} degrees across, so distances are a guess; is it the camera of another image?"
+    )]
+    Field {
+        /// Across, pixels.
+        focal_px: f64,
+        /// Of the image, pixels.
+        width_px: usize,
+        /// What it sees across, degrees.
+        hfov_deg: f64,
+    },
     /// It sees much more or much less of the world.
     #[error(
         "the camera's focal length is {focal_px:.0} pixels of the network's input; the model was trained with {} to {}, so its distances are a guess",

@@ -102,15 +102,12 @@ impl CenterNet3dConfig {
         if self.classes.is_empty() {
             return Some("model.classes is empty; expected at least one class".to_owned());
         }
-        let repeated = |(i, class): (usize, &ClassReference)| {
-            let before = self.classes[..i].iter().any(|other| other.class == class.class);
-            before.then(|| format!("model.classes names {} twice", class.class))
-        };
         let unusable = |class: &ClassReference| {
             let wrong = class.score.is_some_and(|score| !score.is_usable());
             wrong.then(|| format!("model.classes has {} with a score that no fit gives", class.class))
         };
-        self.classes.iter().enumerate().find_map(repeated).or_else(|| self.classes.iter().find_map(unusable))
+        let names = ClassReference::problem_of_names(&self.classes).map(|problem| format!("model.classes {problem}"));
+        names.or_else(|| self.classes.iter().find_map(unusable))
     }
 }
 

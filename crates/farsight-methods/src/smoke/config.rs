@@ -246,10 +246,10 @@ impl SmokeConfig {
         if self.classes.is_empty() {
             return error("is empty; expected at least one class".to_owned());
         }
-        for (i, class) in self.classes.iter().enumerate() {
-            if self.classes[..i].iter().any(|other| other.class == class.class) {
-                return error(format!("names {} twice", class.class));
-            }
+        if let Some(problem) = ClassReference::problem_of_names(&self.classes) {
+            return error(problem);
+        }
+        for class in &self.classes {
             let sizes = class.dimensions_lhw.iter().chain([&class.heat_map_factor]);
             if sizes.into_iter().any(|v| !(*v > 0.0 && *v <= LARGEST_M)) {
                 let expected = format!("expected positive numbers, at most {LARGEST_M}");
