@@ -18,6 +18,7 @@ cargo xtask COMMAND
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   proof [--data DIR]       the proof on real frames of docs/proof.md: overfit, train on 64 frames, range 20 others
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
+  fuzz [--minutes N]       every fuzz target for N minutes each (default 1), training's too; what breaks a law goes to fuzz/artifacts
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
 DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Some("check") => check(),
         Some("run") => Libtorch::find_or_fetch().and_then(|libtorch| farsight(&libtorch, &rest)),
         Some("exec") => exec(&rest),
+        Some("fuzz") => fuzz(&rest),
         Some("libtorch") => Libtorch::find_or_fetch().map(|libtorch| eprintln!("{libtorch}")),
         Some("help" | "--help" | "-h") => {
             eprintln!("{USAGE}");
@@ -91,6 +93,18 @@ fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let everything = ["test", "--workspace", "--features", "farsight/train"];
     run(cargo(Some(&libtorch)).args(everything).args(arguments))
+}
+
+/// Feeds every target on any compiler; libFuzzer, which needs a nightly one, is `cargo +nightly fuzz run TARGET`.
+fn fuzz(arguments: &[&str]) -> Result<(), String> {
+    let minutes = match arguments {
+        [] => "1",
+        ["--minutes", minutes] if minutes.parse::<f64>().is_ok_and(|minutes| minutes > 0.0) => minutes,
+        other => return Err(format!("unexpected arguments {other:?}; expected --minutes N or none")),
+    };
+    let libtorch = Libtorch::find_or_fetch()?;
+    let program = ["run", "--quiet", "--package", "farsight-laws", "--features", "train", "--bin", "fuzz", "--"];
+    run(cargo(Some(&libtorch)).args(program).args(["--minutes", minutes]))
 }
 
 fn check() -> Result<(), String> {
