@@ -91,7 +91,7 @@ fn exec(words: &[&str]) -> Result<(), String> {
 
 fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
-    let everything = ["test", "--workspace", "--features", "farsight/train"];
+    let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
     run(cargo(Some(&libtorch)).args(everything).args(arguments))
 }
 
@@ -109,7 +109,7 @@ fn fuzz(arguments: &[&str]) -> Result<(), String> {
 
 fn check() -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
-    let everything = ["--workspace", "--all-targets", "--features", "farsight/train"];
+    let everything = ["--workspace", "--all-targets", "--features", "farsight/train,farsight-laws/train"];
     run(cargo(None).args(["fmt", "--all", "--check"]))?;
     run(cargo(Some(&libtorch)).arg("clippy").args(everything).args(["--", "-D", "warnings"]))?;
     // The everyday build, without libtorch.

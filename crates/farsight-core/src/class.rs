@@ -14,7 +14,7 @@ pub enum ObjectClass {
     Car,
     /// Van; a neighbour of `Car` in the KITTI evaluation.
     Van,
-    /// Lorry.
+    /// Truck: what carries freight, and buses in rendered labels.
     Truck,
     /// Person on foot.
     Pedestrian,
@@ -62,7 +62,7 @@ impl ObjectClass {
         }
     }
 
-    /// Whether both are one class, or classes that are easily taken for one another: cars, vans and lorries; people, however they move.
+    /// Whether both are one class, or classes that are easily taken for one another: cars, vans and trucks; people, however they move.
     pub fn is_like(&self, other: &Self) -> bool {
         let is_vehicle = |class: &Self| matches!(class, Self::Car | Self::Van | Self::Truck);
         let is_person = |class: &Self| matches!(class, Self::Pedestrian | Self::PersonSitting | Self::Cyclist);

@@ -143,10 +143,10 @@ mod tests {
         fn two_measurements_meet_between_them_and_the_surer_one_counts_more(
             first_m in 10.0..40.0_f64, share in 0.9..1.1_f64, a in 0.01..0.2_f64, b in 0.01..0.2_f64, correlation in -0.5..0.9_f64,
         ) {
-            let agreement = DepthFusion { correlation, ..DepthFusion::default() };
+            let fusion = DepthFusion { correlation, ..DepthFusion::default() };
             let second_m = first_m * share;
             let first = MeasuredDepth { depth_m: first_m, log_sigma: a };
-            let both = agreement.joint(Some(first), MeasuredDepth { depth_m: second_m, log_sigma: b });
+            let both = fusion.joint(Some(first), MeasuredDepth { depth_m: second_m, log_sigma: b });
             let log = both.depth_m.ln();
             prop_assert!(log >= first_m.min(second_m).ln() - 1e-9 && log <= first_m.max(second_m).ln() + 1e-9);
             prop_assert!(both.log_sigma <= a.min(b) + 1e-12, "{} of {} and {}", both.log_sigma, a, b);

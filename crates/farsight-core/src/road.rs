@@ -20,7 +20,7 @@ const BENT: f64 = 0.003;
 /// How well a height that somebody measured is known, metres.
 const HEIGHT_ERROR_M: f64 = 0.05;
 
-/// How high cameras are that nobody measured, and how far from that they may be, metres: in a car, on a lorry, over a road.
+/// How high cameras are that nobody measured, and how far from that they may be, metres: in a car, on a truck, over a road.
 const ANY_HEIGHT_M: f64 = 2.0;
 const ANY_HEIGHT_ERROR_M: f64 = 2.0;
 

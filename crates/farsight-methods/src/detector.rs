@@ -6,7 +6,7 @@ use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 use thiserror::Error;
 
-/// A model ready to look at images: its first look, with nothing to follow it.
+/// A model ready to run on images, without second stages.
 pub trait Detector: Send {
     /// Tag of its method.
     fn method(&self) -> &'static str;

@@ -27,6 +27,8 @@ impl WholeNetwork for CenterNet3dConfig {
 pub struct DetectorNetwork {
     /// Its ONNX form, with what the file says.
     pub onnx: OnnxModel,
+    /// The network as it was trained, its outputs alone; none of an ONNX file.
+    pub trained: Option<Network>,
     make: Make,
 }
 
@@ -41,7 +43,7 @@ impl DetectorNetwork {
 }
 
 /// What becomes of the weights of a model file, in a form and for a target; the path is only what errors call it.
-type FromWeights = fn(Weights, NetworkForm, Target, &Path) -> Result<OnnxModel, ReadError>;
+type FromWeights = fn(Weights, NetworkForm, Target, &Path) -> Result<(OnnxModel, Network), ReadError>;
 type Make = fn(Box<dyn Runner>, &OnnxModel, &Path) -> Result<Box<dyn Detector>, OnnxError>;
 
 /// In which form a network is written.
@@ -78,7 +80,8 @@ pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result
         return Ok(None);
     };
     let weights = Weights::read(path).map_err(ModelError::from)?;
-    Ok(Some(DetectorNetwork { onnx: onnx(weights, form, target, path)?, make: *make }))
+    let (onnx, trained) = onnx(weights, form, target, path)?;
+    Ok(Some(DetectorNetwork { onnx, trained: Some(trained), make: *make }))
 }
 
 /// The network of an ONNX file of ours, if it is of a method that is listed here.
@@ -88,7 +91,7 @@ pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result
 pub fn from_onnx(onnx: OnnxModel) -> Result<DetectorNetwork, OnnxModel> {
     let tag = onnx.facts().get(key::METHOD);
     match tag.and_then(|tag| METHODS.iter().find(|row| row.0 == tag)) {
-        Some((_, _, make)) => Ok(DetectorNetwork { onnx, make: *make }),
+        Some((_, _, make)) => Ok(DetectorNetwork { onnx, trained: None, make: *make }),
         None => Err(onnx),
     }
 }
@@ -98,15 +101,16 @@ fn onnx_of<C: NetworkConfig>(
     form: NetworkForm,
     target: Target,
     source: &Path,
-) -> Result<OnnxModel, ReadError> {
+) -> Result<(OnnxModel, Network), ReadError> {
     let model: Model<C> = Model::from_weights(weights, source)?;
     let facts = Facts::new(&model, target);
+    let trained = Network::new(&model).keeping(C::OUTPUTS);
     if form == NetworkForm::Deployable {
-        return Ok(OnnxModel::from_model(&model, &facts, target, source)?);
+        return Ok((OnnxModel::from_model(&model, &facts, target, source)?, trained));
     }
     let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
-    let bytes = write(&Network::new(&model).keeping(C::OUTPUTS), &facts, target).map_err(failed)?;
-    Ok(OnnxModel::from_bytes(bytes, source)?)
+    let bytes = write(&trained, &facts, target).map_err(failed)?;
+    Ok((OnnxModel::from_bytes(bytes, source)?, trained))
 }
 
 fn detector_of<C: WholeNetwork>(
@@ -120,10 +124,13 @@ fn detector_of<C: WholeNetwork>(
 /// The config that an ONNX file says it has; `source` is only what errors call it.
 ///
 /// # Errors
-/// When it says none, or one that cannot be used, or lacks an output of it.
+/// When it says none, one of another method or one that cannot be used, or lacks an output of it.
 pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
     let failed = |problem| OnnxError::new(source, problem);
     let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
+    if let Some(found) = onnx.facts().get(key::METHOD).filter(|found| *found != C::METHOD) {
+        return Err(failed(OnnxProblem::Method { found: found.to_owned(), expected: C::NAME, method: C::METHOD }));
+    }
     let config: C =
         serde_json::from_str(text).map_err(|error| failed(OnnxProblem::Config { problem: error.to_string() }))?;
     if let Some(problem) = config.problem() {

@@ -84,6 +84,16 @@ pub enum OnnxProblem {
         /// What is wrong with it.
         problem: String,
     },
+    /// It is a network of another method.
+    #[error("a model of the method \"{found}\"; expected {expected} (\"{method}\")")]
+    Method {
+        /// The method that its metadata names.
+        found: String,
+        /// What was expected, in words.
+        expected: &'static str,
+        /// The method of that.
+        method: &'static str,
+    },
     /// The weights do not fit the network that it is made from.
     #[error(transparent)]
     Weights(#[from] farsight_graph::weights::WeightsError),

@@ -16,8 +16,17 @@ pub const SIZE: [usize; 2] = [128, 64];
 /// An input of `size` (width, height) pixels, planar `[3, height, width]`: noise, the same every time and everywhere, with the mean and
 /// deviation that normalisation gives to images.
 pub fn input([width, height]: [usize; 2]) -> Vec<f32> {
+    noise(3 * width * height)
+}
+
+/// As [`input()`], for an input of `channels`: `[1, channels, height, width]`.
+pub fn tensor(channels: usize, [width, height]: [usize; 2]) -> Tensor {
+    Tensor { shape: vec![1, channels, height, width], values: noise(channels * width * height) }
+}
+
+fn noise(count: usize) -> Vec<f32> {
     let mut rng = Pcg64Mcg::seed_from_u64(SEED);
-    (0..3 * width * height).map(|_| rng.sample(StandardNormal)).collect()
+    (0..count).map(|_| rng.sample(StandardNormal)).collect()
 }
 
 /// How far two answers are apart in one map.

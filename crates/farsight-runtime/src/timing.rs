@@ -13,7 +13,7 @@ pub struct StageTimes {
     pub network: Duration,
     /// From head maps to detections.
     pub decode: Duration,
-    /// The second look, where there is one.
+    /// The refiner, where there is one.
     pub refine: Duration,
 }
 

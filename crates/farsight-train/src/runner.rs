@@ -1,6 +1,7 @@
 //! libtorch as an engine of `farsight-runtime`.
 
 use farsight_graph::model::{Model, ModelError, NetworkConfig};
+use farsight_graph::transform;
 use farsight_onnx::{INPUT, TensorInfo};
 use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
 use tch::{Device, no_grad};
@@ -20,12 +21,12 @@ pub struct TorchRunner {
 }
 
 impl TorchRunner {
-    /// Runs `model`, on the GPU when there is one.
+    /// Runs `network`, whose taps are its outputs, on the GPU when there is one.
     ///
     /// # Errors
     /// When the weights do not fit the network.
-    pub fn on_any_device<C: NetworkConfig>(model: &Model<C>) -> Result<Self, ModelError> {
-        Self::new(model, Device::cuda_if_available())
+    pub fn on_any_device(network: &transform::Network) -> Result<Self, ModelError> {
+        Self::new(network, Device::cuda_if_available())
     }
 
     /// Runs `model` on the CPU.
@@ -33,30 +34,25 @@ impl TorchRunner {
     /// # Errors
     /// When the weights do not fit the network.
     pub fn on_cpu<C: NetworkConfig>(model: &Model<C>) -> Result<Self, ModelError> {
-        Self::new(model, Device::Cpu)
+        Self::new(&transform::Network::new(model).keeping(C::OUTPUTS), Device::Cpu)
     }
 
-    /// Runs `model` on this device.
+    /// Runs `network`, whose taps are its outputs, on this device.
     ///
     /// # Errors
     /// When the weights do not fit the network.
-    pub fn new<C: NetworkConfig>(model: &Model<C>, device: Device) -> Result<Self, ModelError> {
-        let missing = |name: &str| ModelError::Tensor {
-            name: name.to_owned(),
-            found: "is not an output of the network".to_owned(),
-            expected: Vec::new(),
-        };
-        let graph = &model.graph;
-        let node = |name: &&str| graph.tap(name).ok_or_else(|| missing(name));
-        let nodes: Vec<usize> = C::OUTPUTS.iter().map(node).collect::<Result<_, _>>()?;
+    pub fn new(network: &transform::Network, device: Device) -> Result<Self, ModelError> {
+        let graph = &network.graph;
         let info = |name: &str, node: usize| TensorInfo {
             name: name.to_owned(),
             channels: graph.nodes.get(node).map(|node| node.channels),
         };
-        let (input, outputs) = ([info(INPUT, 0)], C::OUTPUTS.iter().zip(&nodes).map(|(name, id)| info(name, *id)));
-        let outputs = outputs.collect();
-        let network = Network::new(graph.clone(), &model.weights, device, Precision::F32)
-            .map_err(|error| missing(&error.to_string()))?;
+        let input = [info(INPUT, 0)];
+        let outputs = graph.taps.iter().map(|(name, node)| info(name, *node)).collect();
+        let nodes = graph.taps.iter().map(|(_, node)| *node).collect();
+        let network = Network::new(graph.clone(), &network.weights, device, Precision::F32).map_err(|error| {
+            ModelError::Tensor { name: error.to_string(), found: "does not fit".to_owned(), expected: Vec::new() }
+        })?;
         Ok(Self { network, input, outputs, nodes })
     }
 }

@@ -154,7 +154,7 @@ impl PipelineBuilder {
         Self { second_stage_engine: Some(kind), ..self }
     }
 
-    /// What looks again at what was found.
+    /// Refines what was found.
     #[must_use]
     pub fn refiner(self, refiner: StageSource) -> Self {
         Self { refiner, ..self }

@@ -41,16 +41,21 @@ impl OpenDetector {
 pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing) -> Result<OpenDetector, Error> {
     engine.check()?;
     let name = source.name().to_owned();
+    if let Some(network) = other_method(source, engine.kind)? {
+        let weights_sha256 = network.onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
+        let runner = match (engine.kind, &network.trained) {
+            (EngineKind::Libtorch, Some(trained)) => libtorch::start_network(engine, trained)?,
+            (EngineKind::Libtorch, None) => return Err(libtorch::no_onnx().into()),
+            _ => engine.start(network.onnx.clone(), &name)?,
+        };
+        let detector = network.detector(runner, &name)?;
+        return Ok(OpenDetector { detector, name, weights_sha256 });
+    }
     if engine.kind == EngineKind::Libtorch {
         let model = own_model(source)?;
         let weights_sha256 = Some(model.weights.sha256());
         let detector = SmokeDetector::new(engine.start_libtorch(&model, &name)?, &model.config, None);
         return Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 });
-    }
-    if let Some(network) = other_method(source, engine.kind)? {
-        let weights_sha256 = network.onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
-        let detector = network.detector(engine.start(network.onnx.clone(), &name)?, &name)?;
-        return Ok(OpenDetector { detector, name, weights_sha256 });
     }
     let DetectorFile { onnx, mut config } = read(source, engine.kind)?;
     if let Some(size) = timing.input {

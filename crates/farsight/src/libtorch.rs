@@ -7,7 +7,7 @@ use present as engine;
 
 use farsight_runtime::EngineError;
 
-pub(crate) use engine::{IS_BUILT_IN, start, start_on_cpu};
+pub(crate) use engine::{IS_BUILT_IN, start, start_network, start_on_cpu};
 
 /// Its name as users write it.
 const NAME: &str = "libtorch";
@@ -20,6 +20,7 @@ pub(crate) fn no_onnx() -> EngineError {
 #[cfg(feature = "train")]
 mod present {
     use farsight_graph::model::{Model, NetworkConfig};
+    use farsight_graph::transform::Network;
     use farsight_runtime::Runner;
     use farsight_train::runner::TorchRunner;
 
@@ -28,9 +29,13 @@ mod present {
     pub(crate) const IS_BUILT_IN: bool = true;
 
     pub(crate) fn start<C: NetworkConfig>(options: &EngineOptions, model: &Model<C>) -> Result<Box<dyn Runner>, Error> {
+        start_network(options, &Network::new(model).keeping(C::OUTPUTS))
+    }
+
+    pub(crate) fn start_network(options: &EngineOptions, network: &Network) -> Result<Box<dyn Runner>, Error> {
         options.check()?;
         farsight_train::set_threads(options.usable_threads());
-        Ok(Box::new(TorchRunner::on_any_device(model)?))
+        Ok(Box::new(TorchRunner::on_any_device(network)?))
     }
 
     pub(crate) fn start_on_cpu<C: NetworkConfig>(model: &Model<C>) -> Result<Box<dyn Runner>, Error> {
@@ -41,6 +46,7 @@ mod present {
 #[cfg(not(feature = "train"))]
 mod absent {
     use farsight_graph::model::{Model, NetworkConfig};
+    use farsight_graph::transform::Network;
     use farsight_runtime::Runner;
 
     use crate::{EngineOptions, Error};
@@ -48,6 +54,11 @@ mod absent {
     pub(crate) const IS_BUILT_IN: bool = false;
 
     pub(crate) fn start<C: NetworkConfig>(options: &EngineOptions, _: &Model<C>) -> Result<Box<dyn Runner>, Error> {
+        options.check()?;
+        Err(Error::NoLibtorch)
+    }
+
+    pub(crate) fn start_network(options: &EngineOptions, _: &Network) -> Result<Box<dyn Runner>, Error> {
         options.check()?;
         Err(Error::NoLibtorch)
     }

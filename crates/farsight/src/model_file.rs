@@ -18,6 +18,12 @@ use crate::shipped;
 /// is named with its folder, `./shipped`.
 pub const SHIPPED: &str = "shipped";
 
+/// The word for the shipped refiner, where a model of any kind is expected.
+pub const SHIPPED_REFINER: &str = "shipped-refiner";
+
+/// The word for the shipped plate reader, where a model of any kind is expected.
+pub const SHIPPED_PLATES: &str = "shipped-plates";
+
 /// Whether `path` is the word for the shipped model.
 pub fn is_shipped_word(path: &Path) -> bool {
     path == Path::new(SHIPPED)
@@ -31,8 +37,8 @@ pub fn check(path: &Path, expected: &str) -> Result<(), Error> {
     found_instead(path).map_or(Ok(()), |found| Err(kind_error(path, found, expected)))
 }
 
-fn kind_error(path: &Path, found: impl Into<String>, expected: &str) -> Error {
-    Error::Kind { path: path.to_owned(), found: found.into(), expected: expected.to_owned() }
+pub(crate) fn kind_error(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
+    Error::Kind { path: path.to_owned(), found: found.into(), expected: expected.into() }
 }
 
 /// Whether the file is a model without the hash that files of ours carry since they do. One with a hash is checked when it is read.

@@ -27,7 +27,7 @@ pub struct ModelInfo {
     pub plates_sha256: Option<String>,
 }
 
-/// Models ready to look at images, with all that follows a first look.
+/// Models ready to run on images: detector, second stages, suppression, road.
 ///
 /// A clone is the same pipeline. Several threads may use it at once: each gets networks of its own, which share their
 /// weights on every engine but ONNX Runtime.

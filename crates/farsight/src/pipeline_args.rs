@@ -103,10 +103,10 @@ fn threads(text: &str) -> Result<usize, String> {
     count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
 }
 
-/// What looks again at what was found.
+/// The stages after the detector.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
-pub(crate) struct SecondLookArgs {
-    /// Refiner that `farsight train` wrote, for a second look at each object, "shipped" for the one that comes with the program, or "none" [default: shipped, if the model's weights are]
+pub(crate) struct SecondStageArgs {
+    /// Refiner that `farsight train` wrote, to refine each object, "shipped" for the one that comes with the program, or "none" [default: shipped, if the model's weights are]
     #[arg(long, value_name = "FILE|none")]
     refiner: Option<PathBuf>,
     /// Plate reader that `farsight train` wrote, which measures cars by their number plates, "shipped" for the one that comes with the program, or "none" [default: shipped, where its refiner is used]
@@ -114,7 +114,7 @@ pub(crate) struct SecondLookArgs {
     plates: Option<PathBuf>,
 }
 
-impl SecondLookArgs {
+impl SecondStageArgs {
     /// The files that are named.
     pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
         [&self.refiner, &self.plates].into_iter().filter_map(|word| match stage(word.as_deref()) {
@@ -167,7 +167,7 @@ pub(crate) struct PipelineArgs {
     #[arg(long, value_name = "ENGINE", value_enum)]
     pub(crate) second_stage_engine: Option<EngineName>,
     #[command(flatten)]
-    pub(crate) second_look: SecondLookArgs,
+    pub(crate) second_stage: SecondStageArgs,
     #[command(flatten)]
     pub(crate) road: RoadArgs,
     /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does [default: 0.1]
@@ -189,7 +189,7 @@ impl PipelineArgs {
 
     /// The files that are named.
     pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
-        self.model.clone().into_iter().chain(self.second_look.files())
+        self.model.clone().into_iter().chain(self.second_stage.files())
     }
 
     /// A builder with what is chosen.
@@ -199,7 +199,7 @@ impl PipelineArgs {
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
         let second_engine = self.second_stage_engine.map(EngineName::kind);
         let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
-        let builder = self.second_look.choose(builder);
+        let builder = self.second_stage.choose(builder);
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use farsight_graph::model::{Model, ModelError, NetworkConfig};
 use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
 use farsight_methods::refiner::{Refiner, RefinerModel};
+use farsight_onnx::OnnxModel;
 
 use crate::builder::StageSource;
 use crate::{EngineOptions, Error, model_file};
@@ -25,7 +26,12 @@ pub(crate) fn model<C: NetworkConfig>(
 
 fn read<C: NetworkConfig>(path: &Path) -> Result<Model<C>, Error> {
     model_file::check(path, &format!("{} that `farsight train` wrote, or none", C::NAME))?;
-    Ok(Model::read(path)?)
+    Model::read(path).map_err(|error| match OnnxModel::read(path) {
+        Ok(_) => {
+            model_file::kind_error(path, "an ONNX file", format!("{} (.safetensors) that it was made from", C::NAME))
+        }
+        Err(_) => error.into(),
+    })
 }
 
 /// A refiner on `engine`.

@@ -27,7 +27,7 @@ pub(crate) struct Settings {
 /// The networks of a pipeline, ready to run in one thread.
 pub(crate) struct Stages {
     pub(crate) detector: Box<dyn Detector>,
-    /// What looks again at what was found.
+    /// Refines what was found.
     pub(crate) refiner: Option<Refiner>,
     /// What measures vehicles by their number plates.
     pub(crate) plate_reader: Option<PlateReader>,
@@ -57,7 +57,7 @@ impl Stages {
         images: &[(&RgbImage, &Camera)],
         settings: &Settings,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let options = self.first_look_options(settings);
+        let options = self.detector_options(settings);
         let (answers, times) = self.detector.detect_batch(images, &options)?;
         let (answers, refine) = timed(|| self.refined(images, answers, self.least_score(settings)));
         let min_score = self.min_score(settings);
@@ -87,7 +87,7 @@ impl Stages {
     }
 
     /// What the detector must find: all that is asked for, and where a refiner follows what that could raise to it.
-    fn first_look_options(&self, settings: &Settings) -> DecodeOptions {
+    fn detector_options(&self, settings: &Settings) -> DecodeOptions {
         let share = if self.refiner.is_some() { CANDIDATE_SHARE } else { 1.0 };
         DecodeOptions { min_score: Some(share * self.least_score(settings)), ..settings.decode }
     }

@@ -315,6 +315,7 @@ error: this farsight was built without libtorch; `cargo xtask libtorch` fetches 
 error: this farsight was built without training, which needs libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run train ...` builds and trains with it
 ";
     assert_eq!(refusal(&["train", "--config", "run.toml"]), expected);
+    assert_eq!(refusal(&["fine-tune", "--data", "mine", "--out", "mine.safetensors"]), expected);
 }
 
 #[test]

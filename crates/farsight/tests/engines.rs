@@ -174,6 +174,87 @@ fn every_engine_finds_the_same() {
     }
 }
 
+/// A command that must fail with this in its message.
+fn fails(folder: &Path, arguments: &[&str], expected: &str) {
+    let output = farsight(folder, arguments);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && told.contains(expected), "{arguments:?}: {told}");
+}
+
+/// A Python that can import `packages`; says so where there is none.
+fn python_with(packages: &str) -> Option<Command> {
+    let python = || Command::new(std::env::var_os("FARSIGHT_PYTHON").unwrap_or_else(|| "python3".into()));
+    let imported = python().args(["-c", &format!("import {packages}")]).output();
+    if !imported.is_ok_and(|output| output.status.success()) {
+        println!("skipped: no Python with {packages} (set FARSIGHT_PYTHON)");
+        return None;
+    }
+    Some(python())
+}
+
+/// docs/onnx.md, step by step, in another language.
+#[test]
+fn the_example_without_farsight_finds_the_same() {
+    let Some(_) = python_with("onnxruntime, numpy") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    done(folder, &["export", "--model", "shipped", "--out", "shipped.onnx"]);
+    for scene in ["000000", "000001", "000002", "000003"] {
+        let scenes = root().join("assets/scenes");
+        let [image, calib] = [format!("{scene}.ppm"), format!("{scene}.txt")];
+        let pixels = read_image(scenes.join(format!("image_2/{scene}.jpg"))).unwrap();
+        let header = format!("P6 {} {} 255\n", pixels.width(), pixels.height());
+        std::fs::write(folder.join(&image), [header.as_bytes(), pixels.as_raw()].concat()).unwrap();
+        std::fs::copy(scenes.join("calib").join(&calib), folder.join(&calib)).unwrap();
+        let mut python = python_with("onnxruntime, numpy").unwrap();
+        let python = python.current_dir(folder).arg(root().join("scripts/onnx_example.py"));
+        let output = python.args(["shipped.onnx", &image, &calib]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let found: Vec<Value> = serde_json::from_slice(&output.stdout).unwrap();
+        let alone = ["--refiner", "none", "--plates", "none", "--above-road", "none", "--max-overlap", "1"];
+        let input = ["range", &image, "--calib", &calib, "--model", "shipped.onnx", "--quiet", "--json", "-"];
+        let expected: Value = serde_json::from_str(&done(folder, &[&input[..], &alone[..]].concat())).unwrap();
+        let expected = expected[0]["detections"].as_array().unwrap();
+        assert!(found.len() == expected.len() && found.len() > 4, "{scene}: {} of {}", found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!(found["class"], expected["class"], "{scene}");
+            let numbers = ["score", "range_m", "range_sigma_m", "location", "dimensions_hwl", "rotation_y", "box2d"];
+            for (name, tolerance) in numbers.into_iter().zip([1e-3, 0.01, 0.01, 0.01, 0.01, 1e-3, 0.1]) {
+                let largest = largest_difference(&found[name], &expected[name]);
+                assert!(largest <= tolerance, "{scene} {name}: {found} is not {expected}");
+            }
+        }
+    }
+}
+
+/// Of two numbers, or lists of numbers, of JSON; infinite where they are none.
+fn largest_difference(found: &Value, expected: &Value) -> f64 {
+    match (found, expected) {
+        (Value::Array(found), Value::Array(expected)) if found.len() == expected.len() => {
+            found.iter().zip(expected).map(|(a, b)| largest_difference(a, b)).fold(0.0, f64::max)
+        }
+        _ => found.as_f64().zip(expected.as_f64()).map_or(f64::INFINITY, |(a, b)| (a - b).abs()),
+    }
+}
+
+#[test]
+fn second_stages_become_onnx_files_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (word, option, name) in
+        [("shipped-refiner", "--refiner", "a refiner"), ("shipped-plates", "--plates", "a plate reader")]
+    {
+        let told = done(folder, &["export", "--model", word, "--out", "part.onnx"]);
+        assert!(told.contains("answer") && told.contains("part.onnx"), "{told}");
+        assert!(done(folder, &["info", "part.onnx"]).contains(&name[2..]));
+        let expected = format!("error: part.onnx: an ONNX file; expected {name} (.safetensors) that it was made from");
+        fails(folder, &["range", "part.onnx", "--hfov", "65", option, "part.onnx"], &expected);
+        fails(folder, &["bench", "--model", "part.onnx"], "part.onnx: a model of the method");
+        fails(folder, &["export", "--model", word, "--out", "x.onnx", "--input", "64x64"], "are of detectors");
+        fails(folder, &["export", "--model", word, "--out", "x.safetensors", "--half"], "or neither for an ONNX file");
+    }
+}
+
 /// Writes what rten answers to the fixed input, as reference tensors.
 fn write_reference(model: &SmokeModel, path: &Path) {
     let [logits, regression] = answer(model);
@@ -197,21 +278,9 @@ fn the_checker_and_onnx_runtimes_python_agree() {
         for target in [Target::Portable, Target::OnnxRuntime] {
             let file = folder.join(format!("{name}-{}.onnx", target.name()));
             std::fs::write(&file, DetectorFile::from_model(&model, target, &file).unwrap().onnx.bytes()).unwrap();
-            let python = std::env::var_os("FARSIGHT_PYTHON").unwrap_or_else(|| "python3".into());
-            let output =
-                Command::new(python).arg(root().join("scripts/check_onnx.py")).args([&file, &reference]).output();
-            let Ok(output) = output else {
-                println!("skipped: no python3 (set FARSIGHT_PYTHON)");
-                return;
-            };
+            let Some(mut python) = python_with("onnx, onnxruntime, numpy") else { return };
+            let output = python.arg(root().join("scripts/check_onnx.py")).args([&file, &reference]).output().unwrap();
             let text = String::from_utf8_lossy(&output.stdout);
-            if output.status.code() == Some(77) {
-                println!(
-                    "skipped: {} (set FARSIGHT_PYTHON to a Python that has onnx, onnxruntime and numpy)",
-                    text.trim()
-                );
-                return;
-            }
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
             for line in text.lines() {
                 println!("{name} {} {line}", target.name());
@@ -339,6 +408,14 @@ fn a_centernet_is_exported_shown_run_on_every_engine_and_evaluated() {
                 assert!(found.iter().any(|other| same(best, other)), "{engine} {model}: {best} has no twin");
             }
         }
+    }
+
+    if cfg!(feature = "train") {
+        let found = detections(folder, "c.safetensors", "libtorch", &images);
+        for best in &expected {
+            assert!(found.iter().any(|other| same(best, other)), "libtorch: {best} has no twin");
+        }
+        fails(folder, &["bench", "--engine", "libtorch", "--model", "c.onnx"], "it runs no ONNX files");
     }
 
     for part in ["image_2", "calib", "label_2"] {

@@ -78,3 +78,38 @@ fn too_few_detections_to_fit_are_told() {
     assert!(!told.status.success() && problem.contains(expected), "{problem}");
     assert!(!folder.join("fitted.safetensors").exists());
 }
+
+/// From someone's own labels to a model with error bars, in one command.
+#[cfg(feature = "train")]
+#[test]
+fn a_model_is_fine_tuned_in_one_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    rendered(folder, "10");
+    done(folder, &["synth", "--out", "held-out", "--frames", "48", "--seed", "6"]);
+    // Half the shipped size, for time.
+    done(folder, &["export", "--half", "--model", "shipped", "--input", "480x160", "--out", "small.safetensors"]);
+    let start = ["fine-tune", "--data", "scenes", "--model", "small.safetensors", "--epochs", "1"];
+    let arguments = [&start[..], &["--fit-on", "held-out", "--out", "mine.safetensors"]].concat();
+    let told = farsight(folder, &arguments);
+    let status = String::from_utf8_lossy(&told.stderr);
+    assert!(told.status.success(), "{status}");
+    for said in
+        ["10 frames to learn from, those of held-out to fit on", "starts from 352 of its 352", "error bars: fitted"]
+    {
+        assert!(status.contains(said), "{said}: {status}");
+    }
+    let info = done(folder, &["info", "mine.safetensors"]);
+    assert!(info.contains("480 x 160"), "{info}");
+    let moved = |file: &str| std::fs::read(folder.join("mine-run").join(file)).unwrap();
+    assert_ne!(moved("start.safetensors"), moved("model.safetensors"));
+    assert!(info.contains("with error bars"), "{info}");
+
+    // Too few frames, and a run that is there already.
+    done(folder, &["synth", "--out", "few", "--frames", "3", "--seed", "7"]);
+    let told = farsight(folder, &["fine-tune", "--data", "few", "--out", "few.safetensors"]);
+    let problem = String::from_utf8_lossy(&told.stderr);
+    assert!(problem.contains("few: 3 labelled frames; expected at least 10"), "{problem}");
+    let told = farsight(folder, &arguments);
+    assert!(!told.status.success(), "a finished run is not begun anew unasked");
+}

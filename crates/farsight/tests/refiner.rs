@@ -1,4 +1,4 @@
-//! What follows the first look as users meet it: `--refiner`, `--plates`, `--above-road`, and `farsight export` of a refiner or a plate reader.
+//! What follows the detector as users meet it: `--refiner`, `--plates`, `--above-road`, and `farsight export` of a refiner or a plate reader.
 
 #![allow(clippy::unwrap_used)]
 
@@ -41,7 +41,7 @@ fn told(folder: &Path, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn the_second_look_moves_boxes_and_says_how_sure_it_is() {
+fn the_refiner_moves_boxes_and_says_how_sure_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let all = ["--max-overlap", "1"];

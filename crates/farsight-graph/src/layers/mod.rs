@@ -1,5 +1,6 @@
 //! Builders: small functions that append a part of a network to a graph.
 
+mod backbone;
 mod builder;
 pub mod dla34;
 pub mod dla_up;
@@ -7,6 +8,7 @@ pub mod fpn;
 pub mod mobilenet_v2;
 pub mod msfe;
 
+pub use backbone::Backbone;
 pub use builder::{Builder, NormKind};
 pub use dla_up::{NeckKind, dla_up};
 pub use dla34::{Stem, dla34};

@@ -5,7 +5,7 @@ use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::references::LARGEST_FOCAL_PX;
 use farsight_core::{ClassReference, RangeError};
 use farsight_graph::graph::Graph;
-use farsight_graph::layers::{NeckKind, NormKind, Stem};
+use farsight_graph::layers::{Backbone, NeckKind, NormKind, Stem};
 use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +16,9 @@ use crate::input_spec::{InputSpec, SIZE_STEP};
 /// Channels of DLA-34's levels, and between the convolutions of a head.
 const CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
 const HEAD_CHANNELS: usize = 256;
+
+/// Channels of the feature pyramid of other backbones.
+const FPN_CHANNELS: usize = 64;
 
 /// Widths are multiples of this.
 const WIDTH_STEP: usize = 16;
@@ -31,7 +34,12 @@ pub struct CenterNet3dConfig {
     pub input: [usize; 2],
     /// Factor on all channels.
     pub width: f64,
-    /// The first convolutions.
+    /// What makes the features.
+    pub backbone: Backbone,
+    /// Channels between the two convolutions of a head, instead of 256 times `width`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub head_channels: Option<usize>,
+    /// The first convolutions of DLA-34.
     pub stem: Stem,
     /// Normalisation.
     pub norm: NormKind,
@@ -58,6 +66,8 @@ impl Default for CenterNet3dConfig {
         Self {
             input: [1280, 384],
             width: 1.0,
+            backbone: Backbone::Dla34,
+            head_channels: None,
             stem: Stem::Full,
             norm: NormKind::Batch,
             neck: NeckKind::Deformable,
@@ -78,7 +88,12 @@ impl CenterNet3dConfig {
 
     /// Channels between the two convolutions of a head.
     pub fn head_width(&self) -> usize {
-        self.scaled(HEAD_CHANNELS)
+        self.head_channels.unwrap_or_else(|| self.scaled(HEAD_CHANNELS))
+    }
+
+    /// Channels of the feature pyramid of a backbone other than DLA-34.
+    pub fn neck_width(&self) -> usize {
+        self.scaled(FPN_CHANNELS)
     }
 
     fn scaled(&self, channels: usize) -> usize {
@@ -125,6 +140,13 @@ impl NetworkConfig for CenterNet3dConfig {
         }
         if !(self.width.is_finite() && self.width > 0.0 && self.width <= 8.0) {
             return Some(format!("model.width is {}; expected a factor above 0 and at most 8", self.width));
+        }
+        if self.head_channels.is_some_and(|channels| !(1..=4096).contains(&channels)) {
+            return Some("model.head_channels is out of range; expected 1 to 4096".to_owned());
+        }
+        if self.backbone != Backbone::Dla34 && (self.norm != NormKind::Batch || self.stem != Stem::Full) {
+            let name = self.backbone.name();
+            return Some(format!("model.norm or model.stem does not fit {name}; expected batch and no choice of stem"));
         }
         if let Some(problem) = self.heatmap.problem() {
             return Some(format!("model.heatmap: {problem}"));

@@ -1,7 +1,7 @@
-//! The network: SMOKE's backbone and neck, six heads.
+//! The network: one of SMOKE's backbones with its neck, six heads.
 
 use farsight_graph::graph::{Graph, Init, NodeId};
-use farsight_graph::layers::{Builder, dla_up, dla34};
+use farsight_graph::layers::Builder;
 
 use super::config::CenterNet3dConfig;
 
@@ -29,8 +29,8 @@ pub(super) fn network(config: &CenterNet3dConfig) -> Graph {
     let mut b = Builder::new(config.norm);
     let channels = config.channels();
     let input = b.input(3);
-    let levels = dla34(&mut b, input, channels, config.stem);
-    let features = dla_up(&mut b, &levels, channels, config.neck);
+    let levels = config.backbone.levels(&mut b, input, channels, config.stem, config.width);
+    let features = config.backbone.neck(&mut b, &levels, channels, config.neck_width(), config.neck);
     let heatmap = head(&mut b, features, HEATMAP, config.head_width(), config.classes.len(), PRIOR_LOGIT);
     b.tap(HEATMAP, heatmap);
     for (name, channels) in REGRESSION_HEADS {

@@ -102,13 +102,13 @@ pub fn mean_answer(
 /// `known` at the depth on which it and a reading of its plate agree best, if they can be of the same thing and it says how sure it is of its depth.
 ///
 /// The box is moved along its rays and grows with the distance, so the picture stays the same.
-pub fn measured(mut known: Detection, reading: MeasuredDepth, agreement: &DepthFusion) -> Detection {
+pub fn measured(mut known: Detection, reading: MeasuredDepth, fusion: &DepthFusion) -> Detection {
     let Some(first) = MeasuredDepth::of(&known) else { return known };
-    let second = agreement.corrected(reading);
+    let second = fusion.corrected(reading);
     let off = (second.depth_m / first.depth_m).ln().abs() / first.log_sigma.hypot(second.log_sigma);
     // What is no number is not at most this.
     if off <= MOST_OFF {
-        known.move_to(agreement.joint(Some(first), reading));
+        known.move_to(fusion.joint(Some(first), reading));
     }
     known
 }
@@ -269,9 +269,9 @@ mod tests {
             box3d,
             range_sigma_m: Some(1.0),
         };
-        let agreement = DepthFusion { correlation: 0.0, ..DepthFusion::default() };
+        let fusion = DepthFusion { correlation: 0.0, ..DepthFusion::default() };
         let read =
-            |depth_m: f64, log_sigma: f64| measured(known.clone(), MeasuredDepth { depth_m, log_sigma }, &agreement);
+            |depth_m: f64, log_sigma: f64| measured(known.clone(), MeasuredDepth { depth_m, log_sigma }, &fusion);
         let surer = read(21.0, 0.01);
         assert!((20.9..21.0).contains(&surer.box3d.depth_m()), "{surer:?}");
         assert!(surer.range_sigma_m < Some(0.25), "{surer:?}");
@@ -284,6 +284,6 @@ mod tests {
         assert_eq!(read(20.0 * 0.52 / 0.3, 0.02), known);
         assert_eq!(read(f64::NAN, 0.02), known);
         let unsure = Detection { range_sigma_m: None, ..known };
-        assert_eq!(measured(unsure.clone(), MeasuredDepth { depth_m: 21.0, log_sigma: 0.01 }, &agreement), unsure);
+        assert_eq!(measured(unsure.clone(), MeasuredDepth { depth_m: 21.0, log_sigma: 0.01 }, &fusion), unsure);
     }
 }

@@ -5,7 +5,7 @@ use farsight_graph::layers::{Builder, NormKind};
 use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};
 
-use super::geometry::{INPUT_CHANNELS, KINDS, PLACE_CHANNELS, TwoLooks};
+use super::geometry::{INPUT_CHANNELS, KINDS, PLACE_CHANNELS, StageFusion};
 use crate::roi::ANSWER;
 use crate::roi::network::{features, problem_of_sizes};
 
@@ -20,12 +20,13 @@ pub struct RefinerConfig {
     /// Channels between the last map and the answer.
     pub hidden: usize,
     /// How its answers and the detector's go together.
-    pub looks: TwoLooks,
+    #[serde(alias = "looks")]
+    pub fusion: StageFusion,
 }
 
 impl Default for RefinerConfig {
     fn default() -> Self {
-        Self { side: 96, channels: [24, 48, 96, 160], hidden: 192, looks: TwoLooks::default() }
+        Self { side: 96, channels: [24, 48, 96, 160], hidden: 192, fusion: StageFusion::default() }
     }
 }
 
@@ -35,9 +36,9 @@ impl NetworkConfig for RefinerConfig {
     const OUTPUTS: &'static [&'static str] = &[ANSWER];
 
     fn problem(&self) -> Option<String> {
-        let Self { side, channels, hidden, looks } = self;
-        let unusable = || format!("model.looks is {looks:?}; expected the numbers of a fit");
-        problem_of_sizes("model", *side, channels, *hidden).or_else(|| (!looks.is_usable()).then(unusable))
+        let Self { side, channels, hidden, fusion } = self;
+        let unusable = || format!("model.fusion is {fusion:?}; expected the numbers of a fit");
+        problem_of_sizes("model", *side, channels, *hidden).or_else(|| (!fusion.is_usable()).then(unusable))
     }
 
     /// # Shapes

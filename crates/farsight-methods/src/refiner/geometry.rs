@@ -1,18 +1,18 @@
-//! The second look: each found object is cut out of the image at a fixed size, and a small network says again, from the cut-out and its camera alone, where
+//! The refiner sees each found object cut out of the image at a fixed size. A small network says again, from the cut-out and its camera alone, where
 //! the object is.
 //!
 //! The refining network is not told what it looks at: it says so itself, and sizes and depth are relative to one reference, so it corrects any detector's
 //! boxes of any class.
 
+mod fusion;
 mod kinds;
 mod scores;
-mod stages;
 
 use std::f64::consts::SQRT_2;
 
+pub use fusion::StageFusion;
 pub use kinds::{KINDS, NOTHING, kind_of};
-pub use scores::{Evidence, LooksScore, LooksScores, ScoredLooks};
-pub use stages::TwoLooks;
+pub use scores::{Evidence, FusedScore, FusedScoreExample, FusedScores};
 
 use farsight_core::box3d::ray_angle;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
@@ -30,7 +30,7 @@ pub const PLACE_CHANNELS: usize = TARGETS + 2;
 /// Depth; u and v of the centre; length, height, width; cosine and minus sine of the observation angle.
 pub const TARGETS: usize = 8;
 
-/// How much more than the box is cut out, so that its surroundings and the errors of the first look have room.
+/// How much more than the box is cut out, so that its surroundings and the errors of the detector have room.
 const MARGIN: f64 = 1.3;
 
 /// A box with a side below this, pixels, shows nothing.
@@ -160,7 +160,7 @@ impl Crop {
     }
 }
 
-/// What the second look says of an object.
+/// What the refiner says of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refinement {
     /// Where it is, camera coordinates, metres.

@@ -10,7 +10,7 @@ pub mod train;
 use farsight_graph::model::Model;
 
 pub use config::RefinerConfig;
-pub use refine::{Refiner, Sides};
+pub use refine::{Flip, Refiner};
 
 /// A refining network with its weights.
 pub type RefinerModel = Model<RefinerConfig>;

@@ -1,4 +1,4 @@
-//! The second look at what was found ([`crate::refiner::geometry`]).
+//! The refiner at what was found ([`crate::refiner::geometry`]).
 
 use crate::refiner::RefinerConfig;
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
@@ -11,19 +11,19 @@ use image::RgbImage;
 use crate::roi::RoiRunner;
 use crate::roi::runner::BATCH;
 
-/// How often each object is looked at, every time where it was seen the last time, and whether at its mirror image, too.
-const LOOKS: [Sides; 3] = [Sides::AsItIs, Sides::AsItIs, Sides::Both];
+/// The refinement stages: each cuts the object out where the one before it saw it, the last one mirrored, too.
+const STAGES: [Flip; 3] = [Flip::Off, Flip::Off, Flip::Averaged];
 
-/// What of a cut-out is looked at.
+/// Test-time augmentation by the mirror image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sides {
+pub enum Flip {
     /// The cut-out.
-    AsItIs,
+    Off,
     /// The cut-out and its mirror image; the answer is the mean of both.
-    Both,
+    Averaged,
 }
 
-/// Looks again at what a detector found.
+/// Refines what a detector found.
 pub struct Refiner {
     network: RoiRunner,
     config: RefinerConfig,
@@ -45,7 +45,7 @@ impl Refiner {
         Ok(Self::new(self.network.share()?, self.config.clone()))
     }
 
-    /// What is in `image`, taken by `camera`, after a second look at each of `candidates`: what has a score above `min_score` then, highest first, each
+    /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score` then, highest first, each
     /// object once, of one of `classes`.
     ///
     /// # Errors
@@ -59,62 +59,62 @@ impl Refiner {
         min_score: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let looks = self.second_looks(image, camera, &candidates)?;
-        let joined = |(first, second): (Detection, Option<Refinement>)| {
-            let joined = self.config.looks.joined(&first, second.as_ref(), camera, image_size);
-            let is_known = classes.iter().any(|known| known.class == joined.class);
-            if is_known { joined } else { Detection { class: first.class, ..joined } }
+        let refinements = self.refinements(image, camera, &candidates)?;
+        let fused = |(first, second): (Detection, Option<Refinement>)| {
+            let fused = self.config.fusion.fused(&first, second.as_ref(), camera, image_size);
+            let is_known = classes.iter().any(|known| known.class == fused.class);
+            if is_known { fused } else { Detection { class: first.class, ..fused } }
         };
-        let mut found: Vec<Detection> = candidates.into_iter().zip(looks).map(joined).collect();
-        // Stable: equals stay in the order of the first look.
+        let mut found: Vec<Detection> = candidates.into_iter().zip(refinements).map(fused).collect();
+        // Stable: equals stay in the order of the detector.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         let mut found = soft_suppression(class_nms(found));
         found.retain(|detection| detection.score > min_score);
         Ok(found)
     }
 
-    /// What the second look alone says of each detection; `None` where it has no answer.
+    /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
-    /// It looks several times, each time where it saw the object the last time: a cut-out around a better box shows more of the object and less of the rest.
+    /// Several stages, each where the one before it saw the object: a cut-out around a better box shows more of the object and less of the rest.
     ///
     /// # Errors
     /// When the engine fails.
-    pub fn second_looks(
+    pub fn refinements(
         &mut self,
         image: &RgbImage,
         camera: &Camera,
         detections: &[Detection],
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let mut looks = vec![None; detections.len()];
-        for sides in LOOKS {
-            let seen = |(first, look): (&Detection, &Option<Refinement>)| {
-                self.config.looks.joined(first, look.as_ref(), camera, image_size).box2d
+        let mut refinements = vec![None; detections.len()];
+        for flip in STAGES {
+            let seen = |(first, last): (&Detection, &Option<Refinement>)| {
+                self.config.fusion.fused(first, last.as_ref(), camera, image_size).box2d
             };
-            let boxes: Vec<Box2d> = detections.iter().zip(&looks).map(seen).collect();
-            let again = self.looks(image, camera, &boxes, sides)?;
-            looks = again.into_iter().zip(looks).map(|(look, last)| look.or(last)).collect();
+            let boxes: Vec<Box2d> = detections.iter().zip(&refinements).map(seen).collect();
+            let again = self.refine_boxes(image, camera, &boxes, flip)?;
+            refinements = again.into_iter().zip(refinements).map(|(new, last)| new.or(last)).collect();
         }
-        Ok(looks)
+        Ok(refinements)
     }
 
     /// What the network says of cut-outs around `boxes`; `None` where there is nothing to cut out or the answer lies behind the camera.
     ///
     /// # Errors
     /// When the engine fails.
-    pub fn looks(
+    pub fn refine_boxes(
         &mut self,
         image: &RgbImage,
         camera: &Camera,
         boxes: &[Box2d],
-        sides: Sides,
+        flip: Flip,
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let crops: Vec<Option<Crop>> =
             boxes.iter().map(|box2d| Crop::around(box2d, camera, self.config.side)).collect();
         let there: Vec<Crop> = crops.iter().copied().flatten().collect();
         let mut answers = Vec::with_capacity(there.len());
         for batch in there.chunks(BATCH) {
-            answers.extend(self.answers(image, batch, sides)?);
+            answers.extend(self.answers(image, batch, flip)?);
         }
         let mut refinements = there.iter().zip(answers).map(|(crop, answer)| crop.decode(&answer));
         Ok(crops.iter().map(|crop| crop.and_then(|_| refinements.next().flatten())).collect())
@@ -125,7 +125,7 @@ impl Refiner {
         &mut self,
         image: &RgbImage,
         crops: &[Crop],
-        sides: Sides,
+        flip: Flip,
     ) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
         let side = self.config.side;
         let rules = input_rules(side);
@@ -135,16 +135,16 @@ impl Refiner {
             network_input_into(&mut pixels, image, &crop.window, &rules, None);
             self.input.extend_from_slice(&pixels);
             self.input.extend(crop.rays());
-            if sides == Sides::Both {
+            if flip == Flip::Averaged {
                 pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
                 self.input.extend_from_slice(&pixels);
                 self.input.extend(crop.mirrored().rays());
             }
         }
         let answers = self.network.answers::<OUTPUT_CHANNELS>(&self.input, INPUT_CHANNELS, side)?;
-        Ok(match sides {
-            Sides::AsItIs => answers,
-            Sides::Both => {
+        Ok(match flip {
+            Flip::Off => answers,
+            Flip::Averaged => {
                 let pairs = answers.chunks_exact(2);
                 crops.iter().zip(pairs).map(|(crop, pair)| crop.mean_answer(&pair[0], &pair[1])).collect()
             }

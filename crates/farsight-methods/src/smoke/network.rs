@@ -1,9 +1,8 @@
 //! The network: DLA-34 or a narrower one, MSFE where it is asked for, the neck, two heads.
 
 use farsight_graph::graph::Graph;
-use farsight_graph::layers::mobilenet_v2::Convention;
-use farsight_graph::layers::{Builder, Msfe, NormKind, dla_up, dla34, fpn, mobilenet_v2, msfe};
-use serde::{Deserialize, Serialize};
+pub use farsight_graph::layers::Backbone;
+use farsight_graph::layers::{Builder, Msfe, NormKind, msfe};
 
 use super::config::SmokeConfig;
 use super::heads;
@@ -20,40 +19,12 @@ pub const FEATURES: &str = "neck";
 /// Name of the logarithm of the surface's depth among the taps of a network in training.
 pub const SURFACE: &str = "surface";
 
-/// What makes the features of strides 4 to 32, and how they come together at stride 4.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Backbone {
-    /// DLA-34 with its iterative neck, as SMOKE.
-    #[default]
-    Dla34,
-    /// `MobileNetV2` with a feature pyramid. Weights that have seen photographs can be imported.
-    MobilenetV2,
-    /// The same with TensorFlow's padding, and its own scale of the image: for weights that learnt there.
-    MobilenetV2Tensorflow,
-}
-
-impl Backbone {
-    /// Its name in configs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Dla34 => "dla34",
-            Self::MobilenetV2 => "mobilenet_v2",
-            Self::MobilenetV2Tensorflow => "mobilenet_v2_tensorflow",
-        }
-    }
-}
-
 /// The network that `config` describes.
 pub(super) fn network(config: &SmokeConfig) -> Graph {
     let mut b = Builder::new(config.norm);
     let channels = config.channels();
     let input = b.input(3);
-    let mut levels = match config.backbone {
-        Backbone::Dla34 => dla34(&mut b, input, channels, config.stem),
-        Backbone::MobilenetV2 => mobilenet_v2(&mut b, input, config.width, Convention::Torchvision),
-        Backbone::MobilenetV2Tensorflow => mobilenet_v2(&mut b, input, config.width, Convention::Tensorflow),
-    };
+    let mut levels = config.backbone.levels(&mut b, input, channels, config.stem, config.width);
     let msfe_width = config.msfe_width();
     let pyramid = [levels[3], levels[4], levels[5]];
     let fused = match config.msfe {
@@ -64,12 +35,7 @@ pub(super) fn network(config: &SmokeConfig) -> Graph {
     if let Some(fused) = fused {
         levels[3..].copy_from_slice(&fused);
     }
-    let mut features = match config.backbone {
-        Backbone::Dla34 => dla_up(&mut b, &levels, channels, config.neck),
-        Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow => {
-            fpn(&mut b, &levels, config.neck_width(), config.neck)
-        }
-    };
+    let mut features = config.backbone.neck(&mut b, &levels, channels, config.neck_width(), config.neck);
     if config.msfe == Msfe::B {
         features = msfe::concat_fusion(&mut b, msfe::PREFIX, pyramid, features, msfe_width);
     }

@@ -7,7 +7,7 @@ use farsight_data::kitti::Calibration;
 use farsight_data::read_image;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::refiner::geometry::Refinement;
-use farsight_methods::refiner::{Refiner, Sides};
+use farsight_methods::refiner::{Flip, Refiner};
 use farsight_methods::roi::{RoiRunner, runner::onnx};
 use farsight_onnx::Target;
 use farsight_runtime::RtenRunner;
@@ -32,8 +32,8 @@ fn refiner() -> Refiner {
 const CARS: [([f64; 4], f64); 3] =
     [([232.0, 186.0, 463.0, 353.0], 8.4), ([679.0, 176.0, 741.0, 223.0], 24.7), ([700.0, 155.0, 802.0, 242.0], 17.2)];
 
-/// First looks at a car that are off by this share of its width and height to each of the four sides.
-fn first_looks(car: [f64; 4], depth_m: f64, camera: &Camera, share: f64) -> Vec<Detection> {
+/// Detections of a car that are off by this share of its width and height to each of the four sides.
+fn detections(car: [f64; 4], depth_m: f64, camera: &Camera, share: f64) -> Vec<Detection> {
     let [x1, y1, x2, y2] = car;
     let (dx, dy) = (share * (x2 - x1), share * (y2 - y1));
     let at = |[dx, dy]: [f64; 2]| {
@@ -48,8 +48,8 @@ fn first_looks(car: [f64; 4], depth_m: f64, camera: &Camera, share: f64) -> Vec<
 }
 
 /// By how much, in all, answers on one object differ from each other: in depth, relative, and in where its centre is seen, tangents.
-fn spread(looks: &[Option<Refinement>]) -> [f64; 2] {
-    let boxes: Vec<Box3d> = looks.iter().map(|look| look.as_ref().unwrap().box3d).collect();
+fn spread(refinements: &[Option<Refinement>]) -> [f64; 2] {
+    let boxes: Vec<Box3d> = refinements.iter().map(|one| one.as_ref().unwrap().box3d).collect();
     let range = |value: &dyn Fn(&Box3d) -> f64| {
         let values = boxes.iter().map(value);
         values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
@@ -64,10 +64,10 @@ fn several_looks_forget_where_the_first_one_was() {
     let mut refiner = refiner();
     let (mut once, mut often) = ([0.0; 2], [0.0; 2]);
     for (car, depth_m) in CARS {
-        let first = first_looks(car, depth_m, &camera, 0.08);
+        let first = detections(car, depth_m, &camera, 0.08);
         let boxes: Vec<Box2d> = first.iter().map(|detection| detection.box2d).collect();
-        let one = spread(&refiner.looks(&image, &camera, &boxes, Sides::Both).unwrap());
-        let all = spread(&refiner.second_looks(&image, &camera, &first).unwrap());
+        let one = spread(&refiner.refine_boxes(&image, &camera, &boxes, Flip::Averaged).unwrap());
+        let all = spread(&refiner.refinements(&image, &camera, &first).unwrap());
         for part in 0..2 {
             once[part] += one[part];
             often[part] += all[part];

@@ -7,7 +7,7 @@ use farsight_core::{DepthFusion, ObjectClass};
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::{ModelError, NetworkConfig};
 use farsight_methods::refiner::geometry::{
-    Evidence, INPUT_CHANNELS, LooksScores, OUTPUT_CHANNELS, ScoredLooks, TwoLooks,
+    Evidence, FusedScoreExample, FusedScores, INPUT_CHANNELS, OUTPUT_CHANNELS, StageFusion,
 };
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::roi::ANSWER;
@@ -22,11 +22,12 @@ fn model(config: RefinerConfig) -> RefinerModel {
 }
 
 /// Some fit.
-fn scores() -> LooksScores {
+fn scores() -> FusedScores {
     let evidence = |i: u32| Evidence { score: 0.5, kind: f64::from(i % 7) - 3.0, overlap: 0.8 };
-    let example = |i: u32| ScoredLooks { class: ObjectClass::Car, evidence: evidence(i), is_right: i % 7 + i % 3 > 4 };
-    let examples: Vec<ScoredLooks> = (0..420).map(example).collect();
-    LooksScores::fit(&examples, &[ObjectClass::Car, ObjectClass::Van]).unwrap()
+    let example =
+        |i: u32| FusedScoreExample { class: ObjectClass::Car, evidence: evidence(i), is_right: i % 7 + i % 3 > 4 };
+    let examples: Vec<FusedScoreExample> = (0..420).map(example).collect();
+    FusedScores::fit(&examples, &[ObjectClass::Car, ObjectClass::Van]).unwrap()
 }
 
 #[test]
@@ -44,13 +45,13 @@ fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
 #[test]
 fn a_config_of_no_network_is_told() {
     let depths = DepthFusion { correlation: 1.5, ..DepthFusion::default() };
-    let looks = TwoLooks { depths, ..TwoLooks::default() };
+    let fusion = StageFusion { depths, ..StageFusion::default() };
     for (config, expected) in [
         (RefinerConfig { side: 90, ..small() }, "model.side is 90"),
         (RefinerConfig { side: 0, ..small() }, "model.side is 0"),
         (RefinerConfig { channels: [8, 0, 8, 8], ..small() }, "has 0; expected 1 to 4096"),
         (RefinerConfig { hidden: 0, ..small() }, "has 0; expected 1 to 4096"),
-        (RefinerConfig { looks, ..small() }, "model.looks is"),
+        (RefinerConfig { fusion, ..small() }, "model.fusion is"),
     ] {
         let problem = config.problem().unwrap();
         assert!(problem.contains(expected), "{problem}");
@@ -62,8 +63,8 @@ fn a_file_gives_back_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("refiner.safetensors");
     let depths = DepthFusion { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9 };
-    let looks = TwoLooks { depths, scores: scores() };
-    let written = model(RefinerConfig { looks, ..small() });
+    let fusion = StageFusion { depths, scores: scores() };
+    let written = model(RefinerConfig { fusion, ..small() });
     written.write_half(&path).unwrap();
     assert!(RefinerModel::is_one(&path));
     let read = RefinerModel::read(&path).unwrap();

@@ -8,6 +8,7 @@
 
 mod centernet3d;
 mod checkpoints;
+mod configs;
 mod golden_network;
 #[path = "../../../farsight-train/tests/it/golden_support.rs"]
 #[allow(dead_code, reason = "each test program uses a part")]

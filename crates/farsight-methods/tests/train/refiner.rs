@@ -13,7 +13,7 @@ use farsight_methods::refiner::geometry::{
     Crop, INPUT_CHANNELS, NOTHING, OUTPUT_CHANNELS, Refinement, input_rules, kind_of,
 };
 use farsight_methods::refiner::train::{RefinerRun, RefinerTask, RefinerTaskConfig};
-use farsight_methods::refiner::{Refiner, Sides};
+use farsight_methods::refiner::{Flip, Refiner};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::roi::runner::onnx;
 use farsight_methods::roi::{ANSWER, RoiRunner};
@@ -110,8 +110,8 @@ fn false_positives_are_the_background_class() {
     let folder = data_set(4);
     let mut run = run(folder.path());
     run.train.epochs = 300;
-    let looks = folder.path().join("looks");
-    fs::create_dir(&looks).unwrap();
+    let results = folder.path().join("results");
+    fs::create_dir(&results).unwrap();
     let image_path = |frame: usize| folder.path().join(format!("training/image_2/{frame:06}.png"));
     // In each frame the car itself, which is no false alarm, and something in the dark to the right of it.
     let mut found = Vec::new();
@@ -124,9 +124,9 @@ fn false_positives_are_the_background_class() {
         nothing.location[0] += 6.0;
         let box2d = nothing.projected(&camera()).unwrap().clamped(199.0, 63.0);
         found = vec![detection(car.box2d, car.box3d), detection(box2d, nothing)];
-        write_results(&looks.join(format!("{frame:06}.txt")), &found).unwrap();
+        write_results(&results.join(format!("{frame:06}.txt")), &found).unwrap();
     }
-    run.task.detections = Some(looks.clone());
+    run.task.detections = Some(results.clone());
     let out = folder.path().join("run");
     let (_, kept) = trained(&run, &out, false).unwrap();
     let mistaken: f64 = kept.records.iter().rev().take(20).map(|record| metric(record, "kind_error")).sum();
@@ -135,7 +135,7 @@ fn false_positives_are_the_background_class() {
 
     let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
     let image = image::open(image_path(3)).unwrap().into_rgb8();
-    let second = runner(&model).second_looks(&image, &camera(), &found).unwrap();
+    let second = runner(&model).refinements(&image, &camera(), &found).unwrap();
     let likeliest = |look: &Option<Refinement>| {
         let kinds = look.as_ref().unwrap().kinds;
         (0..kinds.len()).max_by(|&a, &b| kinds[a].total_cmp(&kinds[b])).unwrap()
@@ -143,9 +143,9 @@ fn false_positives_are_the_background_class() {
     assert_eq!(second.iter().map(likeliest).collect::<Vec<_>>(), [kind_of(&ObjectClass::Car).unwrap(), NOTHING]);
 
     // A frame without its file is told, with the file.
-    fs::remove_file(looks.join("000002.txt")).unwrap();
+    fs::remove_file(results.join("000002.txt")).unwrap();
     let missing = trained(&run, &folder.path().join("missing"), false).unwrap_err().to_string();
-    assert!(missing.contains("looks") && missing.contains("000002.txt"), "{missing}");
+    assert!(missing.contains("results") && missing.contains("000002.txt"), "{missing}");
 }
 
 #[test]
@@ -259,8 +259,8 @@ fn the_built_in_engine_answers_as_libtorch_does() {
     let boxes =
         [Box2d::new(20.0, 30.0, 90.0, 80.0), Box2d::new(150.0, 10.0, 199.0, 119.0), Box2d::new(5.0, 5.0, 6.0, 6.0)];
     let mut refiner = runner(&model);
-    let found = [Sides::AsItIs, Sides::Both].map(|sides| refiner.looks(&image, &camera, &boxes, sides).unwrap());
-    assert!(found.iter().all(|looks| looks[2].is_none()), "a box of one pixel shows nothing");
+    let found = [Flip::Off, Flip::Averaged].map(|flip| refiner.refine_boxes(&image, &camera, &boxes, flip).unwrap());
+    assert!(found.iter().all(|refinements| refinements[2].is_none()), "a box of one pixel shows nothing");
 
     let graph = config.graph();
     let tap = graph.tap(ANSWER).unwrap();
@@ -279,8 +279,8 @@ fn the_built_in_engine_answers_as_libtorch_does() {
             std::array::from_fn(|channel| f64::from(values[channel]))
         };
         let [plain, mirrored] = [answer(&crop), answer(&crop.mirrored())];
-        for (looks, expected) in found.iter().zip([plain, crop.mean_answer(&plain, &mirrored)]) {
-            let (found, expected) = (looks[place].as_ref().unwrap(), crop.decode(&expected).unwrap());
+        for (refinements, expected) in found.iter().zip([plain, crop.mean_answer(&plain, &mirrored)]) {
+            let (found, expected) = (refinements[place].as_ref().unwrap(), crop.decode(&expected).unwrap());
             let off = (found.box3d.depth_m() / expected.box3d.depth_m() - 1.0).abs();
             assert!(off < 1e-4, "{found:?}, expected {expected:?}");
             assert!((found.depth_sigma / expected.depth_sigma - 1.0).abs() < 1e-4);

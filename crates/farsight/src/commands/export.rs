@@ -1,9 +1,10 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
-mod fit;
+pub(super) mod fit;
 mod int8;
 mod plates;
 mod refiner;
+mod second_stage;
 mod whole;
 
 use std::path::{Path, PathBuf};
@@ -14,10 +15,7 @@ use farsight::detector::reference_network;
 use farsight::model_file::read_own;
 use farsight::{EngineKind, EngineOptions, Library};
 use farsight_files::write_atomically;
-use farsight_graph::model::NetworkConfig;
 use farsight_graph::transform::Network;
-use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
-use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::smoke::{DetectorFile, LOGITS, REGRESSION, SmokeModel};
 use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
 use farsight_runtime::probe::{self, Difference};
@@ -27,6 +25,7 @@ use super::Outcome;
 use crate::outputs;
 use crate::printer::Printer;
 use int8::Int8Args;
+use second_stage::SecondStageModel;
 
 /// The largest difference of a head map that is let pass (single precision), for values up to 1.
 pub(super) const TOLERANCE: f32 = 1e-4;
@@ -34,7 +33,7 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote, or "shipped" for the one that comes with the program; or a refiner or a plate reader, of which --fit-on makes one that fits the model that comes with the program
+    /// Model that `farsight train` or `farsight import` wrote, "shipped" for the one that comes with the program; or a refiner or a plate reader ("shipped-refiner", "shipped-plates"), of which --half --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write
@@ -93,19 +92,21 @@ impl ExportArgs {
         }
     }
 
-    /// The labelled frames to fit on of something that is no detector, as `name` says; an error when what is asked for is of detectors.
-    fn part_data(&self, name: &str) -> Result<&Path> {
+    /// The labelled frames to fit a second stage on, as `name` says; none where it becomes an ONNX file. An error when what is asked for is of detectors.
+    fn second_stage_data(&self, name: &str) -> Result<Option<&Path>> {
         let path = self.model.display();
-        let (Some(data), true) = (&self.fit_on, self.half) else {
-            bail!("{path}: {name}; expected --half and --fit-on DIR beside it");
-        };
+        ensure!(
+            self.half == self.fit_on.is_some(),
+            "{path}: {name}; expected --half and --fit-on DIR beside it, or neither for an ONNX file"
+        );
         let is_resized = self.input.is_some() || self.focal_range.is_some();
         ensure!(!is_resized, "{path}: {name}; --input and --focal-range are of detectors");
+        ensure!(!self.int8.int8, "{path}: {name}; --int8 is of detectors");
         ensure!(
             !self.tells_facts(),
             "{path}: {name}; --training-data, --training-data-licence and --evaluation are of detectors"
         );
-        Ok(data)
+        Ok(self.fit_on.as_deref())
     }
 
     fn tells_facts(&self) -> bool {
@@ -120,11 +121,8 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
-    if RefinerModel::is_one(&args.model) {
-        return refiner::run(args, args.part_data(RefinerConfig::NAME)?, printer);
-    }
-    if PlateReaderModel::is_one(&args.model) {
-        return plates::run(args, args.part_data(PlateReaderConfig::NAME)?, printer);
+    if let Some(model) = SecondStageModel::read(&args.model)? {
+        return model.export(args, target, printer);
     }
     if let Some(network) = whole::read(&args.model, target)? {
         return whole::run(args, &network, printer);
@@ -135,7 +133,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     model.config.focal_range_px = args.focal_range.or(model.config.focal_range_px);
     if let Some(data) = &args.fit_on {
-        fit::fit(&mut model, &args.model, data, printer)?;
+        fit::fit(&mut model, &args.model, data, None, printer)?;
     }
     if args.half {
         return half(model, args, printer);
@@ -145,19 +143,26 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
     let file = DetectorFile::from_bytes(bytes, &args.out)?.onnx;
-    let (expected, reference) = reference(&model, &file, &probe::input(probe::SIZE))?;
-    keep(&file, &expected, &reference, args, printer)
+    let input = image_probe();
+    let (expected, reference) = reference(&model, &file, &input)?;
+    keep(&file, &input, &expected, &reference, args, printer)
 }
 
-/// Writes `file` if it answers as it should, which `reference` says.
+/// The fixed input of a detector.
+fn image_probe() -> Tensor {
+    probe::tensor(3, probe::SIZE)
+}
+
+/// Writes `file` if it answers `input` as `expected`, which `reference` said.
 fn keep(
     file: &OnnxModel,
+    input: &Tensor,
     expected: &[Tensor],
     reference: &str,
     args: &ExportArgs,
     printer: &mut Printer,
 ) -> Result<Outcome> {
-    let differences = differences(file, expected, reference, &args.out, printer)?;
+    let differences = differences(file, input, expected, reference, &args.out, printer)?;
     for Difference { name, largest, scale } in &differences {
         printer.line(&format!("{name:10} largest difference {largest:.1e}, values up to {scale:.1}"));
     }
@@ -234,26 +239,25 @@ fn told(args: &ExportArgs) -> Result<Vec<(&'static str, String)>> {
     Ok(told)
 }
 
-/// How far the outputs of the file are from what is expected of a fixed input of noise.
+/// How far the outputs of the file are from what is expected of `input`.
 fn differences(
     file: &OnnxModel,
+    input: &Tensor,
     expected: &[Tensor],
     reference: &str,
     path: &Path,
     printer: &mut Printer,
 ) -> Result<Vec<Difference>> {
     let mut runner = file_runner(file, path)?;
-    let found = outputs_of(&mut *runner, &probe::input(probe::SIZE))?;
-    let [width, height] = probe::SIZE;
+    let found = outputs_of(&mut *runner, input)?;
+    let [height, width] = [input.shape[2], input.shape[3]];
     let by = runner.engine();
     printer.status(&format!("checked: the file on {by} against {reference}, {width} x {height} pixels of noise"));
     Ok(probe::differences(runner.outputs(), &found, expected))
 }
 
-/// What `runner` answers to an image of [`probe::SIZE`].
-fn outputs_of(runner: &mut dyn Runner, values: &[f32]) -> Result<Vec<Tensor>> {
-    let [width, height] = probe::SIZE;
-    Ok(runner.run(&[(INPUT, TensorView { shape: &[1, 3, height, width], values })])?)
+fn outputs_of(runner: &mut dyn Runner, input: &Tensor) -> Result<Vec<Tensor>> {
+    Ok(runner.run(&[(INPUT, TensorView { shape: &input.shape, values: &input.values })])?)
 }
 
 /// An engine that runs the file as it is.
@@ -267,7 +271,7 @@ fn file_runner(file: &OnnxModel, path: &Path) -> Result<Box<dyn Runner>> {
 /// What the model itself answers: libtorch's answer where it is built in; else that of the network before any transform, on
 /// an engine that the file itself was not run on where there is one, with deformable convolutions in the other form where
 /// that can be.
-fn reference(model: &SmokeModel, file: &OnnxModel, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
+fn reference(model: &SmokeModel, file: &OnnxModel, input: &Tensor) -> Result<(Vec<Tensor>, String)> {
     if let Some(mut runner) = reference_network(model)? {
         return Ok((outputs_of(&mut *runner, input)?, runner.engine().to_owned()));
     }
@@ -287,7 +291,7 @@ fn reference_engine(file: &OnnxModel) -> EngineKind {
 }
 
 /// What the untransformed network answers on `engine`, and what to call that.
-fn answer(engine: EngineKind, whole: OnnxModel, source: &Path, input: &[f32]) -> Result<(Vec<Tensor>, String)> {
+fn answer(engine: EngineKind, whole: OnnxModel, source: &Path, input: &Tensor) -> Result<(Vec<Tensor>, String)> {
     let mut runner = EngineOptions::from(engine).start(whole, source)?;
     let outputs = outputs_of(&mut *runner, input)?;
     Ok((outputs, format!("the untransformed network on {}", runner.engine())))

@@ -32,7 +32,7 @@ use crate::{outputs, untrained};
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped" for the model that comes with the program, or the config of a training (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped", "shipped-refiner" or "shipped-plates" for those that come with the program, or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
     /// Draw the network: its stages as boxes with parameters and multiply-accumulates
@@ -100,6 +100,14 @@ fn read(path: &Path) -> Result<Described> {
     if model_file::is_shipped_word(path) {
         return Ok(detector(&shipped::model()?));
     }
+    if path == Path::new(model_file::SHIPPED_REFINER) {
+        let RefinerModel { config, weights, .. } = shipped::refiner()?;
+        return Ok(refiner(&config, weights.metadata.get(key::TRAINING)));
+    }
+    if path == Path::new(model_file::SHIPPED_PLATES) {
+        let PlateReaderModel { config, weights, .. } = shipped::plates()?;
+        return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
+    }
     model_file::check(path, "a model, a refiner, a plate reader or the config of a training (.toml)")?;
     if is_safetensors(path).with_context(|| format!("{}: cannot be read", path.display()))? {
         if RefinerModel::is_one(path) {
@@ -117,8 +125,11 @@ fn read(path: &Path) -> Result<Described> {
         return Ok(detector(&SmokeModel::read(path)?));
     }
     let onnx = OnnxModel::read(path)?;
-    if onnx.facts().get(key::METHOD) == Some(CenterNet3dConfig::METHOD) {
-        return Ok(centernet3d(&config_of(&onnx, path)?, None));
+    match onnx.facts().get(key::METHOD) {
+        Some(CenterNet3dConfig::METHOD) => return Ok(centernet3d(&config_of(&onnx, path)?, None)),
+        Some(RefinerConfig::METHOD) => return Ok(refiner(&config_of(&onnx, path)?, None)),
+        Some(PlateReaderConfig::METHOD) => return Ok(plates(&config_of(&onnx, path)?, None)),
+        _ => (),
     }
     let file = DetectorFile::from_onnx(onnx, path)?;
     let mut told = told(file.onnx.facts());
@@ -151,11 +162,11 @@ fn centernet3d(config: &CenterNet3dConfig, training: Option<&String>) -> Describ
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
-    let RefinerConfig { side, channels, looks, .. } = config;
+    let RefinerConfig { side, channels, fusion, .. } = config;
     let mut facts = vec![
-        ("refiner", format!("a second look at each object, cut out at {side} x {side} pixels")),
+        ("refiner", format!("refines each object, cut out at {side} x {side} pixels")),
         ("channels", format!("{channels:?}")),
-        ("two looks", correlation(&looks.depths)),
+        ("detector and refiner", correlation(&fusion.depths)),
     ];
     facts.extend(training.map(|training| ("training", training.clone())));
     Described { input: [*side; 2], graph: config.graph(), facts }

@@ -140,9 +140,9 @@ fn measured(
 
 /// The pipeline as `farsight eval` opens it.
 fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<Pipeline> {
-    let Stages { second_look, road } = set.stages()?;
+    let Stages { second_stage, road } = set.stages()?;
     let (model, engine) = (args.model.clone(), args.engine.clone());
-    let pipeline = PipelineArgs { model, engine, second_look, road, ..PipelineArgs::default() };
+    let pipeline = PipelineArgs { model, engine, second_stage, road, ..PipelineArgs::default() };
     pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE))
 }
 

@@ -7,6 +7,7 @@ mod doctor;
 mod engine;
 mod eval;
 mod export;
+mod fine_tune;
 mod import;
 mod info;
 mod man;
@@ -39,6 +40,8 @@ pub(crate) enum Command {
     Synth(synth::SynthArgs),
     /// Train a model
     Train(train::TrainArgs),
+    /// Train a model on with your own labelled images, and fit its error bars
+    FineTune(fine_tune::FineTuneArgs),
     /// Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
     Import(import::ImportArgs),
     /// Write a model as an ONNX file, checked before it is kept
@@ -81,6 +84,7 @@ impl Command {
             Self::Eval(args) => eval::run(&args, printer),
             Self::Synth(args) => synth::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),
+            Self::FineTune(args) => fine_tune::run(&args, printer),
             Self::Import(args) => import::run(&args, printer),
             Self::Export(args) => export::run(&args, printer),
             Self::Parity(args) => parity::run(&args, printer),

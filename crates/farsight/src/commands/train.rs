@@ -31,6 +31,12 @@ pub(crate) struct TrainArgs {
 /// Says how to get a build that can train.
 #[cfg(not(feature = "train"))]
 pub(crate) fn run(_: &TrainArgs, _: &mut Printer) -> Result<Outcome> {
+    cannot_train()
+}
+
+/// What a build without libtorch says to whoever wants to train.
+#[cfg(not(feature = "train"))]
+pub(super) fn cannot_train() -> Result<Outcome> {
     anyhow::bail!(
         "this farsight was built without training, which needs libtorch; `cargo xtask libtorch` fetches it, `cargo xtask run train ...` builds and trains with it"
     )
@@ -49,7 +55,7 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 #[cfg(feature = "train")]
-mod progress {
+pub(super) mod progress {
     use std::io::{IsTerminal, stderr};
     use std::path::Path;
     use std::time::{Duration, Instant};
@@ -66,7 +72,7 @@ mod progress {
     const LINE_INTERVAL: Duration = Duration::from_secs(20);
 
     /// How the run goes: a bar on a terminal, a line now and then elsewhere.
-    pub(super) struct Progress<'a> {
+    pub(in crate::commands) struct Progress<'a> {
         bar: ProgressBar,
         printer: &'a mut Printer,
         last_line: Option<Instant>,
@@ -76,7 +82,7 @@ mod progress {
     }
 
     impl<'a> Progress<'a> {
-        pub(super) fn new(printer: &'a mut Printer, accepts_other_data: bool) -> Self {
+        pub(in crate::commands) fn new(printer: &'a mut Printer, accepts_other_data: bool) -> Self {
             let template = "{bar:30} {pos}/{len} steps  {eta} left  {msg}";
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
             let bar = ProgressBar::new(0).with_style(style);

@@ -1,4 +1,4 @@
-//! What the second look takes a cut-out for.
+//! What the refiner takes a cut-out for.
 
 use farsight_core::ObjectClass;
 

@@ -1,4 +1,4 @@
-//! One score from two looks: how likely a detection is right, fitted on labelled frames.
+//! One score from two stages: how likely a detection is right, fitted on labelled frames.
 
 use std::collections::BTreeMap;
 
@@ -8,14 +8,14 @@ use farsight_core::ObjectClass;
 use farsight_core::linear::dot;
 use farsight_core::score::{logistic, logit, most_likely};
 
-/// What speaks for a detection after both looks.
+/// What speaks for a detection after both stages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
-    /// The first look's score, 0 to 1, both excluded.
+    /// The detector's score, 0 to 1, both excluded.
     pub score: f64,
-    /// Log odds, by the second look, that it is what the first look says, or what that is easily taken for ([`farsight_core::ObjectClass::is_like`]).
+    /// Log odds, by the refiner, that it is what the detector says, or what that is easily taken for ([`farsight_core::ObjectClass::is_like`]).
     pub kind: f64,
-    /// Overlap of both looks' boxes in the image, 0 to 1: who takes something for a car agrees on where its edges are if it is one.
+    /// Overlap of both boxes in the image, 0 to 1: who takes something for a car agrees on where its edges are if it is one.
     pub overlap: f64,
 }
 
@@ -27,7 +27,7 @@ impl Evidence {
 
 /// A detection that was looked at twice and of which is known whether it is right.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ScoredLooks {
+pub struct FusedScoreExample {
     /// What it claims to be.
     pub class: ObjectClass,
     /// What speaks for it.
@@ -39,10 +39,10 @@ pub struct ScoredLooks {
 /// A fit for one class: coefficients of the logit of the probability (logistic regression).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LooksScore {
-    /// Of the logit of the first look's score.
+pub struct FusedScore {
+    /// Of the logit of the detector's score.
     pub score: f64,
-    /// Of the second look's log odds.
+    /// Of the refiner's log odds.
     pub kind: f64,
     /// Of the overlap.
     pub overlap: f64,
@@ -50,9 +50,9 @@ pub struct LooksScore {
     pub bias: f64,
 }
 
-impl LooksScore {
+impl FusedScore {
     /// The fit to some examples; none with fewer than [`LEAST_EXAMPLES`](farsight_core::score::LEAST_EXAMPLES) right or wrong ones.
-    fn fit<'a>(examples: impl Iterator<Item = &'a ScoredLooks>) -> Option<Self> {
+    fn fit<'a>(examples: impl Iterator<Item = &'a FusedScoreExample>) -> Option<Self> {
         let rows: Vec<_> =
             examples.map(|example| (example.evidence.terms(), f64::from(u8::from(example.is_right)))).collect();
         let [score, kind, overlap, bias] = most_likely(&rows)?;
@@ -64,27 +64,27 @@ impl LooksScore {
     }
 }
 
-/// The scores after two looks.
+/// The scores after two stages.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct LooksScores {
-    /// By class. Others keep the first look's score.
-    classes: BTreeMap<ObjectClass, LooksScore>,
+pub struct FusedScores {
+    /// By class. Others keep the detector's score.
+    classes: BTreeMap<ObjectClass, FusedScore>,
 }
 
-impl LooksScores {
+impl FusedScores {
     /// The fit to `examples`: a class with enough of them gets that of its own ones, the others of `classes` that of all. None with fewer than
     /// [`LEAST_EXAMPLES`](farsight_core::score::LEAST_EXAMPLES) right or wrong ones in all.
-    pub fn fit(examples: &[ScoredLooks], classes: &[ObjectClass]) -> Option<Self> {
-        let of_all = LooksScore::fit(examples.iter())?;
-        let of = |class: &ObjectClass| LooksScore::fit(examples.iter().filter(|example| example.class == *class));
+    pub fn fit(examples: &[FusedScoreExample], classes: &[ObjectClass]) -> Option<Self> {
+        let of_all = FusedScore::fit(examples.iter())?;
+        let of = |class: &ObjectClass| FusedScore::fit(examples.iter().filter(|example| example.class == *class));
         let classes = classes.iter().map(|class| (class.clone(), of(class).unwrap_or(of_all))).collect();
         Some(Self { classes })
     }
 
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
-        let numbers = |fit: &LooksScore| [fit.score, fit.kind, fit.overlap, fit.bias];
+        let numbers = |fit: &FusedScore| [fit.score, fit.kind, fit.overlap, fit.bias];
         self.classes.values().flat_map(numbers).all(|number| number.abs() <= 100.0)
     }
 
@@ -98,17 +98,17 @@ impl LooksScores {
 mod tests {
     use super::*;
 
-    const TRUTH: LooksScore = LooksScore { score: 0.7, kind: 0.5, overlap: 3.0, bias: -2.0 };
+    const TRUTH: FusedScore = FusedScore { score: 0.7, kind: 0.5, overlap: 3.0, bias: -2.0 };
 
     /// Examples on a grid, each as often right as the law says.
-    fn examples(class: &ObjectClass, law: &LooksScore, each: u32) -> Vec<ScoredLooks> {
+    fn examples(class: &ObjectClass, law: &FusedScore, each: u32) -> Vec<FusedScoreExample> {
         let mut examples = Vec::new();
         for score in [0.05, 0.2, 0.5, 0.8] {
             for kind in [-4.0, -1.0, 1.0, 4.0] {
                 for overlap in [0.2, 0.6, 0.9] {
                     let evidence = Evidence { score, kind, overlap };
                     let right = (law.probability(&evidence) * f64::from(each)).round() as u32;
-                    let example = |i| ScoredLooks { class: class.clone(), evidence, is_right: i < right };
+                    let example = |i| FusedScoreExample { class: class.clone(), evidence, is_right: i < right };
                     examples.extend((0..each).map(example));
                 }
             }
@@ -118,10 +118,10 @@ mod tests {
 
     #[test]
     fn a_fit_finds_the_law_of_each_class() {
-        let other = LooksScore { kind: 1.0, bias: 0.5, ..TRUTH };
+        let other = FusedScore { kind: 1.0, bias: 0.5, ..TRUTH };
         let (car, cyclist) = (ObjectClass::Car, ObjectClass::Cyclist);
         let all = [examples(&car, &TRUTH, 1000), examples(&cyclist, &other, 1000)].concat();
-        let fit = LooksScores::fit(&all, &[car.clone(), cyclist.clone()]).expect("enough examples");
+        let fit = FusedScores::fit(&all, &[car.clone(), cyclist.clone()]).expect("enough examples");
         assert!(fit.is_usable());
         for (class, law) in [(car, TRUTH), (cyclist, other)] {
             for score in [0.1, 0.4, 0.9] {
@@ -137,19 +137,19 @@ mod tests {
         let (car, van) = (ObjectClass::Car, ObjectClass::Van);
         let mut all = examples(&car, &TRUTH, 100);
         all.extend(examples(&van, &TRUTH, 100).into_iter().take(20));
-        let fit = LooksScores::fit(&all, &[car.clone(), van.clone()]).expect("enough examples");
+        let fit = FusedScores::fit(&all, &[car.clone(), van.clone()]).expect("enough examples");
         let evidence = Evidence { score: 0.3, kind: 2.0, overlap: 0.8 };
         let law = TRUTH.probability(&evidence);
         assert!((fit.probability(&van, &evidence) - law).abs() < 0.05 && law > 0.5);
         assert!((fit.probability(&ObjectClass::Tram, &evidence) - 0.3).abs() < 1e-12);
-        assert_eq!(LooksScores::fit(&all[..20], &[car]), None);
+        assert_eq!(FusedScores::fit(&all[..20], &[car]), None);
     }
 
     #[test]
     fn numbers_that_no_fit_gives_are_told_apart() {
         for bias in [f64::NAN, 1e9] {
-            let classes = [(ObjectClass::Car, LooksScore { bias, ..TRUTH })].into();
-            assert!(!LooksScores { classes }.is_usable(), "{bias}");
+            let classes = [(ObjectClass::Car, FusedScore { bias, ..TRUTH })].into();
+            assert!(!FusedScores { classes }.is_usable(), "{bias}");
         }
     }
 }

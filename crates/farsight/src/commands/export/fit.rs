@@ -47,13 +47,19 @@ impl Judged {
     }
 }
 
-/// Fits `model` to all frames of `data`: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
-pub(super) fn fit(model: &mut SmokeModel, source: &Path, data: &Path, printer: &mut Printer) -> Result<()> {
+/// Fits `model` to the frames of `data`, those of `split` if one is named: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
+pub(in crate::commands) fn fit(
+    model: &mut SmokeModel,
+    source: &Path,
+    data: &Path,
+    split: Option<&Path>,
+    printer: &mut Printer,
+) -> Result<()> {
     for class in &mut model.config.classes {
         class.score = None;
     }
     model.config.depth.error = None;
-    let dataset = open_labelled(data, None)?;
+    let dataset = open_labelled(data, split)?;
     let first = judged_by_model(model, source, &*dataset)?;
     fit_distances(model, &first, printer).with_context(|| data.display().to_string())?;
     let mut second = judged_by_model(model, source, &*dataset)?;
@@ -140,7 +146,7 @@ fn judged_in_frame(
 ) -> Result<Vec<Judged>> {
     let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
     let view = detector.input().view([image.width() as usize, image.height() as usize], &camera);
-    let detections = first_look(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
+    let detections = detected(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
     let frame = Frame::new(String::new(), dataset.labels(index)?, detections);
     let reference = &detector.codec().depth;
     let judged = |(place, target): (usize, Option<Target>)| {
@@ -159,7 +165,7 @@ fn judged_in_frame(
 }
 
 /// What a detector finds in one image, with nothing to follow.
-pub(super) fn first_look(
+pub(super) fn detected(
     detector: &mut SmokeDetector,
     options: &DecodeOptions,
     image: &RgbImage,

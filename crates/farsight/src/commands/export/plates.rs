@@ -20,8 +20,12 @@ use super::{ExportArgs, Outcome};
 use crate::printer::{Printer, progress_bar};
 
 /// Fits the plate reader to `data` and writes it.
-pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
-    let mut model = PlateReaderModel::read(&args.model)?;
+pub(super) fn run(
+    mut model: PlateReaderModel,
+    args: &ExportArgs,
+    data: &Path,
+    printer: &mut Printer,
+) -> Result<Outcome> {
     let pairs = depth_pairs(&model, data)?;
     model.config.depths = fitted_depths(&pairs, "plate reader", printer).with_context(|| data.display().to_string())?;
     model.write_half(&args.out)?;
@@ -32,7 +36,7 @@ pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Resu
 /// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
 fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> {
     let dataset = open_labelled(data, None)?;
-    // What is known before a plate is read; every look counts, two in one place, too.
+    // What is known before a plate is read; every detection counts, two in one place, too.
     let builder = Pipeline::builder().plates(StageSource::Off).road(Road::Ignored);
     let pipeline = builder.min_score(LEAST_PEAK).max_overlap(1.0).open()?;
     let mut reader = plate_reader(model, &EngineOptions::default())?;

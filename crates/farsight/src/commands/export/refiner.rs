@@ -1,4 +1,4 @@
-//! `farsight export` of a refiner: how its second look and the first look of the shipped model go together, fitted on labelled frames.
+//! `farsight export` of a refiner: how it and the detector of the shipped model go together, fitted on labelled frames.
 
 use std::path::Path;
 
@@ -16,37 +16,36 @@ use farsight_eval::ranging::Target;
 use farsight_methods::Detector;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::refiner::RefinerModel;
-use farsight_methods::refiner::geometry::{LooksScores, Refinement, ScoredLooks, TwoLooks};
+use farsight_methods::refiner::geometry::{FusedScoreExample, FusedScores, Refinement, StageFusion};
 use farsight_methods::smoke::{DetectorFile, SmokeDetector};
 
-use super::fit::{first_look, fitted_depths, is_plain, told};
+use super::fit::{detected, fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
 use crate::printer::{Printer, progress_bar};
 
 /// Fits the refiner to `data` and writes it.
-pub(super) fn run(args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
-    let mut model = RefinerModel::read(&args.model)?;
-    let (seen, classes) = seen_twice(&model, data)?;
-    let pairs: Vec<DepthPair> = seen.iter().flat_map(SeenTwice::depth_pairs).collect();
-    let depths = fitted_depths(&pairs, "second look", printer).with_context(|| data.display().to_string())?;
-    model.config.looks = TwoLooks { depths, ..TwoLooks::default() };
-    let scores = fitted_scores(&model.config.looks, &seen, &classes, printer);
-    model.config.looks.scores = scores.with_context(|| data.display().to_string())?;
+pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
+    let (seen, classes) = two_stage_frames(&model, data)?;
+    let pairs: Vec<DepthPair> = seen.iter().flat_map(TwoStageFrame::depth_pairs).collect();
+    let depths = fitted_depths(&pairs, "refiner", printer).with_context(|| data.display().to_string())?;
+    model.config.fusion = StageFusion { depths, ..StageFusion::default() };
+    let scores = fitted_scores(&model.config.fusion, &seen, &classes, printer);
+    model.config.fusion.scores = scores.with_context(|| data.display().to_string())?;
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
 }
 
 fn fitted_scores(
-    looks: &TwoLooks,
-    seen: &[SeenTwice],
+    fusion: &StageFusion,
+    seen: &[TwoStageFrame],
     classes: &[ObjectClass],
     printer: &mut Printer,
-) -> Result<LooksScores> {
-    let examples: Vec<ScoredLooks> = seen.iter().flat_map(|frame| frame.score_examples(looks)).collect();
+) -> Result<FusedScores> {
+    let examples: Vec<FusedScoreExample> = seen.iter().flat_map(|frame| frame.score_examples(fusion)).collect();
     let right = examples.iter().filter(|example| example.is_right).count();
     let wrong = examples.len() - right;
-    let Some(scores) = LooksScores::fit(&examples, classes) else {
+    let Some(scores) = FusedScores::fit(&examples, classes) else {
         bail!(
             "{right} right and {wrong} wrong detections; expected at least {LEAST_EXAMPLES} of each to fit scores on"
         );
@@ -55,8 +54,8 @@ fn fitted_scores(
     Ok(scores)
 }
 
-/// A frame that both looks have seen.
-struct SeenTwice {
+/// A frame with the answers of both stages.
+struct TwoStageFrame {
     camera: Camera,
     image_size: [usize; 2],
     labels: Vec<Label>,
@@ -64,8 +63,8 @@ struct SeenTwice {
     second: Vec<Option<Refinement>>,
 }
 
-impl SeenTwice {
-    /// What both looks say of the Moderate objects that the first one finds.
+impl TwoStageFrame {
+    /// What both stages say of the Moderate objects that the first one finds.
     fn depth_pairs(&self) -> Vec<DepthPair> {
         let example = |(place, target): (usize, Option<Target>)| {
             let target = target.filter(is_plain)?;
@@ -75,16 +74,16 @@ impl SeenTwice {
         told(&self.judged_by(&self.first)).filter_map(example).collect()
     }
 
-    /// What speaks for each detection after both looks, and whether it is right where they place it.
-    fn score_examples(&self, looks: &TwoLooks) -> Vec<ScoredLooks> {
+    /// What speaks for each detection after both stages, and whether it is right where they place it.
+    fn score_examples(&self, fusion: &StageFusion) -> Vec<FusedScoreExample> {
         let both = self.first.iter().zip(&self.second);
         let joined: Vec<Detection> =
-            both.map(|(first, second)| looks.joined(first, second.as_ref(), &self.camera, self.image_size)).collect();
+            both.map(|(first, second)| fusion.fused(first, second.as_ref(), &self.camera, self.image_size)).collect();
         let example = |(place, target): (usize, Option<Target>)| {
             let (first, second) = (&self.first[place], self.second[place].as_ref()?);
-            Some(ScoredLooks {
+            Some(FusedScoreExample {
                 class: first.class.clone(),
-                evidence: looks.evidence(first, second, &self.camera, self.image_size),
+                evidence: fusion.evidence(first, second, &self.camera, self.image_size),
                 is_right: target.is_some(),
             })
         };
@@ -97,7 +96,7 @@ impl SeenTwice {
 }
 
 /// All frames of `data` as the shipped model and the refiner see them, and the shipped model's classes.
-fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<ObjectClass>)> {
+fn two_stage_frames(model: &RefinerModel, data: &Path) -> Result<(Vec<TwoStageFrame>, Vec<ObjectClass>)> {
     let dataset = open_labelled(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let engine = EngineOptions::default();
@@ -106,30 +105,30 @@ fn seen_twice(model: &RefinerModel, data: &Path) -> Result<(Vec<SeenTwice>, Vec<
     let mut detector = smoke_detector(&engine, file, source)?;
     ensure!(
         detector.has_error_bars(),
-        "the first look has no error bars; expected a model after `farsight export --fit-on`"
+        "the detector has no error bars; expected a model after `farsight export --fit-on`"
     );
     let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
     let mut refiner = refiner(model, &engine)?;
     let bar = progress_bar(dataset.len());
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
-        seen.push(frame_seen_twice(&mut detector, &options, &mut refiner, &*dataset, index)?);
+        seen.push(two_stage_frame(&mut detector, &options, &mut refiner, &*dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
     Ok((seen, classes))
 }
 
-fn frame_seen_twice(
+fn two_stage_frame(
     detector: &mut SmokeDetector,
     options: &DecodeOptions,
     refiner: &mut Refiner,
     dataset: &dyn Dataset,
     index: usize,
-) -> Result<SeenTwice> {
+) -> Result<TwoStageFrame> {
     let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
-    let first = first_look(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
-    let second = refiner.second_looks(&image, &camera, &first)?;
+    let first = detected(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
+    let second = refiner.refinements(&image, &camera, &first)?;
     let image_size = [image.width(), image.height()].map(|side| side as usize);
-    Ok(SeenTwice { camera, image_size, labels: dataset.labels(index)?, first, second })
+    Ok(TwoStageFrame { camera, image_size, labels: dataset.labels(index)?, first, second })
 }

@@ -5,9 +5,8 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use farsight_methods::detectors::{NetworkForm, from_model_file};
 use farsight_onnx::{OnnxModel, Target, is_safetensors};
-use farsight_runtime::probe;
 
-use super::{ExportArgs, answer, keep, reference_engine};
+use super::{ExportArgs, answer, image_probe, keep, reference_engine};
 use crate::commands::Outcome;
 use crate::printer::Printer;
 
@@ -30,6 +29,7 @@ pub(super) fn run(args: &ExportArgs, file: &OnnxModel, printer: &mut Printer) ->
     let engine = reference_engine(file);
     let whole = from_model_file(&args.model, NetworkForm::AsTrained, engine.target())?;
     let whole = whole.with_context(|| format!("{path}: changed while it was read"))?.onnx;
-    let (expected, reference) = answer(engine, whole, &args.model, &probe::input(probe::SIZE))?;
-    keep(file, &expected, &reference, args, printer)
+    let input = image_probe();
+    let (expected, reference) = answer(engine, whole, &args.model, &input)?;
+    keep(file, &input, &expected, &reference, args, printer)
 }

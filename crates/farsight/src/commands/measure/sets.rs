@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use serde::Deserialize;
 
-use crate::pipeline_args::{RoadArgs, SecondLookArgs};
+use crate::pipeline_args::{RoadArgs, SecondStageArgs};
 
 /// The config of `farsight measure`.
 #[derive(Debug, Deserialize)]
@@ -37,7 +37,7 @@ pub(super) struct MeasuredSet {
 #[command(no_binary_name = true)]
 pub(super) struct Stages {
     #[command(flatten)]
-    pub(super) second_look: SecondLookArgs,
+    pub(super) second_stage: SecondStageArgs,
     #[command(flatten)]
     pub(super) road: RoadArgs,
 }

@@ -1,9 +1,9 @@
-//! One answer from two looks: how far to trust each, fitted on labelled frames.
+//! One answer from two stages: how far to trust each, fitted on labelled frames.
 
 use serde::{Deserialize, Serialize};
 
 use super::kinds::{likeliest, log_odds};
-use super::{Evidence, LooksScores, Refinement, kind_of};
+use super::{Evidence, FusedScores, Refinement, kind_of};
 use farsight_core::overlap::iou_2d;
 use farsight_core::score::SCORE_LIMITS;
 use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth};
@@ -11,29 +11,29 @@ use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth};
 /// Boxes in the image that overlap less are of two different things.
 const LEAST_OVERLAP: f64 = 0.3;
 
-/// How the two looks go together, fitted on labelled frames.
+/// How the two stages go together, fitted on labelled frames.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct TwoLooks {
-    /// One depth from both. Neither look knows how large a car is, so they err alike.
+pub struct StageFusion {
+    /// One depth from both. Neither stage knows how large a car is, so they err alike.
     pub depths: DepthFusion,
-    /// How likely a detection is right after both; unfitted, the first look's scores stay.
-    pub scores: LooksScores,
+    /// How likely a detection is right after both; unfitted, the detector's scores stay.
+    pub scores: FusedScores,
 }
 
-impl TwoLooks {
+impl StageFusion {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
         self.depths.is_usable() && self.scores.is_usable()
     }
 
-    /// `first`, found in an image of this size (width, height) that `camera` takes, with what the second look says of it, if it says anything.
+    /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it, if it says anything.
     ///
-    /// Direction, heading and proportions are the second look's; its box is moved along its rays, growing with the distance, to the depth on which
-    /// both agree best. A first look without error bar has no say in that. Where the second look sees something else than the first, or
+    /// Direction, heading and proportions are the refiner's; its box is moved along its rays, growing with the distance, to the depth on which
+    /// both agree best. A detector without error bar has no say in that. Where the refiner sees something else than the detector, or
     /// something that is not in the image, the place of `first` stays. The score is that of both, the class the likeliest of those that are easily taken for
     /// that of `first`.
-    pub fn joined(
+    pub fn fused(
         &self,
         first: &Detection,
         second: Option<&Refinement>,
@@ -50,7 +50,7 @@ impl TwoLooks {
         Detection { class, score, ..agreed.unwrap_or_else(|| first.clone()) }
     }
 
-    /// What speaks for `first` after a second look.
+    /// What speaks for `first` once it was refined.
     pub fn evidence(
         &self,
         first: &Detection,
@@ -61,7 +61,7 @@ impl TwoLooks {
         evidence(first, second, self.placed(first, second, camera, image_size).as_ref())
     }
 
-    /// `first` where the second look has it, at the depth of both; none when that is not in front of the camera.
+    /// `first` where the refiner has it, at the depth of both; none when that is not in front of the camera.
     fn placed(
         &self,
         first: &Detection,
@@ -77,7 +77,7 @@ impl TwoLooks {
     }
 }
 
-/// What speaks for `first`, which the second look places so, or nowhere.
+/// What speaks for `first`, which the refiner places so, or nowhere.
 fn evidence(first: &Detection, second: &Refinement, placed: Option<&Detection>) -> Evidence {
     let (least, most) = SCORE_LIMITS;
     Evidence {
@@ -92,7 +92,7 @@ mod tests {
     use std::f64::consts::SQRT_2;
 
     use super::super::tests::{camera, car};
-    use super::super::{KINDS, NOTHING, ScoredLooks};
+    use super::super::{FusedScoreExample, KINDS, NOTHING};
     use super::*;
     use farsight_core::{Box3d, ObjectClass};
 
@@ -103,59 +103,59 @@ mod tests {
         Detection { class: ObjectClass::Car, score: 0.7, box2d, box3d, range_sigma_m }
     }
 
-    fn second_look(location: [f64; 3], yaw: f64, depth_sigma: f64) -> Refinement {
+    fn refinement(location: [f64; 3], yaw: f64, depth_sigma: f64) -> Refinement {
         Refinement { box3d: car(location, yaw), depth_sigma, kinds: [0.0; KINDS] }
     }
 
     #[test]
-    fn a_joined_box_looks_like_the_second_at_the_depth_of_both() {
+    fn a_fused_box_looks_like_the_second_at_the_depth_of_both() {
         let first = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
-        let second = second_look([2.2, 1.65, 22.0], 0.5, 0.05);
+        let second = refinement([2.2, 1.65, 22.0], 0.5, 0.05);
         let depths = DepthFusion { correlation: 0.0, ..DepthFusion::default() };
-        let looks = TwoLooks { depths, ..TwoLooks::default() };
-        let joined = looks.joined(&first, Some(&second), &camera(), IMAGE);
-        let depth_m = joined.box3d.depth_m();
+        let fusion = StageFusion { depths, ..StageFusion::default() };
+        let fused = fusion.fused(&first, Some(&second), &camera(), IMAGE);
+        let depth_m = fused.box3d.depth_m();
         assert!((depth_m - (20.0_f64 * 22.0).sqrt()).abs() < 1e-9, "as sure as each other: {depth_m}");
-        assert!((joined.box3d.dimensions.height - 1.5 * depth_m / 22.0).abs() < 1e-9);
-        assert!((joined.box3d.yaw - 0.5).abs() < 1e-12);
-        let sigma_m = joined.range_sigma_m.expect("both have one");
+        assert!((fused.box3d.dimensions.height - 1.5 * depth_m / 22.0).abs() < 1e-9);
+        assert!((fused.box3d.yaw - 0.5).abs() < 1e-12);
+        let sigma_m = fused.range_sigma_m.expect("both have one");
         assert!((sigma_m - 0.05 / SQRT_2 * depth_m).abs() < 1e-9, "{sigma_m}");
-        // Without an error bar the first look has no say.
+        // Without an error bar the detector has no say.
         let unsure = detection(first.box3d, None);
-        let alone = looks.joined(&unsure, Some(&second), &camera(), IMAGE);
+        let alone = fusion.fused(&unsure, Some(&second), &camera(), IMAGE);
         assert!((alone.box3d.depth_m() - 22.0).abs() < 1e-9);
     }
 
     #[test]
-    fn a_second_look_at_something_else_moves_nothing() {
+    fn a_refinement_of_something_else_moves_nothing() {
         let first = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
         for location in [[7.0, 1.6, 20.0], [2.0, 1.6, -20.0]] {
-            let second = second_look(location, 0.4, 0.01);
-            assert_eq!(TwoLooks::default().joined(&first, Some(&second), &camera(), IMAGE), first);
+            let second = refinement(location, 0.4, 0.01);
+            assert_eq!(StageFusion::default().fused(&first, Some(&second), &camera(), IMAGE), first);
         }
-        assert_eq!(TwoLooks::default().joined(&first, None, &camera(), IMAGE), first);
+        assert_eq!(StageFusion::default().fused(&first, None, &camera(), IMAGE), first);
     }
 
     #[test]
-    fn a_score_falls_where_the_second_look_sees_nothing_or_something_else() {
+    fn a_score_falls_where_the_refiner_sees_nothing_or_something_else() {
         let first = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
         let right_of = |kind: f64, overlap: f64| kind > 0.0 && overlap > 0.5;
-        let examples: Vec<ScoredLooks> = (0..400)
+        let examples: Vec<FusedScoreExample> = (0..400)
             .map(|i| {
                 let (kind, overlap) = (f64::from(i % 20) - 9.5, f64::from(i / 20) / 20.0);
                 let evidence = Evidence { score: 0.5, kind, overlap };
-                ScoredLooks { class: ObjectClass::Car, evidence, is_right: right_of(kind, overlap) }
+                FusedScoreExample { class: ObjectClass::Car, evidence, is_right: right_of(kind, overlap) }
             })
             .collect();
-        let scores = LooksScores::fit(&examples, &[ObjectClass::Car]).expect("enough examples");
-        let looks = TwoLooks { scores, ..TwoLooks::default() };
-        let score = |second: &Refinement| looks.joined(&first, Some(second), &camera(), IMAGE).score;
+        let scores = FusedScores::fit(&examples, &[ObjectClass::Car]).expect("enough examples");
+        let fusion = StageFusion { scores, ..StageFusion::default() };
+        let score = |second: &Refinement| fusion.fused(&first, Some(second), &camera(), IMAGE).score;
         let seen_as = |kind: usize, second: Refinement| {
             let kinds = std::array::from_fn(|other| if other == kind { 5.0 } else { 0.0 });
             Refinement { kinds, ..second }
         };
-        let here = second_look([2.0, 1.6, 20.0], 0.4, 0.05);
-        let elsewhere = second_look([7.0, 1.6, 20.0], 0.4, 0.05);
+        let here = refinement([2.0, 1.6, 20.0], 0.4, 0.05);
+        let elsewhere = refinement([7.0, 1.6, 20.0], 0.4, 0.05);
         let car = kind_of(&first.class).expect("a kind");
         let [agreed, nothing, moved] =
             [seen_as(car, here), seen_as(NOTHING, here), seen_as(car, elsewhere)].map(|second| score(&second));

@@ -1,0 +1,72 @@
+//! `farsight export` of a refiner or a plate reader: an ONNX file, or a model file fitted to the shipped detector.
+
+use std::path::Path;
+
+use anyhow::Result;
+use farsight::model_file::{SHIPPED_PLATES, SHIPPED_REFINER};
+use farsight::shipped;
+use farsight_graph::model::{Model, NetworkConfig};
+use farsight_graph::transform::Network;
+use farsight_methods::plate_reader::{self, PlateReaderConfig, PlateReaderModel};
+use farsight_methods::refiner::{self, RefinerConfig, RefinerModel};
+use farsight_methods::roi::runner;
+use farsight_onnx::{Facts, OnnxModel, Target, write};
+use farsight_runtime::probe;
+
+use super::{ExportArgs, Outcome, answer, keep, reference_engine};
+use crate::printer::Printer;
+
+/// A model of a stage after the detector.
+pub(super) enum SecondStageModel {
+    Refiner(RefinerModel),
+    PlateReader(PlateReaderModel),
+}
+
+impl SecondStageModel {
+    /// The model at `path`, or the shipped one by its word; none of anything else.
+    pub(super) fn read(path: &Path) -> Result<Option<Self>> {
+        Ok(if path == Path::new(SHIPPED_REFINER) {
+            Some(Self::Refiner(shipped::refiner()?))
+        } else if path == Path::new(SHIPPED_PLATES) {
+            Some(Self::PlateReader(shipped::plates()?))
+        } else if RefinerModel::is_one(path) {
+            Some(Self::Refiner(RefinerModel::read(path)?))
+        } else if PlateReaderModel::is_one(path) {
+            Some(Self::PlateReader(PlateReaderModel::read(path)?))
+        } else {
+            None
+        })
+    }
+
+    /// Writes it in the form that is asked for.
+    pub(super) fn export(self, args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
+        match self {
+            Self::Refiner(model) => match args.second_stage_data(RefinerConfig::NAME)? {
+                Some(data) => super::refiner::run(model, args, data, printer),
+                None => onnx(&model, refiner::geometry::INPUT_CHANNELS, model.config.side, target, args, printer),
+            },
+            Self::PlateReader(model) => match args.second_stage_data(PlateReaderConfig::NAME)? {
+                Some(data) => super::plates::run(model, args, data, printer),
+                None => onnx(&model, plate_reader::geometry::INPUT_CHANNELS, model.config.side, target, args, printer),
+            },
+        }
+    }
+}
+
+/// Checks the ONNX form of `model` against its network before any transform, and writes it.
+fn onnx<C: NetworkConfig>(
+    model: &Model<C>,
+    channels: usize,
+    side: usize,
+    target: Target,
+    args: &ExportArgs,
+    printer: &mut Printer,
+) -> Result<Outcome> {
+    let file = runner::onnx(model, target, &args.out)?;
+    let input = probe::tensor(channels, [side, side]);
+    let engine = reference_engine(&file);
+    let source = Path::new("the untransformed network");
+    let whole = write(&Network::new(model).keeping(C::OUTPUTS), &Facts::new(model, engine.target()), engine.target())?;
+    let (expected, reference) = answer(engine, OnnxModel::from_bytes(whole, source)?, source, &input)?;
+    keep(&file, &input, &expected, &reference, args, printer)
+}
