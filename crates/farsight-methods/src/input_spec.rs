@@ -104,11 +104,10 @@ impl InputSpec {
 fn absurd(image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
     let focals_px @ [across, down] = [camera.focal_x(), camera.focal_y()];
     let offset_m = camera.origin().map_or(f64::INFINITY, |origin| norm(&origin));
-    // A NaN is absurd, too.
-    if !(offset_m <= FARTHEST_M) {
+    if offset_m.is_nan() || offset_m > FARTHEST_M {
         return Some(UnfamiliarCamera::Offset { offset_m });
     }
-    if !(across <= MOST_STRETCHED * down && down <= MOST_STRETCHED * across) {
+    if across > MOST_STRETCHED * down || down > MOST_STRETCHED * across {
         return Some(UnfamiliarCamera::Stretched { focals_px });
     }
     let width_px = image_size[0];

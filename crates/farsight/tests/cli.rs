@@ -46,6 +46,7 @@ Commands:
   eval         Judge result files as KITTI does, and their errors of distance
   synth        Render traffic scenes with exact labels
   train        Train a model
+  fine-tune    Train a model on with your own labelled images, and fit its error bars
   import       Turn a checkpoint of SMOKE, mmdetection3d or ImageNet's DLA-34 into Farsight's format
   export       Write a model as an ONNX file, checked before it is kept
   parity       Compare an engine's answers with stored reference tensors

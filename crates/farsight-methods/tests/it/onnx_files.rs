@@ -90,7 +90,7 @@ fn numbers_that_ask_for_all_memory_are_refused_before_it_is_asked_for() {
 fn with_setting(file: &[u8], name: &str, value: u64) -> Vec<u8> {
     let field = |number: u8, content: &[u8]| [&[number << 3 | 2], &varint(content.len() as u64)[..], content].concat();
     let number = |field: u8, value: u64| [&[field << 3][..], &varint(value)].concat();
-    let setting = [field(1, name.as_bytes()), number(8, value), number(20, 7)].concat();
+    let setting = [field(1, name.as_bytes()), number(8, value)].concat();
     let node = [field(1, b"image"), field(2, b"more"), field(4, b"Conv"), field(5, &setting)].concat();
     // A message that stands twice is one message of both (protobuf), but the last graph is what is read: it needs all of the first.
     let mut rest = file;
