@@ -73,15 +73,18 @@ fn inputs() -> Vec<(&'static str, String)> {
         ("one line of blanks", repeated(" ")),
         ("empty lines", repeated("\n")),
         ("one calibration row", format!("P2: {}", repeated("1.0 "))),
-        ("ids", (0..SIZE / 8).map(|id| format!("{id:07}\n")).collect()),
+        ("ids", (0..SIZE / 8).map(|id| format!("{id:07}")).collect::<Vec<_>>().join("\n")),
     ]
 }
+
+/// Reads a text; the path is what errors call it.
+type Reader = fn(&str, &Path);
 
 #[test]
 fn ten_megabytes_of_anything_take_a_bounded_amount_of_memory() {
     let _alone = ALONE.lock();
     let path = Path::new("in.txt");
-    let readers: [(&str, fn(&str, &Path)); 8] = [
+    let readers: [(&str, Reader); 8] = [
         ("labels as the devkit", |text, _| drop(rows_as_devkit(text, RowKind::Label))),
         ("results as the devkit", |text, _| drop(rows_as_devkit(text, RowKind::Result))),
         ("labels", |text, path| drop(rows_from_text(text, path, RowKind::Label))),

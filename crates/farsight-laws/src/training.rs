@@ -40,7 +40,7 @@ pub(crate) fn checkpoint(bytes: &[u8]) {
     std::fs::write(&path, bytes).expect("a file for the bytes");
     match read(&path, &"the run") {
         Ok((weights, _)) => {
-            assert!(weights.tensors.values().all(|t| t.shape.iter().product::<usize>() == t.values.len()))
+            assert!(weights.tensors.values().all(|t| t.shape.iter().product::<usize>() == t.values.len()));
         }
         Err(error) => assert!(error.to_string().contains("input.safetensors"), "no file in: {error}"),
     }

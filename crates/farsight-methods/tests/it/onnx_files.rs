@@ -98,16 +98,14 @@ fn with_setting(file: &[u8], name: &str, value: u64) -> Vec<u8> {
     while !rest.is_empty() {
         let start = rest;
         let (key, after) = read_varint(rest);
-        let content = match key & 7 {
-            0 => {
-                rest = read_varint(after).1;
-                &[][..]
-            }
-            _ => {
-                let (length, after) = read_varint(after);
-                rest = &after[length as usize..];
-                &after[..length as usize]
-            }
+        let kind = key % 8;
+        let content = if kind == 0 {
+            rest = read_varint(after).1;
+            &[][..]
+        } else {
+            let (length, after) = read_varint(after);
+            rest = &after[length as usize..];
+            &after[..length as usize]
         };
         if key >> 3 == 7 {
             graph.extend_from_slice(content);

@@ -63,9 +63,12 @@ impl Callback for Accepting {
     }
 }
 
+/// Changes the data set in a folder.
+type Change = fn(&Path);
+
 #[test]
 fn other_data_are_refused_with_what_differs_unless_they_are_accepted() {
-    let changes: [(&str, fn(&Path)); 4] = [
+    let changes: [(&str, Change); 4] = [
         ("it had 6 frames, now there are 4", |root| {
             fs::write(root.join("ImageSets/train.txt"), "000000\n000001\n000002\n000003\n").unwrap();
         }),
