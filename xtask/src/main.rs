@@ -17,6 +17,7 @@ cargo xtask COMMAND
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
+  fuzz [--minutes N]       every fuzz target for N minutes each (default 1), training's too; what breaks a law goes to fuzz/artifacts
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
 DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Some("check") => check(),
         Some("run") => Libtorch::find_or_fetch().and_then(|libtorch| farsight(&libtorch, &rest)),
         Some("exec") => exec(&rest),
+        Some("fuzz") => fuzz(&rest),
         Some("libtorch") => Libtorch::find_or_fetch().map(|libtorch| eprintln!("{libtorch}")),
         Some("help" | "--help" | "-h") => {
             eprintln!("{USAGE}");
@@ -87,13 +89,25 @@ fn exec(words: &[&str]) -> Result<(), String> {
 
 fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
-    let everything = ["test", "--workspace", "--features", "farsight/train"];
+    let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
     run(cargo(Some(&libtorch)).args(everything).args(arguments))
+}
+
+/// Feeds every target on any compiler; libFuzzer, which needs a nightly one, is `cargo +nightly fuzz run TARGET`.
+fn fuzz(arguments: &[&str]) -> Result<(), String> {
+    let minutes = match arguments {
+        [] => "1",
+        ["--minutes", minutes] if minutes.parse::<f64>().is_ok_and(|minutes| minutes > 0.0) => minutes,
+        other => return Err(format!("unexpected arguments {other:?}; expected --minutes N or none")),
+    };
+    let libtorch = Libtorch::find_or_fetch()?;
+    let program = ["run", "--quiet", "--package", "farsight-laws", "--features", "train", "--bin", "fuzz", "--"];
+    run(cargo(Some(&libtorch)).args(program).args(["--minutes", minutes]))
 }
 
 fn check() -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
-    let everything = ["--workspace", "--all-targets", "--features", "farsight/train"];
+    let everything = ["--workspace", "--all-targets", "--features", "farsight/train,farsight-laws/train"];
     run(cargo(None).args(["fmt", "--all", "--check"]))?;
     run(cargo(Some(&libtorch)).arg("clippy").args(everything).args(["--", "-D", "warnings"]))?;
     // The everyday build, without libtorch.

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::Affine2;
-use crate::linear::{dot, norm};
+use crate::linear::{dot, norm, solved};
 use crate::scalar::Scalar;
 
 /// A camera: the 3x4 matrix from camera coordinates (metres) to homogeneous pixels.
@@ -99,6 +99,12 @@ impl Camera {
         let (width, height) = (f64::from(width), f64::from(height));
         let focal = width / 2.0 / (hfov_deg.to_radians() / 2.0).tan();
         Self::from_intrinsics(focal, focal, (width - 1.0) / 2.0, (height - 1.0) / 2.0)
+    }
+
+    /// Where the camera stands in its coordinates, metres: the point that it sends nowhere, if there is one.
+    pub fn origin(&self) -> Option<[f64; 3]> {
+        let matrix = self.projection.map(|row| [row[0], row[1], row[2]]);
+        solved(matrix, self.projection.map(|row| -row[3]))
     }
 
     /// Horizontal focal length, pixels; of a turned camera too, whose projection is `K [R | t]`.

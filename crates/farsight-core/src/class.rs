@@ -77,10 +77,42 @@ impl ObjectClass {
         }
     }
 
+    /// The class of KITTI's that this name probably means, if it is none of them but for its case or a letter.
+    pub fn misspelt(&self) -> Option<Self> {
+        let Self::Other(name) = self else { return None };
+        let written = name.to_ascii_lowercase();
+        // Short words are a letter from many others: a cat is no car.
+        let most = usize::from(written.len() > 3);
+        let is_near = |known: &Self| {
+            let known = known.name().to_ascii_lowercase();
+            written.len().abs_diff(known.len()) <= most && edits(written.as_bytes(), known.as_bytes()) <= most
+        };
+        Self::KITTI.into_iter().find(is_near)
+    }
+
     /// The class called `name`, case included.
     pub fn from_name(name: &str) -> Self {
         Self::KITTI.into_iter().find(|class| class.name() == name).unwrap_or_else(|| Self::Other(name.into()))
     }
+}
+
+/// Letters to add, drop or replace to get from one word to the other; two that changed places count as one (optimal string alignment).
+fn edits(a: &[u8], b: &[u8]) -> usize {
+    let mut least = vec![vec![0; b.len() + 1]; a.len() + 1];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            if i == 0 || j == 0 {
+                least[i][j] = i + j;
+                continue;
+            }
+            let replaced = least[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            least[i][j] = replaced.min(least[i - 1][j] + 1).min(least[i][j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                least[i][j] = least[i][j].min(least[i - 2][j - 2] + 1);
+            }
+        }
+    }
+    least[a.len()][b.len()]
 }
 
 impl fmt::Display for ObjectClass {
@@ -112,6 +144,24 @@ impl From<ObjectClass> for String {
 #[cfg(test)]
 mod tests {
     use super::ObjectClass::{Car, Cyclist, DontCare, Misc, Pedestrian, PersonSitting, Tram, Truck, Van};
+
+    #[test]
+    fn misspelt_names_are_known() {
+        let meant = |name: &str| super::ObjectClass::from_name(name).misspelt();
+        for (name, class) in [
+            ("car", Car),
+            ("Carr", Car),
+            ("Pedestrain", Pedestrian),
+            ("cyclists", Cyclist),
+            ("dontcare", DontCare),
+            ("VAN", Van),
+        ] {
+            assert_eq!(meant(name), Some(class), "{name}");
+        }
+        for name in ["Car", "Cat", "Bus", "Rider", "Bicycle", "van.large", ""] {
+            assert_eq!(meant(name), None, "{name}");
+        }
+    }
 
     #[test]
     fn vehicles_are_like_vehicles_and_people_like_people() {

@@ -23,7 +23,18 @@ pub struct DepthReference {
     pub error: Option<RangeError>,
 }
 
+/// No object that a camera on a road sees is farther away or longer, metres; a file from a stranger may say otherwise.
+pub const LARGEST_M: f64 = 10_000.0;
+
+/// No camera sees a network's input under a longer focal length, pixels of the input.
+pub const LARGEST_FOCAL_PX: f64 = 1_000_000.0;
+
 impl DepthReference {
+    /// Whether mean and deviation are those of objects that a camera sees.
+    pub fn is_usable(&self) -> bool {
+        self.mean_m.abs() <= LARGEST_M && self.std_m > 0.0 && self.std_m <= LARGEST_M
+    }
+
     /// Depth of KITTI's objects (SMOKE, spec 5.1).
     pub const KITTI: Self = Self { mean_m: 28.01, std_m: 16.32, focal_px: None, error: None };
 
@@ -67,6 +78,23 @@ fn one() -> f64 {
 }
 
 impl ClassReference {
+    /// What is wrong with the names of these classes, if anything is.
+    pub fn problem_of_names(classes: &[Self]) -> Option<String> {
+        for (place, Self { class, .. }) in classes.iter().enumerate() {
+            if classes[..place].iter().any(|other| other.class == *class) {
+                return Some(format!("names {class} twice"));
+            }
+            if let Some(known) = class.misspelt() {
+                return Some(format!("names {class}; expected {known}, as KITTI writes it"));
+            }
+            let name = class.name();
+            if name.is_empty() || name.len() > 64 || name.contains(|c: char| c.is_whitespace() || c.is_control()) {
+                return Some(format!("names {name:?}; expected one word"));
+            }
+        }
+        None
+    }
+
     /// SMOKE's three classes with its reference sizes, in the official order of channels: car, cyclist, pedestrian (spec 5.1).
     ///
     /// The car's height and width look exchanged; both public code bases carry it and it only shifts a learnt offset.

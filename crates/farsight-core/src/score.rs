@@ -53,12 +53,15 @@ pub struct ScoreExample {
     pub is_right: bool,
 }
 
+/// Fits give numbers far below this.
+const LARGEST_FACTOR: f64 = 100_000.0;
+
 impl ScoreCalibration {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
         let [least, most] = self.heights_px;
         let numbers = [self.peak, self.height, self.height_squared, self.bias, most];
-        numbers.iter().all(|number| number.is_finite()) && 0.0 < least && least <= most
+        numbers.iter().all(|number| number.abs() <= LARGEST_FACTOR) && 0.0 < least && least <= most
     }
 
     /// The probability that a detection with this peak (0 to 1, both excluded) and a 2D box of this height, pixels of the network's input, is right.

@@ -1,8 +1,8 @@
 //! What a data set's own class names mean.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use farsight_core::ObjectClass;
 use thiserror::Error;
@@ -62,7 +62,8 @@ impl ClassMap {
     /// # Errors
     /// When the file cannot be read, a line has not two words, or a name is mapped twice.
     pub fn read(path: &Path) -> Result<Self, ClassMapError> {
-        let text = fs::read_to_string(path).map_err(|source| ClassMapError::Read { path: path.to_owned(), source })?;
+        let text =
+            farsight_files::read_text(path).map_err(|source| ClassMapError::Read { path: path.to_owned(), source })?;
         let mut map = BTreeMap::new();
         for (row, line) in text.lines().zip(1..) {
             let words = row.split_once('#').map_or(row, |(words, _)| words);
@@ -126,7 +127,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("classes.txt");
         let read = |text: &str| {
-            fs::write(&path, text).unwrap();
+            std::fs::write(&path, text).unwrap();
             ClassMap::read(&path).map_err(|error| error.to_string().replace(&path.display().to_string(), "FILE"))
         };
         let map = read("# ours  theirs\nBus\tTruck\r\n\n  Rider Cyclist # on a bicycle\n").unwrap();

@@ -305,7 +305,8 @@ impl FrameFiles {
         let mut dropped = 0;
         for id in self.ids.iter().take(PROBED_FILES) {
             let path = PathBuf::from(file(&self.results, id));
-            let bytes = fs::read(&path).map_err(|source| FilesError::Read { path, source })?;
+            let bytes = farsight_files::read_file(&path, farsight_files::LARGEST_TEXT)
+                .map_err(|source| FilesError::Read { path, source })?;
             let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), RowKind::Result);
             if !read.rows.is_empty() {
                 return Ok(false);
@@ -354,7 +355,8 @@ fn labels_of(labels: &LabelSource, id: &str, findings: &mut Findings) -> Result<
 /// Reads one file; what is odd about it goes to `findings`.
 fn rows(folder: &Path, id: &str, kind: RowKind, findings: &mut Findings) -> Result<Vec<DevkitRow>, FilesError> {
     let path = PathBuf::from(file(folder, id));
-    let bytes = fs::read(&path).map_err(|source| FilesError::Read { path: path.clone(), source })?;
+    let bytes = farsight_files::read_file(&path, farsight_files::LARGEST_TEXT)
+        .map_err(|source| FilesError::Read { path: path.clone(), source })?;
     let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), kind);
     for (line, diagnostic) in &read.diagnostics {
         let place = || format!("{}:{line}: {diagnostic}", path.display());

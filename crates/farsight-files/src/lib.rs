@@ -2,7 +2,10 @@
 //!
 //! Every crate that writes files uses this one. The bytes go to a scratch file beside the target, which then takes its
 //! name: [`write_atomically`] also asks the disk to keep it, [`write_quickly`] does not, for files that can be made
-//! again.
+//! again. Reading is here, too, as far as it must not wait or grow without end: [`read_file`].
+
+mod folder;
+mod read;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -10,6 +13,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use thiserror::Error;
+
+use folder::SCRATCH_SUFFIX;
+
+pub use folder::{FolderLock, remove_stale_scratch};
+pub use read::{LARGEST_TEXT, read_file, read_text};
 
 /// How often another scratch name is tried when the first one is taken by what a killed process left behind.
 const NAME_ATTEMPTS: u32 = 64;
@@ -53,7 +61,8 @@ pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resu
     write_through(path, false, write)
 }
 
-/// Whether [`write_atomically`] could write to `path` now: a scratch file is made beside the target and removed again.
+/// Whether [`write_atomically`] could write to `path` now: a scratch file is made beside the target and removed again, with those that killed processes left
+/// of the same target.
 ///
 /// For work that takes long: better told before it than after.
 ///
@@ -62,7 +71,12 @@ pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resu
 pub fn check_writable(path: &Path) -> Result<(), DurableError> {
     let failed = |step| move |source| DurableError { path: path.to_path_buf(), step, source };
     match Place::of(path).map_err(failed("write it"))? {
-        Place::File(target) => Scratch::beside(&target).map(drop).map_err(failed("create a scratch file beside it")),
+        Place::File(target) => {
+            let name = target.file_name().unwrap_or_default().to_string_lossy();
+            // What cannot be removed is in nobody's way.
+            let _ = folder::remove_stale_scratch_of(folder_of(&target), &name);
+            Scratch::beside(&target).map(drop).map_err(failed("create a scratch file beside it"))
+        }
         // Opening a pipe waits for its reader.
         Place::Stream => Ok(()),
     }
@@ -146,7 +160,7 @@ impl Scratch {
         let mut outcome = Err(io::Error::from(io::ErrorKind::AlreadyExists));
         for _ in 0..NAME_ATTEMPTS {
             let number = NEXT.fetch_add(1, Ordering::Relaxed);
-            let scratch_name = format!(".{}.{}-{number}.partial", name.to_string_lossy(), std::process::id());
+            let scratch_name = format!(".{}.{}-{number}{SCRATCH_SUFFIX}", name.to_string_lossy(), std::process::id());
             let path = folder_of(target).join(scratch_name);
             outcome = OpenOptions::new().write(true).create_new(true).open(&path).map(|file| (path, file));
             if !matches!(&outcome, Err(error) if error.kind() == io::ErrorKind::AlreadyExists) {

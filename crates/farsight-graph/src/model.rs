@@ -105,6 +105,18 @@ pub enum ModelError {
         /// The shape that the network has there.
         expected: Vec<usize>,
     },
+    /// As [`ModelError::Tensor`], of a file.
+    #[error("{}: tensor \"{name}\" {found}; the model's config asks for shape {expected:?}", path.display())]
+    TensorOf {
+        /// The file.
+        path: PathBuf,
+        /// Its name.
+        name: String,
+        /// What was found.
+        found: String,
+        /// The shape that the network has there.
+        expected: Vec<usize>,
+    },
 }
 
 /// The tag of the method that a file with this header is of.
@@ -196,6 +208,7 @@ impl<C: NetworkConfig> Model<C> {
     /// # Errors
     /// As [`Model::read`].
     pub fn from_weights(weights: Weights, path: &Path) -> Result<Self, ModelError> {
+        weights.check_finite(path)?;
         let Some(text) = weights.metadata.get(CONFIG_KEY) else {
             return Err(ModelError::NoConfig { path: path.into(), expected: C::NAME });
         };
@@ -209,7 +222,13 @@ impl<C: NetworkConfig> Model<C> {
         if let Some(problem) = config.problem() {
             return Err(bad(problem));
         }
-        if is_narrowed(&weights) { Self::narrowed(config, weights) } else { Self::new(config, weights) }
+        let made = if is_narrowed(&weights) { Self::narrowed(config, weights) } else { Self::new(config, weights) };
+        made.map_err(|error| match error {
+            ModelError::Tensor { name, found, expected } => {
+                ModelError::TensorOf { path: path.into(), name, found, expected }
+            }
+            error => error,
+        })
     }
 
     /// Writes the model file, whole or not at all.

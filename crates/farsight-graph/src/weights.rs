@@ -4,10 +4,11 @@
 //! an error, never a panic, and never more memory than a few times its own size.
 
 mod element;
+mod seal;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -17,13 +18,18 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 pub use element::Element;
-use farsight_files::{DurableError, write_atomically};
+use farsight_files::{DurableError, read_file, write_atomically};
+pub use seal::FILE_SHA256_KEY;
+use seal::Seal;
 
 /// Name of the free-text block in a safetensors header (safetensors format).
 const METADATA_KEY: &str = "__metadata__";
 
 /// The length of the header stands in the first eight bytes (safetensors format).
 const LENGTH_BYTES: usize = 8;
+
+/// The largest file of weights that is read, bytes: many times the largest network of this field.
+pub const LARGEST_FILE: u64 = 4 << 30;
 
 /// Last part of the name of batch norm's step counter, which no forward pass uses.
 pub const STEP_COUNTER: &str = "num_batches_tracked";
@@ -66,6 +72,31 @@ pub enum WeightsError {
         name: String,
         /// Its format.
         found: Dtype,
+    },
+    /// The file is not as it was written.
+    #[error(
+        "{}: its contents have the hash {}..., its header says {}...: the file was damaged or changed since it was written; expected another copy of it",
+        path.display(), start_of(found), start_of(expected)
+    )]
+    Hash {
+        /// The file.
+        path: PathBuf,
+        /// SHA-256 of its contents.
+        found: String,
+        /// SHA-256 that the header gives.
+        expected: String,
+    },
+    /// A tensor has a number that no network computes with.
+    #[error("{}: tensor \"{name}\" has {value} at place {place}; expected finite numbers", path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+        /// Where in it, from 0, last axis fastest.
+        place: usize,
+        /// What stands there.
+        value: f32,
     },
     /// The file could not be written.
     #[error(transparent)]
@@ -141,7 +172,8 @@ impl Weights {
     /// # Errors
     /// [`WeightsError`] names the file, and the tensor where there is one.
     pub fn read(path: &Path) -> Result<Self, WeightsError> {
-        let bytes = std::fs::read(path).map_err(|source| WeightsError::Read { path: path.to_path_buf(), source })?;
+        let bytes =
+            read_file(path, LARGEST_FILE).map_err(|source| WeightsError::Read { path: path.to_path_buf(), source })?;
         Self::from_safetensors(&bytes, path)
     }
 
@@ -151,6 +183,9 @@ impl Weights {
     /// As [`Weights::read`].
     pub fn read_metadata(path: &Path) -> Result<BTreeMap<String, String>, WeightsError> {
         let failed = |source| WeightsError::Read { path: path.to_path_buf(), source };
+        if !fs::metadata(path).map_err(failed)?.is_file() {
+            return Err(failed(io::Error::other("no regular file")));
+        }
         let mut file = File::open(path).map_err(failed)?;
         let found = usize::try_from(file.metadata().map_err(failed)?.len()).unwrap_or(usize::MAX);
         let wrong_length = |expected| WeightsError::Length { path: path.to_path_buf(), found, expected };
@@ -191,8 +226,30 @@ impl Weights {
             let tensor = WeightTensor::new(info.shape.clone(), element.decode(&data[start..end]))?;
             tensors.insert(name, tensor);
         }
-        let metadata = header.metadata().clone().unwrap_or_default().into_iter().collect();
+        let mut metadata: BTreeMap<String, String> =
+            header.metadata().clone().unwrap_or_default().into_iter().collect();
+        // The hash is the file's, not the weights'.
+        if let Some(expected) = metadata.remove(FILE_SHA256_KEY) {
+            let found = hash_of(&header, &metadata, data);
+            if found != expected {
+                return Err(WeightsError::Hash { path: source.to_path_buf(), found, expected });
+            }
+        }
         Ok(Self { tensors, metadata })
+    }
+
+    /// Whether every number is finite; `source` is only what errors call the file.
+    ///
+    /// # Errors
+    /// [`WeightsError::NotFinite`] names the first tensor that has another one.
+    pub fn check_finite(&self, source: &Path) -> Result<(), WeightsError> {
+        for (name, tensor) in &self.tensors {
+            if let Some(place) = tensor.values.iter().position(|value| !value.is_finite()) {
+                let (path, name, value) = (source.to_path_buf(), name.clone(), tensor.values[place]);
+                return Err(WeightsError::NotFinite { path, name, place, value });
+            }
+        }
+        Ok(())
     }
 
     /// Writes a safetensors file (F32), whole or not at all. Equal weights give equal bytes.
@@ -262,6 +319,8 @@ impl Weights {
     /// Written here and not by the safetensors crate, which walks a hash map: its files differ from run to run.
     fn header(&self, element: Element) -> io::Result<Vec<u8>> {
         let mut entries = serde_json::Map::new();
+        let mut seal = Seal::new(&self.metadata);
+        let mut bytes = Vec::new();
         let mut start = 0;
         for (name, tensor) in &self.tensors {
             if element_count(&tensor.shape) != Some(tensor.values.len()) {
@@ -269,17 +328,37 @@ impl Weights {
                 return Err(io::Error::other(WeightsError::Count { shape: tensor.shape.clone(), found }));
             }
             let end = start + element.size() * tensor.values.len();
+            bytes.clear();
+            element.encode(&tensor.values, &mut bytes);
+            seal.tensor(name, &element.dtype().to_string(), &tensor.shape, &bytes);
             let info = TensorInfo { dtype: element.dtype(), shape: tensor.shape.clone(), data_offsets: (start, end) };
             entries.insert(name.clone(), serde_json::to_value(info)?);
             start = end;
         }
-        if !self.metadata.is_empty() {
-            entries.insert(METADATA_KEY.to_owned(), serde_json::to_value(&self.metadata)?);
-        }
+        let mut metadata = self.metadata.clone();
+        metadata.insert(FILE_SHA256_KEY.to_owned(), seal.finish());
+        entries.insert(METADATA_KEY.to_owned(), serde_json::to_value(&metadata)?);
         let mut header = serde_json::to_vec(&entries)?;
         header.resize(header.len().next_multiple_of(LENGTH_BYTES), b' ');
         Ok(header)
     }
+}
+
+/// As much of a hash as tells it from another one.
+fn start_of(hash: &str) -> String {
+    hash.chars().take(12).collect()
+}
+
+/// The hash of a file's contents as [`Seal`] has it.
+fn hash_of(header: &Metadata, metadata: &BTreeMap<String, String>, data: &[u8]) -> String {
+    let mut names = header.offset_keys();
+    names.sort_unstable();
+    let mut seal = Seal::new(metadata);
+    for (name, info) in names.iter().filter_map(|name| Some((name, header.info(name)?))) {
+        let (start, end) = info.data_offsets;
+        seal.tensor(name, &info.dtype.to_string(), &info.shape, &data[start..end]);
+    }
+    seal.finish()
 }
 
 /// Two digits a byte, as programs print a checksum.

@@ -144,3 +144,53 @@ proptest! {
         let _ = read(&bytes);
     }
 }
+
+/// Weights whose file has a fact, a config-like text and two tensors.
+fn sealed_example() -> Weights {
+    let tensor = |values: &[f32]| WeightTensor { shape: vec![values.len()], values: values.to_vec() };
+    let tensors = [("b.bias".to_owned(), tensor(&[0.5, -2.0])), ("a.weight".to_owned(), tensor(&[1.0, 3.0, 7.25]))];
+    Weights {
+        tensors: tensors.into(),
+        metadata: [("farsight.model".to_owned(), "{\"std_m\":16.32}".to_owned())].into(),
+    }
+}
+
+#[test]
+fn a_flipped_bit_anywhere_is_told() {
+    let weights = sealed_example();
+    let bytes = bytes_of(&weights);
+    assert_eq!(read(&bytes).unwrap(), weights, "the hash is the file's and no fact of the weights");
+    for place in 0..bytes.len() {
+        for bit in 0..8 {
+            let mut flipped = bytes.clone();
+            flipped[place] ^= 1 << bit;
+            // A flip in the key of the hash, or in spaces behind the header, may leave a file that says the same or has no hash.
+            if let Ok(read) = read(&flipped) {
+                assert!(read == weights || read.metadata.len() > weights.metadata.len(), "byte {place}, bit {bit}");
+                assert_eq!(read.tensors, weights.tensors, "byte {place}, bit {bit}");
+            }
+        }
+    }
+    let mut flipped = bytes.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    let told = read(&flipped).unwrap_err().to_string();
+    assert!(told.starts_with("model.safetensors: its contents have the hash "), "{told}");
+}
+
+#[test]
+fn files_from_before_the_hash_are_read() {
+    let header = r#"{"__metadata__":{"a":"b"},"t":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}}"#;
+    assert_eq!(read(&file(header, &1.5_f32.to_le_bytes())).unwrap().tensors["t"].values, [1.5]);
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_told_by_tensor_and_place() {
+    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let mut weights = sealed_example();
+        weights.check_finite(Path::new("m.safetensors")).unwrap();
+        weights.tensors.get_mut("a.weight").unwrap().values[2] = value;
+        let told = weights.check_finite(Path::new("m.safetensors")).unwrap_err().to_string();
+        let expected = format!("m.safetensors: tensor \"a.weight\" has {value} at place 2; expected finite numbers");
+        assert_eq!(told, expected);
+    }
+}

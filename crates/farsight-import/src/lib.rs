@@ -22,6 +22,9 @@ pub use attribution::attribution;
 pub use error::{CheckpointError, CheckpointProblem};
 pub use pickle::PickleError;
 
+/// The largest checkpoint that is read, bytes.
+const LARGEST_FILE: u64 = farsight_graph::weights::LARGEST_FILE;
+
 /// Reads the state dictionary of a `.pth` file: the tensors by the file's own names.
 ///
 /// The dictionary may be the whole file or lie under `model` or `state_dict`; `module.`, which data-parallel training puts before
@@ -30,7 +33,7 @@ pub use pickle::PickleError;
 /// # Errors
 /// [`CheckpointError`] names the file, and the tensor where there is one.
 pub fn read_pth(path: &Path) -> Result<BTreeMap<String, WeightTensor>, CheckpointError> {
-    let read = || tensors_from_pth(&std::fs::read(path)?);
+    let read = || tensors_from_pth(&farsight_files::read_file(path, LARGEST_FILE)?);
     read().map_err(|problem| CheckpointError::new(path, problem))
 }
 

@@ -1,7 +1,7 @@
 //! What every detector can do, whatever its method.
 
 use farsight_core::detection::DecodeOptions;
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{Camera, ClassReference, Detection, ObjectClass};
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 use thiserror::Error;
@@ -70,6 +70,22 @@ pub enum DetectError {
     /// The engine failed.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// An object is where no camera sees one, or larger than anything there is.
+    #[error(
+        "{model}: its answer has a {class} at {location:?} m with sides of {dimensions:?} m; expected at most {limit} m: are the weights broken?"
+    )]
+    Absurd {
+        /// The model.
+        model: String,
+        /// Class of the object.
+        class: ObjectClass,
+        /// Where it is, camera coordinates, metres.
+        location: [f64; 3],
+        /// Length, height and width, metres.
+        dimensions: [f64; 3],
+        /// The largest number that is believed, metres.
+        limit: f64,
+    },
     /// The engine's answer does not fit the model's description.
     #[error("the engine {engine} gave \"{map}\" of the shape {found:?}; expected {expected:?}")]
     Maps {
@@ -100,6 +116,32 @@ pub enum UnfamiliarCamera {
         center_px: [f64; 2],
         /// Width and height of the image, pixels.
         image_size: [usize; 2],
+    },
+    /// It stands far from where its coordinates begin.
+    #[error(
+        "the camera stands {offset_m:.3} m from the origin of its coordinates (fourth column of the projection; KITTI's 0.06 m), so all places are off by that; is the column in metres times pixels?"
+    )]
+    Offset {
+        /// How far, metres.
+        offset_m: f64,
+    },
+    /// Its pixels are no squares.
+    #[error("the camera's focal lengths are {} and {} pixels; in photographs they are nearly the same, so distances are a guess", focals_px[0].round(), focals_px[1].round())]
+    Stretched {
+        /// Across and down, pixels.
+        focals_px: [f64; 2],
+    },
+    /// Its focal length is that of no camera of such an image.
+    #[error(
+        "the camera's focal length is {focal_px:.1} pixels for an image {width_px} pixels wide, {hfov_deg:.2} degrees across, so distances are a guess; is it the camera of another image?"
+    )]
+    Field {
+        /// Across, pixels.
+        focal_px: f64,
+        /// Of the image, pixels.
+        width_px: usize,
+        /// What it sees across, degrees.
+        hfov_deg: f64,
     },
     /// It sees much more or much less of the world.
     #[error(

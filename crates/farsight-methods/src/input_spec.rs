@@ -1,7 +1,10 @@
 //! What a network's input is of an image: its size, and which cameras it was made for.
 
+use std::ops::RangeInclusive;
+
 use farsight_core::detection::View;
 use farsight_core::input::InputRules;
+use farsight_core::linear::norm;
 use farsight_core::{Affine2, Camera};
 use farsight_data::network_input_into;
 use image::RgbImage;
@@ -77,6 +80,9 @@ impl InputSpec {
         if !(is_inside(0) && is_inside(1)) {
             return Some(UnfamiliarCamera::Center { center_px, image_size });
         }
+        if let Some(absurd) = absurd(image_size, camera) {
+            return Some(absurd);
+        }
         let range_px @ [low, high] = self.focal_range_px?;
         let focal_px = camera.focal_y() * self.input_width(image_size, camera) as f64 / image_size[0].max(1) as f64;
         // Widths come in steps, so the focal length can end up one step outside.
@@ -93,6 +99,30 @@ impl InputSpec {
         (steps as usize * SIZE_STEP).clamp(SIZE_STEP, MAX_ENLARGEMENT * width)
     }
 }
+
+/// What is told of a camera that no photograph was taken with, whatever the model was trained with.
+fn absurd(image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
+    let focals_px @ [across, down] = [camera.focal_x(), camera.focal_y()];
+    let offset_m = camera.origin().map_or(f64::INFINITY, |origin| norm(&origin));
+    if offset_m.is_nan() || offset_m > FARTHEST_M {
+        return Some(UnfamiliarCamera::Offset { offset_m });
+    }
+    if across > MOST_STRETCHED * down || down > MOST_STRETCHED * across {
+        return Some(UnfamiliarCamera::Stretched { focals_px });
+    }
+    let width_px = image_size[0];
+    let hfov_deg = 2.0 * (width_px as f64 / 2.0 / across).atan().to_degrees();
+    (!FIELDS_DEG.contains(&hfov_deg)).then_some(UnfamiliarCamera::Field { focal_px: across, width_px, hfov_deg })
+}
+
+/// Cameras of one vehicle stand closer to each other, metres.
+const FARTHEST_M: f64 = 10.0;
+
+/// Nobody's pixels are longer than this times their width.
+const MOST_STRETCHED: f64 = 1.5;
+
+/// From the longest telephoto lens to the widest that still makes straight lines of straight lines, degrees.
+const FIELDS_DEG: RangeInclusive<f64> = 0.5..=170.0;
 
 #[cfg(test)]
 mod tests {
@@ -139,6 +169,28 @@ mod tests {
             let camera = camera(hfov_deg, full_hd);
             assert_eq!(spec.input_for(full_hd, &camera).size, size, "{hfov_deg} degrees");
             assert_eq!(spec.unfamiliar(full_hd, &camera).is_some(), warned, "{hfov_deg} degrees");
+        }
+    }
+
+    #[test]
+    fn absurd_cameras_are_told() {
+        let spec = SmokeConfig::default().input_spec();
+        let size = [1242, 375];
+        let table = [
+            ([721.5, 721.5, 0.06], None),
+            ([721.5, 721.5, 5000.0], Some("stands 5000.000 m from the origin")),
+            ([721.5, 721.5, -11.0], Some("stands 11.000 m from the origin")),
+            ([721.5, 300.0, 0.0], Some("focal lengths are 722 and 300 pixels")),
+            ([1e6, 1e6, 0.0], Some("focal length is 1000000.0 pixels for an image 1242 pixels wide")),
+            ([20.0, 20.0, 0.0], Some("focal length is 20.0 pixels")),
+        ];
+        for ([fx, fy, offset_m], expected) in table {
+            let (cx, cy) = (609.6, 172.9);
+            let rows = [[fx, 0.0, cx, fx * offset_m], [0.0, fy, cy, 0.0], [0.0, 0.0, 1.0, 0.0]];
+            let camera = Camera::from_projection(rows).unwrap();
+            let told = spec.unfamiliar(size, &camera).map(|camera| camera.to_string());
+            assert!(expected.is_none_or(|text| told.as_deref().is_some_and(|told| told.contains(text))), "{told:?}");
+            assert_eq!(told.is_some(), expected.is_some(), "{told:?}");
         }
     }
 

@@ -52,6 +52,26 @@ pub enum OnnxProblem {
     /// It has no graph.
     #[error("no graph in it; expected an ONNX model")]
     NoGraph,
+    /// It is not as it was written.
+    #[error(
+        "its contents have the hash {found}, its metadata say {expected}: the file was damaged or changed since it was written; expected another copy of it"
+    )]
+    Hash {
+        /// SHA-256 of its contents.
+        found: String,
+        /// SHA-256 that the metadata give, shortened.
+        expected: String,
+    },
+    /// A constant has a number that no network computes with.
+    #[error("constant \"{name}\" has {value} at place {place}; expected finite numbers")]
+    NotFinite {
+        /// Its name, shortened.
+        name: String,
+        /// Where in it, from 0.
+        place: usize,
+        /// What stands there.
+        value: f32,
+    },
     /// It was not written by us.
     #[error("no \"{0}\" in its metadata; expected a file written by `farsight export`", crate::key::MODEL)]
     Foreign,
@@ -88,6 +108,31 @@ pub enum OnnxProblem {
     External {
         /// Its name, shortened.
         name: String,
+    },
+    /// A setting of an operator is out of all proportion.
+    #[error("\"{setting}\" of an operator {operator} is {value}; no model of ours has more than {limit}")]
+    Setting {
+        /// The operator.
+        operator: String,
+        /// The setting, shortened.
+        setting: String,
+        /// What it is.
+        value: i64,
+        /// The largest that is taken.
+        limit: i64,
+    },
+    /// A `Resize` that does not say how much it enlarges, or by too much.
+    #[error("an operator Resize whose scales are no constant floats above 0 and at most 128")]
+    Resize,
+    /// A map is larger than any of ours.
+    #[error("its value \"{name}\" takes {megabytes:.0} MB for an image; no model of ours has more than {limit:.0} MB")]
+    Memory {
+        /// Its name, shortened.
+        name: String,
+        /// What it takes for an image of 1280x384 pixels.
+        megabytes: f64,
+        /// The most that is taken.
+        limit: f64,
     },
     /// An input or output is missing.
     #[error("no {kind} \"{name}\"; found {found:?}")]

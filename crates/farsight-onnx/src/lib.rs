@@ -7,11 +7,13 @@ mod deform;
 mod error;
 mod facts;
 mod field;
+mod limits;
 mod local_head;
 mod parts;
 mod proto;
 mod quantized;
 mod read;
+mod seal;
 mod wire;
 mod write;
 

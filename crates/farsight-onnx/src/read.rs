@@ -6,10 +6,10 @@ use std::path::Path;
 
 use crate::error::{OnnxError, OnnxProblem};
 use crate::wire::{Message, WireError};
-use crate::{Facts, INPUT, Target, field, key, write};
+use crate::{Facts, INPUT, Target, field, key, limits, seal, write};
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
-use farsight_graph::weights::WeightsError;
+use farsight_graph::weights::{FILE_SHA256_KEY, WeightsError};
 
 /// Every operator that files of ours have.
 const OPERATORS: [&str; 28] = [
@@ -71,12 +71,14 @@ pub struct TensorInfo {
 ///
 /// Whoever made the file, this holds: it is a whole protobuf message of at most a gibibyte, it says which method it is of, it has one input
 /// and at least one output, its constants are in it and in no other file, and it consists of operators that `farsight export`
-/// writes: none that loops, branches or calls other code. Reading it takes memory for one copy of the file.
+/// writes: none that loops, branches or calls other code. No window, stride or enlargement is wider than 128, and no map of an image takes more than 2 GiB.
+/// Its floats are finite, and where it carries a hash, it is as it was written. Reading it takes memory for one copy of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnnxModel {
     bytes: Vec<u8>,
     facts: Facts,
     deform_conv: bool,
+    has_hash: bool,
     input: TensorInfo,
     outputs: Vec<TensorInfo>,
 }
@@ -120,8 +122,8 @@ impl OnnxModel {
     /// When the bytes are not a file of ours.
     pub fn from_bytes(bytes: Vec<u8>, source: &Path) -> Result<Self, OnnxError> {
         let checked = checked(&bytes).map_err(|problem| OnnxError::new(source, problem))?;
-        let Checked { facts, deform_conv, input, outputs } = checked;
-        Ok(Self { bytes, facts, deform_conv, input, outputs })
+        let Checked { facts, deform_conv, has_hash, input, outputs } = checked;
+        Ok(Self { bytes, facts, deform_conv, has_hash, input, outputs })
     }
 
     /// Its input.
@@ -145,7 +147,7 @@ impl OnnxModel {
         outputs.retain(|output| output.name != made);
         outputs.push(TensorInfo { name: features, channels: Some(channels) });
         let (facts, input) = (self.facts.clone(), self.input.clone());
-        Self { bytes, facts, deform_conv: self.deform_conv, input, outputs }
+        Self { bytes, facts, deform_conv: self.deform_conv, has_hash: self.has_hash, input, outputs }
     }
 
     /// What else is known about it.
@@ -156,6 +158,11 @@ impl OnnxModel {
     /// Whether it has deformable convolutions in the form that only ONNX Runtime runs.
     pub fn has_deform_conv(&self) -> bool {
         self.deform_conv
+    }
+
+    /// Whether the file carries a hash of its contents, which was checked then.
+    pub fn has_hash(&self) -> bool {
+        self.has_hash
     }
 
     /// The file.
@@ -183,6 +190,7 @@ pub fn is_safetensors(path: &Path) -> std::io::Result<bool> {
 struct Checked {
     facts: Facts,
     deform_conv: bool,
+    has_hash: bool,
     input: TensorInfo,
     outputs: Vec<TensorInfo>,
 }
@@ -190,6 +198,7 @@ struct Checked {
 fn checked(bytes: &[u8]) -> Result<Checked, OnnxProblem> {
     let model = Message::new(bytes);
     let facts = facts(model)?;
+    let has_hash = seal::check(model)?;
     facts.get(key::MODEL).ok_or(OnnxProblem::Foreign)?;
     facts.get(key::WEIGHTS_SHA256).ok_or(OnnxProblem::Cut)?;
     let graph = model.last(field::MODEL_GRAPH)?.ok_or(OnnxProblem::NoGraph)?;
@@ -202,11 +211,12 @@ fn checked(bytes: &[u8]) -> Result<Checked, OnnxProblem> {
     let inputs = values(graph, field::GRAPH_INPUT)?;
     let input = inputs.iter().find(|input| input.name == INPUT).cloned();
     let input = input.ok_or_else(|| missing("input", INPUT, &inputs))?;
+    limits::check(graph, INPUT)?;
     let outputs = values(graph, field::GRAPH_OUTPUT)?;
     if outputs.is_empty() {
         return Err(missing("output", "of any name", &outputs));
     }
-    Ok(Checked { facts, deform_conv, input, outputs })
+    Ok(Checked { facts, deform_conv, has_hash, input, outputs })
 }
 
 /// An input or output that is not there.
@@ -222,7 +232,8 @@ fn facts(model: Message<'_>) -> Result<Facts, OnnxProblem> {
         let entry = entry?;
         let text = |number| Ok::<_, WireError>(entry.last(number)?.map(Message::text).transpose()?.unwrap_or_default());
         let key = text(field::ENTRY_KEY)?;
-        if key.starts_with("farsight.") {
+        // The hash is the file's, not the model's.
+        if key.starts_with("farsight.") && key != FILE_SHA256_KEY {
             facts.set(key, text(field::ENTRY_VALUE)?.to_owned());
         }
     }
@@ -248,6 +259,7 @@ fn check_constants(graph: Message<'_>) -> Result<(), OnnxProblem> {
         if tensor.number(field::TENSOR_LOCATION)? != 0 {
             return Err(OnnxProblem::External { name: shortened(text_in(tensor, field::TENSOR_NAME)?) });
         }
+        seal::check_floats(tensor)?;
     }
     Ok(())
 }

@@ -57,6 +57,16 @@ impl<'a> Message<'a> {
         Fields { rest: self.bytes, at: self.start, broken: false }
     }
 
+    /// Packed numbers, up to the first that is broken.
+    pub(super) fn varints(self) -> impl Iterator<Item = Result<u64, WireError>> {
+        let mut rest = self.fields();
+        std::iter::from_fn(move || {
+            let number = (!rest.rest.is_empty() && !rest.broken).then(|| rest.varint())?;
+            rest.broken = number.is_err();
+            Some(number)
+        })
+    }
+
     /// The messages, texts or bytes of the fields with this number.
     pub(super) fn all(self, number: u64) -> impl Iterator<Item = Result<Message<'a>, WireError>> {
         self.fields().filter_map(move |field| match field {

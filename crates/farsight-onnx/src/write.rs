@@ -9,6 +9,7 @@ use crate::proto::{
     Dimension, DimensionProto, FLOAT, GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto,
     TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
 };
+use crate::seal::sealed;
 use crate::{Facts, INPUT, Target, key, quantized};
 use farsight_graph::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
 use farsight_graph::quantize::{Quantization, QuantizedWeights, Range};
@@ -66,7 +67,7 @@ fn encoded(
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
         metadata_props: facts.entries().map(|(key, value)| StringStringEntryProto { key, value }).collect(),
     };
-    Ok(model.encode_to_vec())
+    Ok(sealed(model.encode_to_vec()))
 }
 
 /// The graph, and where its regression head lies, when it can be computed at single cells.

@@ -4,6 +4,8 @@
 //! business of the method that the network belongs to.
 
 pub mod calibration;
+pub mod elf;
+pub mod finite;
 pub mod library;
 pub mod onnxruntime;
 pub mod openvino;
@@ -13,6 +15,7 @@ pub mod runner;
 pub mod timing;
 
 pub use calibration::Calibration;
+pub use finite::FiniteRunner;
 pub use openvino::OpenvinoPrecision;
 pub use rten::RtenRunner;
 pub use runner::{EngineError, Runner, Tensor, TensorView};

@@ -27,6 +27,7 @@ mod present {
 
     use super::NAME;
     use crate::EngineError;
+    use crate::elf::check_whole;
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
 
@@ -133,6 +134,7 @@ mod present {
         if let Some(environment) = ENVIRONMENT.get() {
             return Ok(environment);
         }
+        check_whole(library)?;
         let environment = ort::init_from(library)?.with_name("farsight").with_telemetry(false).build()?;
         Ok(ENVIRONMENT.get_or_init(|| environment))
     }

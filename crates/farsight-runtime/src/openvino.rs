@@ -35,6 +35,7 @@ mod present {
 
     use super::{NAME, OpenvinoPrecision};
     use crate::EngineError;
+    use crate::elf::check_whole;
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
 
@@ -86,6 +87,7 @@ mod present {
 
     /// Loads the library; a process has one, and the first that was loaded stays.
     fn load(library: &Path) -> Result<(), Failure> {
+        check_whole(library)?;
         Ok(openvino_sys::library::load_from(library)?)
     }
 

@@ -39,7 +39,7 @@ mod stream;
 pub(crate) mod vector;
 
 pub use dataset::SceneDataset;
-pub use generator::{CameraRanges, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
+pub use generator::{CameraRanges, LARGEST_IMAGE_PX, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
 pub use region::RegionWeights;
 pub use scene::LabelledScene;

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use farsight_data::AugmentationConfig;
@@ -254,7 +253,7 @@ pub enum RunConfigError {
 
 /// What stands in a TOML file.
 fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T, RunConfigError> {
-    let text = fs::read_to_string(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
+    let text = farsight_files::read_text(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
     toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })
 }
 

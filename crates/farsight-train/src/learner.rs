@@ -13,6 +13,7 @@ use crate::adam::{Adam, AdamSettings, BadGradient};
 use crate::average::Averages;
 use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::executor::{Network, Precision};
+use crate::fingerprint::Fingerprint;
 use crate::parts::Parts;
 use crate::training::TrainError;
 
@@ -76,6 +77,7 @@ impl Learner {
             (Some((weights, _)), _) => (weights.clone(), None),
             (None, Some(path)) => {
                 let (fresh, loaded) = (initial_weights(&graph, settings.seed), Weights::read(path)?);
+                loaded.check_finite(path)?;
                 let (weights, loaded) = settings.parts.overlaid(&graph, fresh, loaded, path)?;
                 (weights, Some(loaded))
             }
@@ -143,13 +145,19 @@ impl Learner {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, path: &Path, progress: Progress, identity: &impl Serialize) -> Result<(), CheckpointError> {
+    pub fn write(
+        &self,
+        path: &Path,
+        progress: Progress,
+        identity: &impl Serialize,
+        data: &Fingerprint,
+    ) -> Result<(), CheckpointError> {
         let mut weights = self.weights();
         self.adam.store(&mut weights);
         if let Some(averages) = &self.averages {
             averages.store(&mut weights);
         }
-        checkpoint::write(path, weights, progress, identity)
+        checkpoint::write(path, weights, progress, identity, data)
     }
 
     /// Puts the running means, if they were kept, in the place of the last step's weights.

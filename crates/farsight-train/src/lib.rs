@@ -9,6 +9,7 @@ pub mod checkpoint;
 pub mod config;
 pub mod deform;
 pub mod executor;
+pub mod fingerprint;
 pub mod learner;
 pub mod losses;
 pub mod metrics;

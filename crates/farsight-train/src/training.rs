@@ -9,7 +9,7 @@ use farsight_data::loader::{ItemError, LoaderError};
 use farsight_data::{
     Batch, CachedDataset, Dataset, DatasetError, ItemKey, Loader, LoaderConfig, Position, open_labelled,
 };
-use farsight_files::{DurableError, write_atomically};
+use farsight_files::{DurableError, FolderLock, remove_stale_scratch, write_atomically};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::{Model, ModelError};
 use farsight_graph::weights::{Weights, WeightsError};
@@ -18,9 +18,10 @@ use farsight_synth::{SceneDataset, SceneStream};
 use tch::{Device, no_grad};
 use thiserror::Error;
 
-use crate::checkpoint::{CheckpointError, Progress};
+use crate::checkpoint::{self, CheckpointError, Progress};
 use crate::config::{DataConfig, RunConfig, RunConfigError, ValidateConfig};
 use crate::executor::{ExecutorError, Mode};
+use crate::fingerprint::Fingerprint;
 use crate::learner::Learner;
 use crate::metrics::{Metrics, MetricsWriter, Step, StepSummary, Window};
 use crate::task::{RunOf, Sampler, StepOutput, Task};
@@ -131,6 +132,20 @@ pub enum TrainError {
         /// Steps that are done.
         step: u64,
     },
+    /// Another training writes to the folder.
+    #[error("{}: another training is going on in this folder; expected another --out", .0.display())]
+    Locked(PathBuf),
+    /// The run would go on with other data than it began with.
+    #[error(
+        "{}: the run would go on with other data: {}; expected the same data, or --accept-other-data, or another --out for a new run",
+        path.display(), differences.join(", ")
+    )]
+    OtherData {
+        /// The checkpoint.
+        path: PathBuf,
+        /// What differs, in words.
+        differences: Vec<String>,
+    },
     /// The model so far could not be measured.
     #[error("validation: {0}")]
     Validate(String),
@@ -180,6 +195,12 @@ pub trait Callback {
     /// The run starts, or goes on.
     fn on_start(&mut self, start: Start);
 
+    /// A run goes on with other data than it began with, as `differences` say: whether it may.
+    fn accepts_other_data(&mut self, differences: &[String]) -> bool {
+        let _ = differences;
+        false
+    }
+
     /// A step is done; the numbers are its own.
     fn on_step(&mut self, step: &StepSummary);
 
@@ -209,11 +230,13 @@ pub fn fit<T: Task>(job: &Job<RunOf<T>>, callback: &mut dyn Callback) -> Result<
     }
     let source = dataset(&run.data, train.seed)?;
     let frames = if run.data.limit == 0 { source.len() } else { run.data.limit.min(source.len()) };
+    let data = Fingerprint::of(&*source, frames)?;
     let sampler = Arc::new(T::sampler(run, source)?);
-    prepare_folder(out, *resume)?;
+    let _lock = prepare_folder(out, *resume)?;
+    check_data(&out.join(CHECKPOINT_FILE), *resume, &data, callback)?;
     let start = train.start_from.as_deref().map(Weights::read).transpose()?;
     let (task, graph) = T::new(run, start.as_ref())?;
-    let trainer = Trainer { job, task, frames, sampler };
+    let trainer = Trainer { job, task, frames, data, sampler };
     let (mut learner, progress) = trainer.learner(graph)?;
     let progress = trainer.run(&mut learner, progress, callback)?;
     if let Some(count) = train.statistics_batches {
@@ -260,6 +283,8 @@ struct Trainer<'a, T: Task> {
     task: T,
     /// Frames in an epoch.
     frames: usize,
+    /// What it learns from.
+    data: Fingerprint,
     /// What makes the samples.
     sampler: Arc<Sampler<T::Sample>>,
 }
@@ -329,7 +354,7 @@ impl<T: Task> Trainer<'_, T> {
             }
             let stops = progress.steps < total && callback.stops();
             if stops || is_due(train.checkpoint_steps) {
-                learner.write(&self.checkpoint_path(), progress, &run.identity())?;
+                learner.write(&self.checkpoint_path(), progress, &run.identity(), &self.data)?;
             }
             if stops {
                 return Err(TrainError::Stopped { step: progress.steps });
@@ -431,13 +456,28 @@ fn dataset(data: &DataConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError>
     Ok(if data.cache { Arc::new(CachedDataset::new(dataset)) } else { dataset })
 }
 
-/// Makes the folder of a run, which must not hold another one.
-fn prepare_folder(out: &Path, resume: bool) -> Result<(), TrainError> {
-    fs::create_dir_all(out).map_err(|source| TrainError::Write { path: out.into(), source })?;
+/// Makes the folder of a run, which must not hold another one, and takes it; what a killed run left half written there is removed.
+fn prepare_folder(out: &Path, resume: bool) -> Result<FolderLock, TrainError> {
+    let failed = |source| TrainError::Write { path: out.into(), source };
+    fs::create_dir_all(out).map_err(failed)?;
+    let lock = FolderLock::take(out).map_err(failed)?.ok_or_else(|| TrainError::Locked(out.into()))?;
+    remove_stale_scratch(out).map_err(failed)?;
     if !resume && out.join(CHECKPOINT_FILE).exists() {
         return Err(TrainError::Occupied(out.into()));
     }
-    Ok(())
+    Ok(lock)
+}
+
+/// Whether a run that goes on from the checkpoint at `path` learns from what it began with.
+fn check_data(path: &Path, resume: bool, data: &Fingerprint, callback: &mut dyn Callback) -> Result<(), TrainError> {
+    if !(resume && path.exists()) {
+        return Ok(());
+    }
+    let differences = checkpoint::data_of(path)?.differences(data);
+    if differences.is_empty() || callback.accepts_other_data(&differences) {
+        return Ok(());
+    }
+    Err(TrainError::OtherData { path: path.into(), differences })
 }
 
 /// The batch after the one at `position`.

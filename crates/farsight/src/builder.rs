@@ -264,7 +264,13 @@ impl PipelineBuilder {
             road: self.road.unwrap_or(usual_road),
             range: self.range,
         };
-        Ok(Pipeline::new(stages, settings, info)?)
+        let made_for_shipped = [
+            ("refiner", self.refiner == StageSource::Default),
+            ("plate reader", self.plates == StageSource::Default),
+            ("road plane", self.road.is_none()),
+        ];
+        let left_out = made_for_shipped.into_iter().filter(|(_, is_unsaid)| *is_unsaid && !is_shipped);
+        Ok(Pipeline::new(stages, settings, info, left_out.map(|(stage, _)| stage).collect())?)
     }
 
     /// The engine of the second stages, where it is named: the library that is named is the other engine's.

@@ -54,7 +54,7 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
     if engine.kind == EngineKind::Libtorch {
         let model = own_model(source)?;
         let weights_sha256 = Some(model.weights.sha256());
-        let detector = SmokeDetector::new(libtorch::start(engine, &model)?, &model.config, None);
+        let detector = SmokeDetector::new(engine.start_libtorch(&model, &name)?, &model.config, None);
         return Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 });
     }
     let DetectorFile { onnx, mut config } = read(source, engine.kind)?;
@@ -88,7 +88,7 @@ pub fn smoke_detector(engine: &EngineOptions, file: DetectorFile, source: &Path)
 pub fn open_network(engine: &EngineOptions, path: &Path) -> Result<Box<dyn Runner>, Error> {
     let source = ModelSource::from_word(path);
     match engine.kind {
-        EngineKind::Libtorch => libtorch::start(engine, &own_model(&source)?),
+        EngineKind::Libtorch => engine.start_libtorch(&own_model(&source)?, path),
         kind => engine.start(read(&source, kind)?.onnx, path),
     }
 }

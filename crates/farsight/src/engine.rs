@@ -7,7 +7,7 @@ use std::thread::available_parallelism;
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_methods::roi::{self, RoiRunner};
 use farsight_onnx::{OnnxModel, Target};
-use farsight_runtime::{OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
+use farsight_runtime::{FiniteRunner, OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
 
 use crate::Error;
 use crate::libraries::Library;
@@ -120,11 +120,27 @@ impl EngineOptions {
         Ok(())
     }
 
-    /// Starts a network in its ONNX form; `source` is only what errors call it.
+    /// Starts a network in its ONNX form; `source` is only what errors call it. Answers of it that are not finite are errors.
     ///
     /// # Errors
     /// When the engine's library is not there, or the engine fails or has no such network; libtorch runs no ONNX files.
     pub fn start(&self, network: OnnxModel, source: &Path) -> Result<Box<dyn Runner>, Error> {
+        Ok(Box::new(FiniteRunner::new(self.started(network, source)?, source)))
+    }
+
+    /// Starts a model file of our own on libtorch, as [`EngineOptions::start`] does on other engines.
+    ///
+    /// # Errors
+    /// When libtorch is not built in or refuses the network.
+    pub(crate) fn start_libtorch<C: NetworkConfig>(
+        &self,
+        model: &Model<C>,
+        source: &Path,
+    ) -> Result<Box<dyn Runner>, Error> {
+        Ok(Box::new(FiniteRunner::new(libtorch::start(self, model)?, source)))
+    }
+
+    fn started(&self, network: OnnxModel, source: &Path) -> Result<Box<dyn Runner>, Error> {
         self.check()?;
         if network.has_deform_conv() && self.kind != EngineKind::OnnxRuntime {
             return Err(Error::DeformConv(source.to_owned()));
@@ -156,7 +172,7 @@ impl EngineOptions {
     pub fn start_second_stage<C: NetworkConfig>(&self, model: &Model<C>) -> Result<RoiRunner, Error> {
         let name = Path::new(C::NAME);
         let runner = match self.kind {
-            EngineKind::Libtorch => libtorch::start(self, model)?,
+            EngineKind::Libtorch => self.start_libtorch(model, name)?,
             kind => self.start(roi::runner::onnx(model, kind.target(), name)?, name)?,
         };
         Ok(RoiRunner::new(runner))

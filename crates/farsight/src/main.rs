@@ -22,6 +22,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 
 use commands::{Command, Outcome};
+use farsight::ImageLimits;
 use printer::{LogLevel, Printer};
 
 /// Finds vehicles in images of one camera and says how far away each is.
@@ -36,6 +37,16 @@ struct Cli {
     /// What to print about the results: error, warn or info [default: info]
     #[arg(long, global = true, value_name = "LEVEL", value_enum, hide_possible_values = true)]
     log_level: Option<LogLevel>,
+    /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more [default: 100M]
+    #[arg(long, global = true, value_name = "N", value_parser = pixels)]
+    max_pixels: Option<u64>,
+}
+
+/// A number of pixels: `40000000` or `40M`.
+fn pixels(text: &str) -> Result<u64, String> {
+    let (digits, factor) = text.strip_suffix(['M', 'm']).map_or((text, 1), |digits| (digits, 1_000_000));
+    let count = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(factor)).filter(|&count| count > 0);
+    count.ok_or_else(|| "expected a number of pixels, such as 40000000 or 40M".to_owned())
 }
 
 /// `EX_TEMPFAIL` of `sysexits.h`: try again later.
@@ -49,6 +60,9 @@ fn main() -> ExitCode {
     }
     let cli = Cli::parse();
     printer::set_log_level(if cli.quiet { LogLevel::Error } else { cli.log_level.unwrap_or_default() });
+    if let Some(max_pixels) = cli.max_pixels {
+        ImageLimits { max_pixels }.set_usual();
+    }
     report_no_caught_panics();
     let mut printer = Printer::new();
     let ended = cli.command.run(&mut printer).and_then(|outcome| printer.finish().map(|()| outcome));

@@ -4,10 +4,11 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
+use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::smoke::SmokeModel;
-use farsight_onnx::OnnxModel;
+use farsight_onnx::{OnnxModel, is_safetensors};
 
 use crate::Error;
 use crate::file_kind::{signature, start_of};
@@ -38,6 +39,15 @@ pub fn check(path: &Path, expected: &str) -> Result<(), Error> {
 
 pub(crate) fn kind_error(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
     Error::Kind { path: path.to_owned(), found: found.into(), expected: expected.into() }
+}
+
+/// Whether the file is a model without the hash that files of ours carry since they do. One with a hash is checked when it is read.
+pub fn lacks_hash(path: &Path) -> bool {
+    match is_safetensors(path) {
+        Ok(true) => Weights::read_metadata(path).is_ok_and(|facts| !facts.contains_key(FILE_SHA256_KEY)),
+        Ok(false) => OnnxModel::read(path).is_ok_and(|model| !model.has_hash()),
+        Err(_) => false,
+    }
 }
 
 /// Whether the file may be a detector.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use farsight::file_kind::start_of;
 use farsight_data::kitti::{RowKind, row_from_fields};
-use farsight_files::check_writable;
+use farsight_files::{check_writable, remove_stale_scratch};
 
 use crate::inputs::identity;
 
@@ -41,6 +41,7 @@ pub(crate) fn check_kind(path: &Path, other: &str, expected: &str) -> Result<()>
 /// Makes a folder, and sees whether files can be written there.
 pub(crate) fn make_folder(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+    remove_stale_scratch(folder).with_context(|| format!("{}: cannot be written to", folder.display()))?;
     check_writable(&folder.join("results")).with_context(|| format!("{}: cannot be written to", folder.display()))
 }
 

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use farsight_core::{Camera, Detection, ObjectClass};
+use farsight_core::box3d::Dimensions;
+use farsight_core::{Box3d, Camera, Detection, ObjectClass};
 use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
@@ -38,6 +39,7 @@ pub struct Pipeline {
 struct Shared {
     settings: Settings,
     info: ModelInfo,
+    left_out: Vec<&'static str>,
     engine: String,
     has_error_bars: bool,
     /// What never runs: the networks of further threads are shared from it, and it knows the detector.
@@ -69,11 +71,16 @@ impl Pipeline {
         PipelineBuilder::default()
     }
 
-    pub(crate) fn new(stages: Stages, settings: Settings, info: ModelInfo) -> Result<Self, EngineError> {
+    pub(crate) fn new(
+        stages: Stages,
+        settings: Settings,
+        info: ModelInfo,
+        left_out: Vec<&'static str>,
+    ) -> Result<Self, EngineError> {
         let (engine, has_error_bars) = (stages.detector.engine().to_owned(), stages.has_error_bars());
         let template = Mutex::new(stages.share()?);
         let idle = Mutex::new(vec![stages]);
-        Ok(Self { shared: Arc::new(Shared { settings, info, engine, has_error_bars, template, idle }) })
+        Ok(Self { shared: Arc::new(Shared { settings, info, left_out, engine, has_error_bars, template, idle }) })
     }
 
     /// What is in `image`, taken by `camera`; highest score first.
@@ -99,9 +106,15 @@ impl Pipeline {
         let answer = stages.detect_batch(images, &self.shared.settings);
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer?;
+        answers.iter().flatten().try_for_each(|found| check_answer(found, &self.shared.info.name))?;
         let range = self.shared.settings.range;
         let objects = |found: Vec<Detection>| found.into_iter().map(|one| DetectedObject::new(one, range)).collect();
         Ok((answers.into_iter().map(objects).collect(), times))
+    }
+
+    /// What is made for the weights that come with the library and was left out for others: second stages and the road, as far as nothing was said of them.
+    pub fn left_out(&self) -> &[&'static str] {
+        &self.shared.left_out
     }
 
     /// Which models it runs.
@@ -146,6 +159,26 @@ impl Shared {
         let idle = locked(&self.idle).pop();
         idle.map_or_else(|| locked(&self.template).share(), Ok)
     }
+}
+
+/// What is farther away or larger than this, metres, is no answer: cameras see a hundredth of it.
+const LARGEST_ANSWER_M: f64 = 1e6;
+
+/// Refuses an answer that no sound network gives.
+fn check_answer(found: &Detection, model: &str) -> Result<(), DetectError> {
+    let Box3d { location, dimensions: Dimensions { length, height, width }, .. } = found.box3d;
+    let dimensions = [length, height, width];
+    let numbers = location.iter().chain(&dimensions).chain(&found.range_sigma_m).chain([&found.score]);
+    if numbers.into_iter().all(|number| number.abs() <= LARGEST_ANSWER_M) {
+        return Ok(());
+    }
+    Err(DetectError::Absurd {
+        model: model.to_owned(),
+        class: found.class.clone(),
+        location,
+        dimensions,
+        limit: LARGEST_ANSWER_M,
+    })
 }
 
 /// What the lock guards; nothing that a panic could leave half done is done under it.

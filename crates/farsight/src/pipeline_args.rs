@@ -8,7 +8,7 @@ use anyhow::{Error, Result, anyhow, ensure};
 use clap::{Args, ValueEnum};
 use farsight::{
     EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder, Precision, Road,
-    StageSource,
+    StageSource, model_file,
 };
 
 use crate::printer::Printer;
@@ -195,6 +195,7 @@ impl PipelineArgs {
     /// A builder with what is chosen.
     pub(crate) fn builder(&self, printer: &mut Printer) -> Result<PipelineBuilder> {
         self.engine.tell_threads(printer);
+        tell_unhashed(self.files(), printer);
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
         let second_engine = self.second_stage_engine.map(EngineName::kind);
         let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
@@ -202,6 +203,26 @@ impl PipelineArgs {
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
     }
+}
+
+/// Says which of the model files carry no hash: those from before files had one.
+pub(crate) fn tell_unhashed(files: impl IntoIterator<Item = PathBuf>, printer: &mut Printer) {
+    for file in files.into_iter().filter(|file| model_file::lacks_hash(file)) {
+        printer.note(&format!("{}: has no hash, so damage to it would not be noticed", file.display()));
+    }
+}
+
+/// As [`open`], and says what is left out because the weights are not those that it is made for.
+pub(crate) fn open_and_tell(builder: &PipelineBuilder, printer: &mut Printer) -> Result<Pipeline> {
+    let pipeline = open(builder)?;
+    let (model, left_out) = (&pipeline.info().name, pipeline.left_out());
+    if !left_out.is_empty() {
+        let left_out = left_out.join(", ");
+        printer.note(&format!(
+            "{model}: not the shipped weights, so without what is made for those: {left_out} (--refiner, --plates and --above-road choose them)"
+        ));
+    }
+    Ok(pipeline)
 }
 
 /// Opens the pipeline; errors name the options that are to blame.

@@ -1,6 +1,5 @@
 //! Models that are only a config: a network with random weights, to know what it costs before it is trained.
 
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -37,7 +36,7 @@ struct RunFile {
 
 impl RunFile {
     fn read(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = farsight_files::read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         toml::from_str(&text).with_context(|| format!("{}: not the config of a training", path.display()))
     }
 }

@@ -136,7 +136,7 @@ fn scenes_replace_no_data_set() {
         ("calib/training/calib", "calib: there is a data set here already; name another --out"),
         (
             "stopped/ImageSets",
-            "stopped: there is an interrupted data set here, without a split in ImageSets; remove it or name another --out",
+            "stopped: there is an interrupted data set here, without a split in ImageSets; --resume goes on with it, or remove it or name another --out",
         ),
     ] {
         fs::create_dir_all(folder.join(there)).unwrap();

@@ -86,7 +86,7 @@ impl FileFormat {
 }
 
 fn read<A: FileAnnotation>(path: &Path, into: &mut Annotations) -> Result<(), AnnotationError> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match farsight_files::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
         Err(source) => return Err(AnnotationError::File { path: path.to_owned(), source }),

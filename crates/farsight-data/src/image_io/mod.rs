@@ -8,6 +8,7 @@ mod kind;
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
@@ -41,10 +42,20 @@ pub struct ImageLimits {
     pub max_pixels: u64,
 }
 
+/// The usual limit of this process.
+static USUAL_MAX_PIXELS: AtomicU64 = AtomicU64::new(100_000_000);
+
+impl ImageLimits {
+    /// Sets the usual limits of this process, for every image that is read without limits of its own: those of data sets, for instance.
+    pub fn set_usual(self) {
+        USUAL_MAX_PIXELS.store(self.max_pixels, Ordering::Relaxed);
+    }
+}
+
 impl Default for ImageLimits {
-    /// 100 megapixels: larger than the pictures of almost all cameras, and 300 MB.
+    /// The usual limits: 100 megapixels, larger than the pictures of almost all cameras, and 300 MB, unless [`ImageLimits::set_usual`] set others.
     fn default() -> Self {
-        Self { max_pixels: 100_000_000 }
+        Self { max_pixels: USUAL_MAX_PIXELS.load(Ordering::Relaxed) }
     }
 }
 

@@ -1,8 +1,8 @@
 //! Calibration files: the matrices of one frame's sensors.
 
 use std::fmt::Write as _;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use farsight_core::Camera;
 use farsight_core::camera::CameraError;
@@ -144,8 +144,8 @@ impl Calibration {
     /// # Errors
     /// When the file cannot be read, a line is malformed, a row comes twice or there is no `P2`.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
-        let text =
-            fs::read_to_string(path).map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
+        let text = farsight_files::read_text(path)
+            .map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
         Self::from_text(&text, path)
     }
 

@@ -19,6 +19,9 @@ use stream::Stream;
 /// Larger numbers are read as they are, and told: no distance in metres or pixel of an image comes near.
 const ABSURD: f64 = 1e5;
 
+/// More diagnostics of a file than this are counted, not kept: a file of a single endless line has millions.
+pub const MOST_DIAGNOSTICS: usize = 10_000;
+
 /// A row that the devkit takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DevkitRow {
@@ -37,6 +40,8 @@ pub struct DevkitRows {
     pub rows: Vec<DevkitRow>,
     /// What was odd, in file order: the line, from 1, and what is odd about it.
     pub diagnostics: Vec<(usize, Diagnostic)>,
+    /// Diagnostics beyond [`MOST_DIAGNOSTICS`].
+    untold: usize,
 }
 
 /// Reads a label or result file as the devkit does.
@@ -45,10 +50,12 @@ pub struct DevkitRows {
 pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
     let mut read = DevkitRows::default();
     let (mut rest, mut number) = (text, 1);
-    let mut words = Vec::with_capacity(kind.columns() + 1);
+    // No row has more words than this; a line may have millions.
+    let most_words = kind.columns() + 2;
+    let mut words = Vec::with_capacity(most_words);
     while let Some(line) = rest.split_inclusive('\n').next() {
         words.clear();
-        words.extend(line.split_ascii_whitespace());
+        words.extend(line.split_ascii_whitespace().take(most_words));
         (rest, number) = if words.is_empty() || read.push_ordinary(&words, kind, number) {
             (&rest[line.len()..], number + 1)
         } else {
@@ -56,12 +63,25 @@ pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
         };
     }
     if let Some(position) = text.find('\r') {
-        read.diagnostics.push((1 + text[..position].matches('\n').count(), Diagnostic::CarriageReturn));
+        read.tell(1 + text[..position].matches('\n').count(), Diagnostic::CarriageReturn);
+    }
+    if read.untold > 0 {
+        read.diagnostics.push((number, Diagnostic::Untold { count: read.untold }));
     }
     read
 }
 
 impl DevkitRows {
+    /// Keeps what is odd about a line, or counts it when there is too much of that. What makes all figures wrong is always kept.
+    fn tell(&mut self, line: usize, diagnostic: Diagnostic) {
+        let has_fatal = || self.diagnostics.iter().any(|(_, told)| told.is_fatal());
+        if self.diagnostics.len() < MOST_DIAGNOSTICS || (diagnostic.is_fatal() && !has_fatal()) {
+            self.diagnostics.push((line, diagnostic));
+        } else {
+            self.untold += 1;
+        }
+    }
+
     /// Takes a line that holds one whole row and nothing that two readers could read differently; false for any other
     /// line.
     fn push_ordinary(&mut self, words: &[&str], kind: RowKind, line: usize) -> bool {
@@ -76,14 +96,14 @@ impl DevkitRows {
             Err(problem) => (None, Some(problem)),
         };
         let problems = problem.into_iter().chain(no_error_bar);
-        self.diagnostics.extend(problems.map(|problem| (line, Diagnostic::OutOfRange(problem))));
+        problems.for_each(|problem| self.tell(line, Diagnostic::OutOfRange(problem)));
         self.push(DevkitRow { line, row, range_sigma_m });
         true
     }
 
     fn push(&mut self, row: DevkitRow) {
-        self.diagnostics.extend(odd_class(&row.row.label.class).map(|diagnostic| (row.line, diagnostic)));
-        self.diagnostics.extend(row.row.numbers().find_map(odd_number).map(|diagnostic| (row.line, diagnostic)));
+        let odd = odd_class(&row.row.label.class).into_iter().chain(row.row.numbers().find_map(odd_number));
+        odd.for_each(|diagnostic| self.tell(row.line, diagnostic));
         self.rows.push(row);
     }
 }

@@ -1,8 +1,8 @@
 //! Label and result files: reading row by row, strictly or leniently, and writing.
 
 use std::fmt::Write as _;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use farsight_core::{Detection, Label, ObjectClass};
 use farsight_files::write_quickly;
@@ -202,7 +202,7 @@ fn row_and_sigma(words: &[&str], kind: RowKind) -> Result<(Row, Option<f64>), Ro
 }
 
 fn read_text(path: &Path) -> Result<String, RowsError> {
-    fs::read_to_string(path).map_err(|source| RowsError::Read { path: path.to_owned(), source })
+    farsight_files::read_text(path).map_err(|source| RowsError::Read { path: path.to_owned(), source })
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), RowsError> {

@@ -1,8 +1,8 @@
 //! Split files: which frames are for training and which for validation.
 
 use std::collections::HashMap;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use thiserror::Error;
 
@@ -53,7 +53,7 @@ pub enum SplitError {
 /// When the file cannot be read, lists nothing, lists a frame twice, or a line is not one id of letters, digits, `_`,
 /// `-` and `.` (an id becomes a file name, so it must not lead elsewhere).
 pub fn read_split(path: &Path) -> Result<Vec<String>, SplitError> {
-    let text = fs::read_to_string(path).map_err(|source| SplitError::Read { path: path.to_owned(), source })?;
+    let text = farsight_files::read_text(path).map_err(|source| SplitError::Read { path: path.to_owned(), source })?;
     split_from_text(&text, path)
 }
 

@@ -2,6 +2,7 @@
 
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::references::LARGEST_FOCAL_PX;
 use farsight_core::{ClassReference, RangeError};
 use farsight_graph::graph::Graph;
 use farsight_graph::layers::{Backbone, NeckKind, NormKind, Stem};
@@ -116,15 +117,12 @@ impl CenterNet3dConfig {
         if self.classes.is_empty() {
             return Some("model.classes is empty; expected at least one class".to_owned());
         }
-        let repeated = |(i, class): (usize, &ClassReference)| {
-            let before = self.classes[..i].iter().any(|other| other.class == class.class);
-            before.then(|| format!("model.classes names {} twice", class.class))
-        };
         let unusable = |class: &ClassReference| {
             let wrong = class.score.is_some_and(|score| !score.is_usable());
             wrong.then(|| format!("model.classes has {} with a score that no fit gives", class.class))
         };
-        self.classes.iter().enumerate().find_map(repeated).or_else(|| self.classes.iter().find_map(unusable))
+        let names = ClassReference::problem_of_names(&self.classes).map(|problem| format!("model.classes {problem}"));
+        names.or_else(|| self.classes.iter().find_map(unusable))
     }
 }
 
@@ -153,16 +151,19 @@ impl NetworkConfig for CenterNet3dConfig {
         if let Some(problem) = self.heatmap.problem() {
             return Some(format!("model.heatmap: {problem}"));
         }
-        if let Some(focal_px) = self.depth_focal_px.filter(|focal_px| !(focal_px.is_finite() && *focal_px > 0.0)) {
+        if let Some(focal_px) =
+            self.depth_focal_px.filter(|focal_px| !(*focal_px > 0.0 && *focal_px <= LARGEST_FOCAL_PX))
+        {
             return Some(format!("model.depth_focal_px is {focal_px}; expected a positive number of pixels"));
         }
         if self.error.is_some_and(|fit| !fit.is_usable()) {
             return Some("model.error has numbers that no fit gives".to_owned());
         }
         if let Some([low, high]) = self.focal_range_px
-            && !(low > 0.0 && low <= high && high.is_finite())
+            && !(low > 0.0 && low <= high && high <= LARGEST_FOCAL_PX)
         {
-            return Some(format!("model.focal_range_px is {low} to {high}; expected 0 < smallest <= largest"));
+            let expected = format!("expected 0 < smallest <= largest <= {LARGEST_FOCAL_PX}");
+            return Some(format!("model.focal_range_px is {low} to {high}; {expected}"));
         }
         self.problem_of_classes()
     }

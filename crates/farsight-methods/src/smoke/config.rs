@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use farsight_core::heatmap::HeatMapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::references::{LARGEST_FOCAL_PX, LARGEST_M};
 use farsight_core::{Camera, ClassReference, DepthReference, RangeError};
 use farsight_graph::graph::Graph;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
@@ -207,15 +208,16 @@ impl SmokeConfig {
         if let Some(problem) = self.heat_map.problem() {
             return error("heat_map", problem);
         }
-        if !(self.depth.std_m > 0.0 && self.depth.std_m.is_finite() && self.depth.mean_m.is_finite()) {
+        if !self.depth.is_usable() {
             let DepthReference { mean_m, std_m, .. } = self.depth;
             let found = format!("has a mean of {mean_m} m and a deviation of {std_m} m");
-            return error("depth", format!("{found}; expected a finite mean and a positive deviation"));
+            return error("depth", format!("{found}; expected a positive deviation and at most {LARGEST_M} m of each"));
         }
         if let Some(focal_px) = self.depth.focal_px
-            && !(focal_px.is_finite() && focal_px > 0.0)
+            && !(focal_px > 0.0 && focal_px <= LARGEST_FOCAL_PX)
         {
-            return error("depth.focal_px", format!("is {focal_px}; expected a positive number of pixels"));
+            let expected = format!("expected a positive number of pixels, at most {LARGEST_FOCAL_PX}");
+            return error("depth.focal_px", format!("is {focal_px}; {expected}"));
         }
         if let Some(fit) = self.depth.error.filter(|fit| !fit.is_usable()) {
             let RangeError { bias, depth, score, cut } = fit;
@@ -223,9 +225,10 @@ impl SmokeConfig {
             return error("depth.error", format!("{found}; expected the numbers of a fit"));
         }
         if let Some([low, high]) = self.focal_range_px
-            && !(low > 0.0 && low <= high && high.is_finite())
+            && !(low > 0.0 && low <= high && high <= LARGEST_FOCAL_PX)
         {
-            return error("focal_range_px", format!("is {low} to {high}; expected 0 < smallest <= largest"));
+            let expected = format!("expected 0 < smallest <= largest <= {LARGEST_FOCAL_PX}");
+            return error("focal_range_px", format!("is {low} to {high}; {expected}"));
         }
         self.validate_classes()
     }
@@ -251,13 +254,14 @@ impl SmokeConfig {
         if self.classes.is_empty() {
             return error("is empty; expected at least one class".to_owned());
         }
-        for (i, class) in self.classes.iter().enumerate() {
-            if self.classes[..i].iter().any(|other| other.class == class.class) {
-                return error(format!("names {} twice", class.class));
-            }
+        if let Some(problem) = ClassReference::problem_of_names(&self.classes) {
+            return error(problem);
+        }
+        for class in &self.classes {
             let sizes = class.dimensions_lhw.iter().chain([&class.heat_map_factor]);
-            if sizes.into_iter().any(|v| !(v.is_finite() && *v > 0.0)) {
-                return error(format!("has {} with a size or factor that is not a positive number", class.class));
+            if sizes.into_iter().any(|v| !(*v > 0.0 && *v <= LARGEST_M)) {
+                let expected = format!("expected positive numbers, at most {LARGEST_M}");
+                return error(format!("has {} with a size or factor out of all proportion; {expected}", class.class));
             }
             if class.score.is_some_and(|score| !score.is_usable()) {
                 let expected = "expected finite numbers and heights_px with 0 < smallest <= largest";

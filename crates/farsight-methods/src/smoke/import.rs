@@ -8,7 +8,7 @@ use farsight_core::input::{ChannelOrder, Sampling};
 
 use farsight_graph::layers::NormKind;
 use farsight_graph::model::ATTRIBUTION_KEY;
-use farsight_graph::weights::{WeightTensor, Weights, is_step_counter};
+use farsight_graph::weights::{LARGEST_FILE, WeightTensor, Weights, is_step_counter};
 use farsight_import::tflite::{is_tflite, read_convolutions};
 use farsight_import::{CheckpointError, CheckpointProblem, attribution, tensors_from_pth};
 
@@ -58,7 +58,7 @@ pub struct Imported {
 /// [`CheckpointError`] names the file, and the tensor where there is one.
 pub fn import(path: &Path, options: ImportOptions) -> Result<Imported, CheckpointError> {
     let read = || {
-        let bytes = std::fs::read(path)?;
+        let bytes = farsight_files::read_file(path, LARGEST_FILE)?;
         let tensors = if is_tflite(&bytes) { read_convolutions(&bytes)? } else { tensors_from_pth(&bytes)? };
         let mut imported = translate(tensors, options)?;
         if let Some(attribution) = attribution(&bytes) {

@@ -147,7 +147,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
         ),
         (
             SmokeConfig { depth: DepthReference { std_m: 0.0, ..base().depth }, ..base() },
-            "model.depth has a mean of 28.01 m and a deviation of 0 m; expected a finite mean and a positive deviation",
+            "model.depth has a mean of 28.01 m and a deviation of 0 m; expected a positive deviation and at most 10000 m of each",
         ),
         (
             SmokeConfig { depth: DepthReference { error: Some(no_fit), ..base().depth }, ..base() },

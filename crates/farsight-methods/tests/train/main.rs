@@ -7,6 +7,7 @@
 )]
 
 mod centernet3d;
+mod checkpoints;
 mod configs;
 mod golden_network;
 #[path = "../../../farsight-train/tests/it/golden_support.rs"]

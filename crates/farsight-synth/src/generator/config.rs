@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::region::RegionWeights;
 use crate::sensor::Device;
 
+/// Most pixels of a rendered image: each takes some two hundred bytes while it is drawn.
+pub const LARGEST_IMAGE_PX: usize = 16_000_000;
+
 /// How scenes are drawn.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -188,8 +191,12 @@ impl CameraRanges {
         };
         let size = |[width, height]: &[usize; 2]| {
             let fits = |side: &usize| (16..=16_384).contains(side);
-            (!fits(width) || !fits(height))
-                .then(|| format!("image_sizes has [{width}, {height}]; expected sides from 16 to 16384 pixels"))
+            if !fits(width) || !fits(height) {
+                return Some(format!("image_sizes has [{width}, {height}]; expected sides from 16 to 16384 pixels"));
+            }
+            (width * height > LARGEST_IMAGE_PX).then(|| {
+                format!("image_sizes has [{width}, {height}]; expected at most {LARGEST_IMAGE_PX} pixels in all")
+            })
         };
         if self.image_sizes.is_empty() {
             return Some(at("image_sizes is empty; expected at least one width and height".to_owned()));

@@ -93,7 +93,7 @@ mod training {
         });
         let config = write_config(args, &start, &run, &learnt_file?)?;
         let options = FileOptions { data: Some(args.data.clone()), out: run, resume: args.resume };
-        let trained = train(&config, &options, &mut Progress::new(printer))?;
+        let trained = train(&config, &options, &mut Progress::new(printer, false))?;
         let mut model = SmokeModel::read(&trained)?;
         match &args.fit_on {
             Some(data) => fit(&mut model, &trained, data, None, printer)?,

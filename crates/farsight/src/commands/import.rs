@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use farsight_graph::model::ATTRIBUTION_KEY;
 use farsight_methods::smoke::SmokeModel;
@@ -48,7 +48,9 @@ pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
             imported.missing.len()
         );
     }
-    SmokeModel::new(config, imported.weights)?.write(&args.out)?;
+    imported.weights.check_finite(&args.checkpoint)?;
+    let model = SmokeModel::new(config, imported.weights).with_context(|| args.checkpoint.display().to_string())?;
+    model.write(&args.out)?;
     printer.line(&format!("{}: a model for `farsight range --model`", args.out.display()));
     Ok(Outcome::Done)
 }

@@ -24,6 +24,7 @@ use farsight_methods::smoke::{DetectorFile, SmokeModel};
 use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
+use crate::pipeline_args::tell_unhashed;
 use crate::printer::{Printer, grouped};
 use crate::untrained::Untrained;
 use crate::{outputs, untrained};
@@ -45,6 +46,7 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
         outputs::check_file(path)?;
     }
     let Described { input: [width, height], graph, facts } = read(&args.model)?;
+    tell_unhashed([args.model.clone()], printer);
     let stages = count(&graph, width, height).with_context(|| {
         format!("{}: its input of {width}x{height} pixels does not fit its network", args.model.display())
     })?;

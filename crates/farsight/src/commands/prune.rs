@@ -11,6 +11,7 @@ use farsight_methods::smoke::SmokeModel;
 
 use super::Outcome;
 use crate::outputs;
+use crate::pipeline_args::tell_unhashed;
 use crate::printer::Printer;
 
 /// Arguments of `farsight prune`.
@@ -36,6 +37,7 @@ fn share(text: &str) -> Result<f64, String> {
 pub(crate) fn run(args: &PruneArgs, printer: &mut Printer) -> Result<Outcome> {
     outputs::check_kind(&args.out, "onnx", "a name ending in .safetensors; `farsight export` makes ONNX of that")?;
     let model = read_own(&args.model)?;
+    tell_unhashed([args.model.clone()], printer);
     let pruned = prune(&model, args.keep)?;
     let [width, height] = model.config.input;
     let costs = |model: &SmokeModel| count(&model.graph, width, height).map(|stages| total(&stages));

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight::{ImageLimits, RangeKind};
+use farsight::RangeKind;
 
 use super::Outcome;
 use crate::camera_args::CameraArgs;
@@ -50,9 +50,6 @@ pub(crate) struct RangeArgs {
     /// Leave out what has a lower score [default: 0.25, or 0.5 for a model whose scores are probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
-    /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more
-    #[arg(long, value_name = "N", default_value = "100M", value_parser = pixels)]
-    max_pixels: u64,
     /// What once asked for the exit status that failed images have anyway
     #[arg(long, hide = true)]
     strict: bool,
@@ -74,7 +71,6 @@ impl RangeArgs {
             kitti: None,
             range: RangeName::Depth,
             min_score: None,
-            max_pixels: ImageLimits::default().max_pixels,
             strict: false,
             camera: CameraArgs::default(),
         }
@@ -136,13 +132,6 @@ fn score(text: &str) -> Result<f64, String> {
     if (0.0..1.0).contains(&value) { Ok(value) } else { Err("expected at least 0 and less than 1".to_owned()) }
 }
 
-/// A number of pixels: `40000000` or `40M`.
-fn pixels(text: &str) -> Result<u64, String> {
-    let (digits, factor) = text.strip_suffix(['M', 'm']).map_or((text, 1), |digits| (digits, 1_000_000));
-    let count = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(factor)).filter(|&count| count > 0);
-    count.ok_or_else(|| "expected a number of pixels, such as 40000000 or 40M".to_owned())
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     args.check_resume()?;
@@ -156,7 +145,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     let job = Job::new(args, found.images, printer)?;
     let builder = args.pipeline.builder(printer)?.range(args.range.kind());
     let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
-    let pipeline = pipeline_args::open(&builder)?;
+    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?;
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }

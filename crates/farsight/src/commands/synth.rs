@@ -1,5 +1,6 @@
 //! `farsight synth`: a data set of rendered scenes in KITTI's layout.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -10,13 +11,14 @@ use clap::Args;
 use farsight_data::Frame;
 use farsight_data::annotations::FILE_FORMATS;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
-use farsight_files::{write_atomically, write_quickly};
-use farsight_synth::{SceneConfig, SceneStream};
+use farsight_files::{read_text, remove_stale_scratch, write_atomically, write_quickly};
+use farsight_synth::{LARGEST_IMAGE_PX, SceneConfig, SceneStream};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
 use indicatif::ParallelProgressIterator;
-use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use serde_json::{Value, json};
 
 use super::Outcome;
 use crate::printer::{Printer, counted, progress_bar};
@@ -49,6 +51,9 @@ pub(crate) struct SynthArgs {
     /// The cameras of the label files
     #[arg(long, value_name = "DIR", requires = "layout")]
     calib_dir: Option<PathBuf>,
+    /// Go on with an interrupted data set: frames that are there stay; all other options must be as they were
+    #[arg(long)]
+    resume: bool,
 }
 
 impl SynthArgs {
@@ -65,6 +70,7 @@ impl SynthArgs {
             layout: Some(training.join("label_2")),
             split: Some(split.to_owned()),
             calib_dir: Some(training.join("calib")),
+            resume: true,
         }
     }
 }
@@ -80,13 +86,16 @@ fn frames_from_text(text: &str) -> Result<usize, String> {
 pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     let source = Source::new(args)?;
     let ids = source.ids();
-    let folder = Folder::new(&args.out, args.jpeg)?;
-    let bar = progress_bar(ids.len());
+    let folder = Folder::new(args, &source)?;
+    let todo: Vec<(usize, &String)> = ids.iter().enumerate().filter(|(_, id)| !folder.has(id)).collect();
+    if todo.len() < ids.len() {
+        printer.note(&format!("{} there already (--resume)", counted(ids.len() - todo.len(), "frame")));
+    }
+    let bar = progress_bar(todo.len());
     let failure = Mutex::new(None);
-    ids.par_iter()
-        .enumerate()
+    todo.par_iter()
         .progress_with(bar.clone())
-        .try_for_each(|(index, id)| {
+        .try_for_each(|&(index, id)| {
             let done = source.frame(index, id).and_then(|frame| folder.write(&frame));
             done.map_err(|error| {
                 failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
@@ -124,6 +133,18 @@ impl Source {
         Ok(Self::Layout { stream, labels: labels.clone(), calibrations: calibrations.clone(), ids })
     }
 
+    /// What the frames follow from.
+    fn plan(&self, args: &SynthArgs) -> Value {
+        let (program, seed, jpeg) = (env!("CARGO_PKG_VERSION"), args.seed, args.jpeg);
+        let source = match self {
+            Self::Stream { stream, frames } => json!({"scene_config": stream.config, "frames": frames}),
+            Self::Layout { stream, labels, calibrations, ids } => {
+                json!({"scene_config": stream.config, "layout": labels, "calib_dir": calibrations, "frames": ids.len()})
+            }
+        };
+        json!({"farsight": program, "seed": seed, "jpeg": jpeg, "source": source})
+    }
+
     fn ids(&self) -> Vec<String> {
         match self {
             Self::Stream { frames, .. } => (0..*frames).map(|index| format!("{index:06}")).collect(),
@@ -138,8 +159,14 @@ impl Source {
                 let file = format!("{id}.txt");
                 let camera = Calibration::read(&calibrations.join(&file))?.camera();
                 let labels = read_labels(&labels.join(&file))?;
+                let size @ [width, height] = image_size(&camera);
+                ensure!(
+                    width.saturating_mul(height) <= LARGEST_IMAGE_PX,
+                    "{}: the camera of an image of {width} x {height} pixels; expected at most {LARGEST_IMAGE_PX} in all",
+                    calibrations.join(&file).display()
+                );
                 // By name, so that a frame's world does not depend on which others are rendered.
-                Ok(Frame { id: id.to_owned(), ..stream.twin(&labels, &camera, image_size(&camera), id) })
+                Ok(Frame { id: id.to_owned(), ..stream.twin(&labels, &camera, size, id) })
             }
         }
     }
@@ -155,12 +182,29 @@ fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
 }
 
 fn read_config(path: &Path) -> Result<SceneConfig> {
-    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let config: SceneConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
     match config.problem() {
         Some(problem) => bail!("{}: {problem}", path.display()),
         None => Ok(config),
     }
+}
+
+/// Whether the data set at whose side the plan at `path` lies was begun as `plan` says.
+fn check_plan(path: &Path, plan: &Value) -> Result<()> {
+    let shown = path.display();
+    let text = read_text(path).with_context(|| {
+        format!("{shown}: cannot be read; only data sets with this file can be gone on with, expected another --out")
+    })?;
+    let then: Value = serde_json::from_str(&text).with_context(|| shown.to_string())?;
+    for key in ["farsight", "seed", "jpeg", "source"] {
+        let [then, now] = [&then, plan].map(|plan| plan.get(key).unwrap_or(&Value::Null));
+        ensure!(
+            then == now,
+            "{shown}: the data set was begun with another {key}: {then}, now {now}; expected the same options, or another --out"
+        );
+    }
+    Ok(())
 }
 
 fn label_ids(folder: &Path) -> Result<Vec<String>> {
@@ -183,11 +227,24 @@ fn folders() -> impl Iterator<Item = String> {
     of_frames.map(|name| format!("training/{name}")).chain(["ImageSets".to_owned()])
 }
 
-/// What to say of a folder that has some of the [`folders`]. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
+/// What the frames follow from, in the folder of the data set.
+const PLAN_FILE: &str = "synth.json";
+
+/// Whether there are some of the [`folders`], and no split. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
+fn is_interrupted(root: &Path) -> bool {
+    let has_split = |mut files: fs::ReadDir| files.any(|file| file.is_ok_and(|file| !is_hidden(&file.file_name())));
+    fs::read_dir(root.join("ImageSets")).is_ok_and(|files| !has_split(files))
+}
+
+/// Whether a name is that of a scratch file or suchlike.
+fn is_hidden(name: &OsStr) -> bool {
+    name.to_string_lossy().starts_with('.')
+}
+
+/// What to say of a folder that has some of the [`folders`].
 fn there_already(root: &Path) -> &'static str {
-    let is_interrupted = fs::read_dir(root.join("ImageSets")).is_ok_and(|mut splits| splits.next().is_none());
-    if is_interrupted {
-        "there is an interrupted data set here, without a split in ImageSets; remove it or name another --out"
+    if is_interrupted(root) {
+        "there is an interrupted data set here, without a split in ImageSets; --resume goes on with it, or remove it or name another --out"
     } else {
         "there is a data set here already; name another --out"
     }
@@ -197,18 +254,37 @@ fn there_already(root: &Path) -> &'static str {
 struct Folder {
     root: PathBuf,
     jpeg: Option<u8>,
+    /// Whether it goes on with frames that are there.
+    resumes: bool,
 }
 
 impl Folder {
-    fn new(root: &Path, jpeg: Option<u8>) -> Result<Self> {
+    fn new(args: &SynthArgs, source: &Source) -> Result<Self> {
+        let root = args.out.as_path();
         let folders: Vec<PathBuf> = folders().map(|name| root.join(name)).collect();
-        if folders.iter().any(|folder| folder.exists()) {
+        let is_there = folders.iter().any(|folder| folder.exists());
+        let plan = source.plan(args);
+        if is_there && args.resume {
+            check_plan(&root.join(PLAN_FILE), &plan)?;
+        } else if is_there {
             bail!("{}: {}", root.display(), there_already(root));
         }
+        let made =
+            |folder: &Path| fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()));
+        made(root)?;
+        // Before the folders: what they hold can be gone on with from the first frame on.
+        let text = serde_json::to_string_pretty(&plan)? + "\n";
+        write_atomically(&root.join(PLAN_FILE), |file| file.write_all(text.as_bytes()))?;
         for folder in folders {
-            fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+            made(&folder)?;
+            remove_stale_scratch(&folder).with_context(|| folder.display().to_string())?;
         }
-        Ok(Self { root: root.to_owned(), jpeg })
+        Ok(Self { root: root.to_owned(), jpeg: args.jpeg, resumes: is_there })
+    }
+
+    /// Whether a frame was written by an earlier run. Its calibration comes last.
+    fn has(&self, id: &str) -> bool {
+        self.resumes && self.root.join(format!("training/calib/{id}.txt")).is_file()
     }
 
     fn write(&self, frame: &Frame) -> Result<()> {

@@ -23,6 +23,9 @@ pub(crate) struct TrainArgs {
     /// Go on with the run that is in RUN
     #[arg(long)]
     resume: bool,
+    /// Go on although frames, labels or images are not those that the run began with
+    #[arg(long, requires = "resume")]
+    accept_other_data: bool,
 }
 
 /// Says how to get a build that can train.
@@ -46,7 +49,7 @@ pub(crate) fn run(args: &TrainArgs, printer: &mut Printer) -> Result<Outcome> {
     use farsight_train::training::FileOptions;
 
     let options = FileOptions { data: args.data.clone(), out: args.out.clone(), resume: args.resume };
-    let trained = train(&args.config, &options, &mut progress::Progress::new(printer))?;
+    let trained = train(&args.config, &options, &mut progress::Progress::new(printer, args.accept_other_data))?;
     printer.line(&trained.display().to_string());
     Ok(Outcome::Done)
 }
@@ -73,15 +76,17 @@ pub(crate) mod progress {
         bar: ProgressBar,
         printer: &'a mut Printer,
         last_line: Option<Instant>,
+        accepts_other_data: bool,
         /// What the last validation measured.
         validation: String,
     }
 
     impl<'a> Progress<'a> {
-        pub(crate) fn new(printer: &'a mut Printer) -> Self {
+        pub(crate) fn new(printer: &'a mut Printer, accepts_other_data: bool) -> Self {
             let template = "{bar:30} {pos}/{len} steps  {eta} left  {msg}";
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-            Self { bar: ProgressBar::new(0).with_style(style), printer, last_line: None, validation: String::new() }
+            let bar = ProgressBar::new(0).with_style(style);
+            Self { bar, printer, last_line: None, accepts_other_data, validation: String::new() }
         }
 
         fn line_is_due(&self) -> bool {
@@ -97,6 +102,13 @@ pub(crate) mod progress {
             self.bar.set_length(total);
             self.bar.set_position(done);
             self.bar.reset_eta();
+        }
+
+        fn accepts_other_data(&mut self, differences: &[String]) -> bool {
+            if self.accepts_other_data {
+                self.printer.warning(&format!("goes on with other data: {}", differences.join(", ")));
+            }
+            self.accepts_other_data
         }
 
         fn on_step(&mut self, step: &StepSummary) {

@@ -6,7 +6,6 @@ mod tables;
 pub(crate) use tables::table;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -137,7 +136,7 @@ pub(crate) struct AveragePrecision {
 impl Figures {
     /// The figures in the file at `path`.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = farsight_files::read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         serde_json::from_str(&text).with_context(|| format!("{}: not what `farsight measure` writes", path.display()))
     }
 

@@ -33,6 +33,16 @@ pub enum LibraryError {
         /// What named it.
         through: String,
     },
+    /// A Python wheel from before the library was in it.
+    #[error("{}: pip's onnxruntime without a shared library (its Python module {module} is none); versions from 1.18 bring one: `farsight engine install onnxruntime` ({through})", folder.display())]
+    OldWheel {
+        /// What was named.
+        folder: PathBuf,
+        /// The module of Python.
+        module: String,
+        /// What named it.
+        through: String,
+    },
     /// The user has no data folder to put it.
     #[error("no data folder of yours is known; set FARSIGHT_DATA to a folder")]
     NoDataFolder,

@@ -102,8 +102,13 @@ impl Library {
     /// The library that the user names: the file itself, or a folder with it.
     fn named(self, named: &Path, through: &str) -> Result<Found, LibraryError> {
         let path = if named.is_file() { Some(named.to_owned()) } else { self.within(named) };
-        let found = path.map(|path| Found { path, through: through.to_owned() });
-        found.ok_or_else(|| LibraryError::NotIn {
+        if let Some(path) = path {
+            return Ok(Found { path, through: through.to_owned() });
+        }
+        if let Some(module) = self.python_module(named) {
+            return Err(LibraryError::OldWheel { folder: named.to_owned(), module, through: through.to_owned() });
+        }
+        Err(LibraryError::NotIn {
             folder: named.to_owned(),
             name: self.name(),
             file: format!("{DLL_PREFIX}{}{DLL_SUFFIX}", self.stem()),
@@ -113,10 +118,26 @@ impl Library {
 
     /// The library in `folder`, or in its place in an unpacked wheel there.
     fn within(self, folder: &Path) -> Option<PathBuf> {
-        let last = Path::new(self.wheel_folder()).file_name()?;
+        self.places(folder).iter().find_map(|folder| self.directly_in(folder))
+    }
+
+    /// `folder`, and the places of the library in a wheel there.
+    fn places(self, folder: &Path) -> [PathBuf; 3] {
+        let last = Path::new(self.wheel_folder()).file_name().unwrap_or_default();
         [folder.to_owned(), folder.join(self.wheel_folder()), folder.join(last)]
-            .iter()
-            .find_map(|folder| self.directly_in(folder))
+    }
+
+    /// The module of Python that ONNX Runtime's wheels had alone up to 1.17, where it is in `folder`.
+    fn python_module(self, folder: &Path) -> Option<String> {
+        let is_module = |name: &String| self == Self::OnnxRuntime && name.starts_with("onnxruntime_pybind11_state.");
+        let names = |folder: &PathBuf| {
+            fs::read_dir(folder)
+                .into_iter()
+                .flatten()
+                .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+                .collect::<Vec<_>>()
+        };
+        self.places(folder).iter().flat_map(names).find(is_module)
     }
 
     fn directly_in(self, folder: &Path) -> Option<PathBuf> {
@@ -174,6 +195,12 @@ mod tests {
         let found = Library::OnnxRuntime.find(Some(folder.path())).unwrap();
         assert_eq!(found.path, at("onnxruntime/capi/libonnxruntime.so.1.31.1"));
         assert_eq!(found.through, "--engine-path");
+        fs::create_dir_all(at("old/onnxruntime/capi")).unwrap();
+        fs::write(at("old/onnxruntime/capi/onnxruntime_pybind11_state.cpython-311-x86_64-linux-gnu.so"), "").unwrap();
+        for named in ["old", "old/onnxruntime", "old/onnxruntime/capi"] {
+            let error = Library::OnnxRuntime.find(Some(&at(named))).unwrap_err().to_string();
+            assert!(error.contains("pip's onnxruntime without a shared library"), "{error}");
+        }
         let error = Library::OpenVino.find(Some(folder.path())).unwrap_err().to_string();
         assert!(error.contains("no library of openvino here; expected libopenvino_c.so"), "{error}");
     }

@@ -82,6 +82,12 @@ pub enum Diagnostic {
         /// The class that it counts as.
         known: ObjectClass,
     },
+    /// More of this than is kept.
+    #[error("{count} more like those before")]
+    Untold {
+        /// How many.
+        count: usize,
+    },
     /// Line ends of another system.
     #[error("line ends are CR LF; harmless")]
     CarriageReturn,
@@ -101,6 +107,7 @@ impl Diagnostic {
             Self::OutOfRange(_) => "values out of range",
             Self::UnknownClass { .. } => "unknown classes",
             Self::ClassInOtherCase { .. } => "classes in unusual case",
+            Self::Untold { .. } => "more of these",
             Self::CarriageReturn => "Windows line ends",
         }
     }

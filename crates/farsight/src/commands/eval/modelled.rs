@@ -102,7 +102,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         (folder.path().to_owned(), Some(folder))
     };
     let min_score = args.min_score.unwrap_or(MIN_SCORE);
-    let pipeline = pipeline_args::open(&args.pipeline.builder(printer)?.min_score(min_score))?;
+    let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(min_score), printer)?;
     let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
@@ -125,14 +125,19 @@ pub(in crate::commands) fn write_results_of(
     printer: &mut Printer,
 ) -> Result<Vec<String>> {
     let bar = progress_bar(dataset.len());
-    let (mut done, mut failed) = (Vec::new(), 0);
+    let (mut done, mut failed, mut unwritten) = (Vec::new(), 0, 0);
     for (index, id) in dataset.ids().into_iter().enumerate() {
         let path = results.join(format!("{id}.txt"));
         match looked_at(pipeline, dataset, index) {
-            Ok(detections) => {
-                write_results(&path, &detections)?;
-                done.push(id);
-            }
+            Ok(detections) => match write_results(&path, &detections) {
+                Ok(()) => done.push(id),
+                Err(error) => {
+                    unwritten += 1;
+                    if unwritten <= TOLD_FAILURES {
+                        bar.suspend(|| printer.error(&error.to_string()));
+                    }
+                }
+            },
             Err(error) => {
                 failed += 1;
                 if failed <= TOLD_FAILURES {
@@ -150,6 +155,7 @@ pub(in crate::commands) fn write_results_of(
     if failed > TOLD_FAILURES {
         printer.error(&format!("{} failed", counted(failed - TOLD_FAILURES, "more frame")));
     }
+    ensure!(unwritten == 0, "{} could not be written", counted(unwritten, "result file"));
     Ok(done)
 }
 

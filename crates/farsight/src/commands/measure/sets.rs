@@ -1,6 +1,5 @@
 //! Which data sets are measured, and with which stages of the pipeline.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
@@ -47,7 +46,7 @@ impl Sets {
     /// Reads a config and checks it.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
-        let text = fs::read_to_string(path).with_context(|| format!("{shown}: cannot be read"))?;
+        let text = farsight_files::read_text(path).with_context(|| format!("{shown}: cannot be read"))?;
         let sets: Self = toml::from_str(&text).with_context(|| format!("{shown}: not a list of data sets"))?;
         for (i, set) in sets.sets.iter().enumerate() {
             let is_first = sets.sets.iter().position(|other| other.name == set.name) == Some(i);

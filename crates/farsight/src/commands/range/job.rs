@@ -140,7 +140,13 @@ impl<'a> Job<'a> {
                     Self::tell(&looked, image, &mut tally, printer);
                     answers.print(name, &looked.objects, &looked.record, printer)?;
                     tally.done += 1;
-                    file.as_mut().map_or(Ok(()), |file| file.add(looked.record))
+                    // The other outputs of this image and the next ones are still made.
+                    if let Some(Err(error)) = file.as_mut().map(|file| file.add(looked.record)) {
+                        printer.failure(&error);
+                        tally.unwritten += 1;
+                        file = None;
+                    }
+                    anyhow::Ok(())
                 }
                 Err(error) => {
                     tally.failed += 1;
@@ -236,7 +242,7 @@ impl<'a> Job<'a> {
 
     /// Looks at one image and writes its files.
     fn image(&self, path: &Path, name: &str, pipeline: &Pipeline) -> Result<Looked> {
-        let loaded = load_image(path, ImageLimits { max_pixels: self.args.max_pixels })?;
+        let loaded = load_image(path, ImageLimits::default())?;
         let image = &loaded.pixels;
         let size = [image.width() as usize, image.height() as usize];
         let camera = self.cameras.camera(path, size, &loaded.exif).map_err(with_hint)?;

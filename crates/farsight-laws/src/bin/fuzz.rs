@@ -1,0 +1,127 @@
+//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. What breaks a law, takes too long or ends the process is kept in
+//! `fuzz/artifacts/TARGET`, where the tests replay it.
+//!
+//! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no other.
+
+#![allow(clippy::print_stdout, reason = "a program that reports")]
+
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::time::{Duration, Instant};
+
+use farsight_laws::mutate::{Random, mutated};
+use farsight_laws::{TARGETS, Target, named};
+
+/// An input that takes longer is kept, too.
+const SLOW: Duration = Duration::from_secs(5);
+
+/// Address space of a target, KiB: what asks for more is a finding.
+const MEMORY_KIB: u64 = 6 << 20;
+
+/// Findings of a target after which it stops.
+const MOST_FINDINGS: usize = 20;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let (minutes, names) = match &words[..] {
+        ["--one", name, seconds, seed] => return one(name, seconds, seed),
+        ["--minutes", minutes, names @ ..] => (minutes.parse().unwrap_or(1.0), names),
+        names => (1.0, names),
+    };
+    let mut broken = false;
+    for target in TARGETS.iter().filter(|target| names.is_empty() || names.contains(&target.name)) {
+        broken |= !process(target, minutes * 60.0);
+    }
+    if broken { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+/// Whether a target ran to its end in a process of its own, and broke nothing.
+fn process(target: &Target, seconds: f64) -> bool {
+    let Ok(program) = std::env::current_exe() else { return false };
+    let seed = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |now| now.as_secs());
+    let mut command = if cfg!(unix) {
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(format!("ulimit -v {MEMORY_KIB}; exec \"$0\" \"$@\"")).arg(program);
+        shell
+    } else {
+        Command::new(program)
+    };
+    command.args(["--one", target.name, &seconds.to_string(), &seed.to_string()]);
+    let status = command.status();
+    if status.as_ref().is_ok_and(|status| status.code().is_some_and(|code| code <= 1)) {
+        return status.is_ok_and(|status| status.success());
+    }
+    // It was ended: the input that it had then is the finding.
+    let kept = kept(target.name, &fs::read(current(target.name)).unwrap_or_default());
+    println!("{}: the process ended ({status:?}); {}", target.name, kept.display());
+    false
+}
+
+fn folder(kind: &str, name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz").join(kind).join(name)
+}
+
+/// Where the input lies that a target has now.
+fn current(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("farsight-fuzz-{name}"))
+}
+
+/// Keeps an input for the tests.
+fn kept(name: &str, bytes: &[u8]) -> PathBuf {
+    let hash = bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3));
+    let path = folder("artifacts", name).join(format!("{hash:016x}"));
+    let written = fs::create_dir_all(folder("artifacts", name)).and_then(|()| fs::write(&path, bytes));
+    if let Err(error) = written {
+        println!("{}: cannot be written: {error}", path.display());
+    }
+    path
+}
+
+/// Feeds one target for so long.
+fn one(name: &str, seconds: &str, seed: &str) -> ExitCode {
+    let (Some(target), Ok(seconds), Ok(seed)) = (named(name), seconds.parse(), seed.parse()) else {
+        println!("no target {name}");
+        return ExitCode::FAILURE;
+    };
+    let (start, end) = (Instant::now(), Duration::from_secs_f64(seconds));
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder("corpus", name))
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .collect();
+    paths.sort();
+    let mut inputs: Vec<Vec<u8>> = paths.iter().filter_map(|path| fs::read(path).ok()).collect();
+    inputs.extend((target.seeds)());
+    set_hook(Box::new(|_| {}));
+    let (mut random, mut tried, mut findings, mut slowest) = (Random::new(seed), 0_u64, 0, Duration::ZERO);
+    while start.elapsed() < end && findings < MOST_FINDINGS {
+        let input = mutated(&inputs, &mut random);
+        drop(fs::write(current(name), &input));
+        let begun = Instant::now();
+        let panicked = catch_unwind(AssertUnwindSafe(|| (target.law)(&input))).err();
+        let taken = begun.elapsed();
+        slowest = slowest.max(taken);
+        tried += 1;
+        if panicked.is_some() || taken > SLOW {
+            findings += 1;
+            let why = panicked.map_or_else(|| format!("took {taken:.1?}"), |panic| told(&*panic));
+            println!("{name}: {why}; {}", kept(name, &input).display());
+        }
+    }
+    drop(fs::remove_file(current(name)));
+    let (inputs, seconds) = (inputs.len(), start.elapsed().as_secs());
+    println!(
+        "{name:14} {tried:>9} mutants of {inputs:>3} files in {seconds:>5} s, slowest {slowest:>8.1?}, {findings} findings"
+    );
+    if findings == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn told(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    text.unwrap_or("a panic").chars().take(300).collect()
+}

@@ -1,0 +1,162 @@
+//! Good files to begin with, where none are in `fuzz/corpus`: they follow from the code, so that they are always of today's format.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{NeckKind, NormKind};
+use farsight_graph::model::{CONFIG_KEY, METHOD_KEY, Model, NetworkConfig};
+use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
+use farsight_methods::centernet3d::CenterNet3dConfig;
+use farsight_methods::plate_reader::PlateReaderConfig;
+use farsight_methods::refiner::RefinerConfig;
+use farsight_methods::smoke::{DetectorFile, SmokeConfig};
+use farsight_onnx::Target;
+use farsight_synth::SceneConfig;
+
+/// None but those in `fuzz/corpus`.
+pub(crate) fn none() -> Vec<Vec<u8>> {
+    Vec::new()
+}
+
+pub(crate) fn split() -> Vec<Vec<u8>> {
+    vec![b"000000\n000001\n000002\n".to_vec(), b"# a comment\n\n0\r\n1\r\n".to_vec()]
+}
+
+pub(crate) fn class_map() -> Vec<Vec<u8>> {
+    vec![b"Bus Truck\nRider Cyclist # on a bicycle\n".to_vec()]
+}
+
+pub(crate) fn plates_rows() -> Vec<Vec<u8>> {
+    vec![b"0 0.5 1.2 12.5 1.6 0.52 0.11\n".to_vec(), b"0 100.5 120.25 110.5 122.75 0.9 12.25\n".to_vec()]
+}
+
+pub(crate) fn scene_config() -> Vec<Vec<u8>> {
+    let configs = [SceneConfig::default(), SceneConfig::generic()];
+    configs.iter().filter_map(|config| Some(toml::to_string(config).ok()?.into_bytes())).collect()
+}
+
+fn toml_of<C: NetworkConfig>(config: &C) -> Vec<u8> {
+    toml::to_string(config).unwrap_or_default().into_bytes()
+}
+
+pub(crate) fn model_config() -> Vec<Vec<u8>> {
+    vec![
+        toml_of(&SmokeConfig::default()),
+        toml_of(&CenterNet3dConfig::default()),
+        toml_of(&RefinerConfig::default()),
+        toml_of(&PlateReaderConfig::default()),
+    ]
+}
+
+pub(crate) fn answers() -> Vec<Vec<u8>> {
+    let text = r#"{"image":"a.jpg","width":1242,"height":375,"camera":{"projection":[[721.5,0.0,609.5,44.8],[0.0,721.5,172.8,0.2],[0.0,0.0,1.0,0.003]],"from":"exif"},"detections":[],"model":{"name":"farsight-s","weights_sha256":"00","refiner_sha256":null,"plates_sha256":null}}"#;
+    vec![text.as_bytes().to_vec()]
+}
+
+/// The model file of a network with fresh weights, with its hash and as from before there were hashes: mutants of the latter get further.
+fn model_file<C: NetworkConfig>(config: C) -> Vec<Vec<u8>> {
+    let weights = initial_weights(&config.graph(), 1);
+    let Ok(mut model) = Model::new(config, weights) else { return Vec::new() };
+    let Ok(json) = serde_json::to_string(&model.config) else { return Vec::new() };
+    model.weights.metadata.insert(CONFIG_KEY.to_owned(), json);
+    model.weights.metadata.insert(METHOD_KEY.to_owned(), C::METHOD.to_owned());
+    let with = written(&model.weights);
+    vec![without_hash(&with), with]
+}
+
+fn written(weights: &Weights) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    weights.write_safetensors(&mut bytes).map_or_else(|_| Vec::new(), |()| bytes)
+}
+
+/// The same file with another key in the place of the hash's.
+fn without_hash(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let key = FILE_SHA256_KEY.as_bytes();
+    if let Some(at) = bytes.windows(key.len()).position(|window| window == key) {
+        bytes[at + key.len() - 1] = b'x';
+    }
+    bytes
+}
+
+fn small_smoke() -> SmokeConfig {
+    let (norm, neck) = (NormKind::Batch, NeckKind::Plain);
+    SmokeConfig {
+        input: [96, 64],
+        level_channels: Some([16; 6]),
+        head_channels: Some(16),
+        norm,
+        neck,
+        ..SmokeConfig::default()
+    }
+}
+
+pub(crate) fn detector() -> Vec<Vec<u8>> {
+    model_file(small_smoke())
+}
+
+pub(crate) fn refiner() -> Vec<Vec<u8>> {
+    model_file(RefinerConfig { side: 16, channels: [1, 2, 1, 2], hidden: 2, ..RefinerConfig::default() })
+}
+
+pub(crate) fn plate_reader() -> Vec<Vec<u8>> {
+    model_file(PlateReaderConfig { side: 8, channels: [1, 2, 1], hidden: 2, ..PlateReaderConfig::default() })
+}
+
+/// The ONNX form of a small network.
+pub(crate) fn onnx() -> Vec<Vec<u8>> {
+    let config = small_smoke();
+    let weights = initial_weights(&config.graph(), 1);
+    let file = Model::new(config, weights).ok();
+    let file = file.and_then(|model| DetectorFile::from_model(&model, Target::Portable, Path::new("seed")).ok());
+    file.into_iter().map(|file| file.onnx.into_bytes()).collect()
+}
+
+/// The fixtures of the methods' tests with this ending.
+fn fixtures(ending: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../farsight-methods/tests/fixtures");
+    let mut paths: Vec<PathBuf> =
+        fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    paths.retain(|path| path.extension().is_some_and(|found| found == ending));
+    paths.iter().filter_map(|path| fs::read(path).ok()).collect()
+}
+
+pub(crate) fn pickle() -> Vec<Vec<u8>> {
+    fixtures("pth")
+}
+
+pub(crate) fn tflite() -> Vec<Vec<u8>> {
+    fixtures("tflite")
+}
+
+/// The configs that come with the project.
+#[cfg(feature = "train")]
+pub(crate) fn train_config() -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let mut paths: Vec<PathBuf> =
+        fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    paths
+        .iter()
+        .filter(|path| path.extension().is_some_and(|found| found == "toml"))
+        .filter_map(|path| fs::read(path).ok())
+        .collect()
+}
+
+/// A checkpoint of two tensors.
+#[cfg(feature = "train")]
+pub(crate) fn checkpoint() -> Vec<Vec<u8>> {
+    use farsight_graph::weights::WeightTensor;
+    let tensor = WeightTensor { shape: vec![2], values: vec![0.5, -1.5] };
+    let mut weights = Weights::default();
+    weights.tensors.insert("a".to_owned(), tensor.clone());
+    weights.tensors.insert("adam.a".to_owned(), tensor);
+    let data = r#"{"program":"0","frames":3,"names":"","images":"","labels":""}"#;
+    let progress = r#"{"steps":3,"position":{"epoch":0,"batch":3}}"#;
+    for (key, value) in [("farsight.progress", progress), ("farsight.run", "\"the run\""), ("farsight.data", data)] {
+        weights.metadata.insert(key.to_owned(), value.to_owned());
+    }
+    vec![written(&weights)]
+}

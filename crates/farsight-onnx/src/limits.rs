@@ -1,0 +1,190 @@
+//! How much memory a file's numbers ask for, before an engine asks for it: an engine that gets none ends the whole process.
+
+use std::collections::HashMap;
+
+use crate::error::OnnxProblem;
+use crate::field;
+use crate::read::{counted, shortened, text_in};
+use crate::wire::{Message, Value};
+
+/// No window of a network of ours is wider, and nothing is moved, spread or enlarged by more.
+const LARGEST_SETTING: i64 = 128;
+
+/// No network of ours has more groups, or axes of this number.
+const LARGEST_COUNT: i64 = 65_536;
+
+/// Bytes of one map for [`AREA_PX`] pixels: fifty times the largest map of SMOKE.
+const LARGEST_MAP: f64 = (2_u64 << 30) as f64;
+
+/// Pixels of SMOKE's input.
+const AREA_PX: f64 = 1280.0 * 384.0;
+
+/// How large a value is.
+#[derive(Debug, Clone, Copy)]
+struct Size {
+    channels: f64,
+    /// Its sides relative to the image's.
+    scale: f64,
+}
+
+impl Size {
+    fn bytes(self) -> f64 {
+        self.channels * self.scale * self.scale * AREA_PX * size_of::<f32>() as f64
+    }
+}
+
+/// The settings of a node that decide about sizes.
+#[derive(Debug, Default)]
+struct Settings {
+    strides: Vec<i64>,
+    group: i64,
+    block: i64,
+}
+
+/// Refuses graphs whose maps no machine has room for.
+pub(super) fn check(graph: Message<'_>, image: &str) -> Result<(), OnnxProblem> {
+    let mut constants = HashMap::new();
+    for tensor in graph.all(field::GRAPH_CONSTANT) {
+        let tensor = tensor?;
+        constants.insert(text_in(tensor, field::TENSOR_NAME)?, tensor);
+    }
+    let mut sizes = HashMap::from([(image, Size { channels: 3.0, scale: 1.0 })]);
+    for node in graph.all(field::GRAPH_NODE) {
+        let node = node?;
+        let operator = text_in(node, field::NODE_OPERATOR)?;
+        let inputs = node.all(field::NODE_INPUT).map(|name| name?.text()).collect::<Result<Vec<_>, _>>()?;
+        let settings = settings(node, operator)?;
+        let given: Vec<Option<Message<'_>>> = inputs.iter().map(|name| constants.get(name).copied()).collect();
+        let constant = |place: usize| given.get(place).copied().flatten();
+        if operator == "Range" {
+            (0..inputs.len()).filter_map(constant).try_for_each(check_range)?;
+        }
+        let outputs = node.all(field::NODE_OUTPUT).map(|name| name?.text()).collect::<Result<Vec<_>, _>>()?;
+        // A weight in 8 bits is as large as the weight that comes of it.
+        if operator == "DequantizeLinear"
+            && let (Some(constant), Some(output)) = (constant(0), outputs.first())
+        {
+            constants.insert(output, constant);
+            continue;
+        }
+        let known: Vec<Size> = inputs.iter().filter_map(|name| sizes.get(name)).copied().collect();
+        let enlarged = if operator == "Resize" { Some(resize_factor(constant(2))?) } else { None };
+        let Some(size) = size_of_output(operator, &known, &settings, constant(1), enlarged)? else { continue };
+        if size.bytes() > LARGEST_MAP {
+            let name = shortened(outputs.first().copied().unwrap_or_default());
+            return Err(OnnxProblem::Memory { name, megabytes: size.bytes() / 1e6, limit: LARGEST_MAP / 1e6 });
+        }
+        sizes.extend(outputs.into_iter().map(|name| (name, size)));
+    }
+    Ok(())
+}
+
+/// The size of what a node makes of values of the sizes `known`; none of what does not follow from the image.
+fn size_of_output(
+    operator: &str,
+    known: &[Size],
+    settings: &Settings,
+    weight: Option<Message<'_>>,
+    enlarged: Option<f64>,
+) -> Result<Option<Size>, OnnxProblem> {
+    let Some(&first) = known.first() else { return Ok(None) };
+    let largest = |of: fn(&Size) -> f64| known.iter().map(of).fold(0.0, f64::max);
+    let (channels, scale) = (largest(|size| size.channels), largest(|size| size.scale));
+    let stride = |of: fn(i64, i64) -> i64| settings.strides.iter().copied().reduce(of).unwrap_or(1).max(1) as f64;
+    let axes = weight.map(axes).transpose()?.unwrap_or_default();
+    let axis = |place: usize| axes.get(place).map(|&side| side as f64);
+    Ok(Some(match operator {
+        "Conv" | "DeformConv" => {
+            Size { channels: axis(0).unwrap_or(first.channels), scale: first.scale / stride(i64::min) }
+        }
+        "ConvTranspose" => {
+            let channels = axis(1).map_or(first.channels, |side| side * settings.group.max(1) as f64);
+            Size { channels, scale: first.scale * stride(i64::max) }
+        }
+        "MaxPool" => Size { channels, scale: scale / stride(i64::min) },
+        "GlobalAveragePool" => Size { channels, scale: 0.0 },
+        "Resize" => Size { channels, scale: scale * enlarged.unwrap_or(1.0) },
+        "DepthToSpace" => {
+            let block = settings.block.max(1) as f64;
+            Size { channels: channels / (block * block), scale: scale * block }
+        }
+        "Concat" => Size { channels: known.iter().map(|size| size.channels).sum(), scale },
+        _ => Size { channels, scale },
+    }))
+}
+
+/// The settings of a node; those that are out of all proportion are refused.
+fn settings(node: Message<'_>, operator: &str) -> Result<Settings, OnnxProblem> {
+    let mut settings = Settings::default();
+    for attribute in counted(node.all(field::NODE_ATTRIBUTE), "settings") {
+        let attribute = attribute?;
+        let name = text_in(attribute, field::ATTRIBUTE_NAME)?;
+        let refused = |value: i64, limit: i64| {
+            let (operator, setting) = (operator.to_owned(), shortened(name));
+            OnnxProblem::Setting { operator, setting, value, limit }
+        };
+        let list = whole_numbers(attribute, field::ATTRIBUTE_INTS)?;
+        if let Some(&value) = list.iter().find(|value| value.unsigned_abs() > LARGEST_SETTING.unsigned_abs()) {
+            return Err(refused(value, LARGEST_SETTING));
+        }
+        let single = attribute.number(field::ATTRIBUTE_INT)?.cast_signed();
+        let limit = if name == "blocksize" { LARGEST_SETTING } else { LARGEST_COUNT };
+        if single.unsigned_abs() > limit.unsigned_abs() {
+            return Err(refused(single, limit));
+        }
+        match name {
+            "strides" => settings.strides = list,
+            "group" => settings.group = single,
+            "blocksize" => settings.block = single,
+            _ => {}
+        }
+    }
+    Ok(settings)
+}
+
+/// The whole numbers of a field, one by one or packed.
+fn whole_numbers(message: Message<'_>, number: u64) -> Result<Vec<i64>, OnnxProblem> {
+    let mut numbers = Vec::new();
+    for part in message.fields() {
+        let part = part?;
+        match part.value {
+            Value::Number(value) if part.number == number => numbers.push(value.cast_signed()),
+            Value::Bytes(packed) if part.number == number => {
+                for value in packed.varints() {
+                    numbers.push(value?.cast_signed());
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(numbers)
+}
+
+/// Sides of a constant.
+fn axes(constant: Message<'_>) -> Result<Vec<i64>, OnnxProblem> {
+    whole_numbers(constant, field::TENSOR_AXIS)
+}
+
+/// By how much a `Resize` enlarges, which files of ours say with a constant.
+fn resize_factor(scales: Option<Message<'_>>) -> Result<f64, OnnxProblem> {
+    let raw = scales.map(|scales| scales.last(field::TENSOR_RAW)).transpose()?.flatten();
+    let Some(raw) = raw else { return Err(OnnxProblem::Resize) };
+    let factors: Vec<f32> = raw.bytes().as_chunks().0.iter().map(|factor| f32::from_le_bytes(*factor)).collect();
+    if factors.iter().all(|factor| *factor > 0.0 && f64::from(*factor) <= LARGEST_SETTING as f64) {
+        return Ok(factors.into_iter().map(f64::from).fold(0.0, f64::max));
+    }
+    Err(OnnxProblem::Resize)
+}
+
+/// Refuses a constant end of a `Range` that makes an endless list.
+fn check_range(end: Message<'_>) -> Result<(), OnnxProblem> {
+    let raw = end.last(field::TENSOR_RAW)?.map_or(&[][..], Message::bytes);
+    let values = raw.as_chunks().0.iter().map(|value| i64::from_le_bytes(*value));
+    match values.into_iter().find(|value| value.unsigned_abs() > LARGEST_COUNT.unsigned_abs()) {
+        Some(value) => {
+            let (operator, setting, limit) = ("Range".to_owned(), "end".to_owned(), LARGEST_COUNT);
+            Err(OnnxProblem::Setting { operator, setting, value, limit })
+        }
+        None => Ok(()),
+    }
+}

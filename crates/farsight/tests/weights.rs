@@ -1,0 +1,163 @@
+//! Weights that are damaged, not finite or out of all proportion: told by every engine, and never an empty road.
+
+#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
+
+mod program;
+
+use std::fs;
+use std::path::Path;
+
+use farsight_graph::init::initial_weights;
+use farsight_graph::layers::{NeckKind, NormKind};
+use farsight_graph::model::{CONFIG_KEY, NetworkConfig};
+use farsight_graph::weights::Weights;
+use farsight_methods::smoke::{SmokeConfig, SmokeModel};
+use program::{done, farsight, root};
+
+/// A small network with fresh weights.
+fn model() -> SmokeModel {
+    let (norm, neck) = (NormKind::Batch, NeckKind::Plain);
+    let config = SmokeConfig { input: [96, 64], width: 0.25, norm, neck, ..SmokeConfig::default() };
+    let weights = initial_weights(&config.graph(), 1);
+    SmokeModel::new(config, weights).unwrap()
+}
+
+/// Its first weight.
+fn first_tensor(model: &SmokeModel) -> String {
+    model.graph.parameters[0].name.clone()
+}
+
+fn image() -> String {
+    root().join("assets/scenes/image_2/000000.jpg").to_string_lossy().into_owned()
+}
+
+/// What `range` says of the model, which it must refuse.
+fn refusal(folder: &Path, model: &str, more: &[&str]) -> String {
+    let image = image();
+    let output = farsight(folder, &[&["range", &image, "--hfov", "81", "--model", model], more].concat());
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{told}");
+    told
+}
+
+#[test]
+fn a_flipped_bit_of_a_model_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    model().write(&folder.join("m.safetensors")).unwrap();
+    done(folder, &["export", "--model", "m.safetensors", "--out", "m.onnx"]);
+    for name in ["m.safetensors", "m.onnx"] {
+        let whole = fs::read(folder.join(name)).unwrap();
+        for share in [3, 5, 7, 9] {
+            let mut flipped = whole.clone();
+            flipped[whole.len() / 10 * share] ^= 0x40;
+            fs::write(folder.join(format!("flipped-{name}")), flipped).unwrap();
+            let told = refusal(folder, &format!("flipped-{name}"), &[]);
+            assert!(told.contains(&format!("flipped-{name}: its contents have the hash ")), "{told}");
+        }
+    }
+}
+
+#[test]
+fn weights_that_are_not_finite_are_told_with_file_and_tensor() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for value in [f32::NAN, f32::INFINITY] {
+        for all in [true, false] {
+            let mut bad = model();
+            let name = first_tensor(&bad);
+            let tensors = bad.weights.tensors.iter_mut().filter(|(found, _)| all || **found == name);
+            tensors.for_each(|(_, tensor)| {
+                let count = if all { tensor.values.len() } else { 1 };
+                tensor.values[..count].fill(value);
+            });
+            bad.write(&folder.join("m.safetensors")).unwrap();
+            for engine in ["rten", "onnxruntime", "openvino"] {
+                let told = refusal(folder, "m.safetensors", &["--engine", engine]);
+                let expected = format!("has {value} at place 0; expected finite numbers");
+                assert!(told.contains("m.safetensors: tensor \"") && told.contains(&expected), "{told}");
+            }
+        }
+    }
+}
+
+#[test]
+fn answers_that_are_no_numbers_or_out_of_this_world_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rows = [
+        ("heads.predictor.class_head.3.weight", "m.safetensors: output \"cls_logits\" has "),
+        ("heads.predictor.regression_head.3.weight", "m.safetensors: its answer has a "),
+    ];
+    for (name, expected) in rows {
+        let mut bad = model();
+        bad.weights.tensors.get_mut(name).unwrap().values.fill(3e38);
+        // Something is found everywhere.
+        bad.weights.tensors.get_mut("heads.predictor.class_head.3.bias").unwrap().values.fill(5.0);
+        bad.write(&folder.join("m.safetensors")).unwrap();
+        let told = refusal(folder, "m.safetensors", &[]);
+        assert!(told.contains(expected) && told.contains("are the weights broken?"), "{told}");
+    }
+}
+
+#[test]
+fn headers_with_absurd_numbers_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let absurd = [
+        ("\"std_m\":16.32", "\"std_m\":1e300", "model.depth has a mean of 28.01 m and a deviation of 1000"),
+        ("\"mean_m\":28.01", "\"mean_m\":-1e300", "model.depth has a mean of -1000"),
+        ("[3.88,1.63,1.53]", "[3.88,1e300,1.53]", "model.classes has Car with a size or factor out of all proportion"),
+    ];
+    for (found, replaced, expected) in absurd {
+        let mut weights = model().weights;
+        let config = serde_json::to_string(&model().config).unwrap();
+        assert!(config.contains(found), "{config}");
+        weights.metadata.insert(CONFIG_KEY.to_owned(), config.replace(found, replaced));
+        weights.write(&folder.join("m.safetensors")).unwrap();
+        let told = refusal(folder, "m.safetensors", &[]);
+        assert!(
+            told.contains("m.safetensors: \"farsight.model\" in the header: ") && told.contains(expected),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn files_from_before_the_hash_are_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    model().write(&folder.join("m.safetensors")).unwrap();
+    let range = |model: &str| {
+        let output = farsight(folder, &["range", &image(), "--hfov", "81", "--model", model]);
+        assert!(output.status.success());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(!range("m.safetensors").contains("has no hash"));
+    // The same file without its hash: the key is replaced by one of the same length that means nothing.
+    let bytes = fs::read(folder.join("m.safetensors")).unwrap();
+    let key = b"farsight.file_sha256";
+    let at = bytes.windows(key.len()).position(|window| window == key).unwrap();
+    let mut old = bytes.clone();
+    old[at..at + key.len()].copy_from_slice(b"farsight.file_sha-no");
+    fs::write(folder.join("old.safetensors"), old).unwrap();
+    let told = range("old.safetensors");
+    assert_eq!(told.matches("note: old.safetensors: has no hash, so damage to it would not be noticed").count(), 1);
+}
+
+#[test]
+fn what_is_left_out_with_other_weights_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut weights = Weights::read(&root().join("models/farsight-s.safetensors")).unwrap();
+    let told = |model: &str| {
+        let output = farsight(folder, &["range", &image(), "--hfov", "81", "--model", model]);
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    weights.write(&folder.join("same.safetensors")).unwrap();
+    assert!(!told("same.safetensors").contains("not the shipped weights"));
+    weights.tensors.values_mut().next().unwrap().values[0] += 1e-3;
+    weights.write(&folder.join("other.safetensors")).unwrap();
+    let expected = "note: other.safetensors: not the shipped weights, so without what is made for those: refiner, plate reader, road plane";
+    assert!(told("other.safetensors").contains(expected), "{}", told("other.safetensors"));
+}
