@@ -6,14 +6,14 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// How wide the Gaussian of an object is (spec section 6; dynamic Gaussian heat map: MSFE/DGH spec section 4).
+/// How wide the Gaussian of an object is (spec section 6; dynamic Gaussian heatmap: MSFE/DGH spec section 4).
 ///
 /// Boxes, radii, floors and ceilings are in cells of the feature map: four pixels of the network's input each (stride 4), not pixels of the image. In every
 /// rule `sigma = (2 radius + 1) / 6`, so a radius of 0 still reaches a third of a cell. Every rule takes a floor, `min_radius`, so that a comparison of rules
 /// need not be one of floors; 0 is none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "rule", rename_all = "snake_case", deny_unknown_fields)]
-pub enum HeatMapRule {
+pub enum HeatmapRule {
     /// The same radius for every object.
     Fixed {
         /// Radius, cells.
@@ -58,7 +58,7 @@ pub enum HeatMapRule {
     },
 }
 
-impl HeatMapRule {
+impl HeatmapRule {
     /// Official SMOKE's rule.
     pub const SMOKE: Self = Self::CornerNet { min_overlap: 0.7, min_radius: 0.0 };
 
@@ -85,23 +85,23 @@ impl HeatMapRule {
     pub fn problem(&self) -> Option<String> {
         let positive = |name: &str, value: f64| {
             (!(value.is_finite() && value > 0.0))
-                .then(|| format!("heat map {name} is {value}; expected a positive number"))
+                .then(|| format!("heatmap {name} is {value}; expected a positive number"))
         };
         let cells = |name: &str, value: f64| {
             (!(0.0..=MOST_CELLS).contains(&value))
-                .then(|| format!("heat map {name} is {value}; expected 0 to {MOST_CELLS} cells"))
+                .then(|| format!("heatmap {name} is {value}; expected 0 to {MOST_CELLS} cells"))
         };
         match *self {
             Self::Fixed { radius, min_radius } => cells("radius", radius).or_else(|| cells("min_radius", min_radius)),
             Self::CornerNet { min_overlap, min_radius } | Self::CornerNetOriginal { min_overlap, min_radius } => {
                 (!(min_overlap > 0.0 && min_overlap < 1.0))
-                    .then(|| format!("heat map min_overlap is {min_overlap}; expected a number between 0 and 1"))
+                    .then(|| format!("heatmap min_overlap is {min_overlap}; expected a number between 0 and 1"))
                     .or_else(|| cells("min_radius", min_radius))
             }
             Self::DynamicInteger { alpha, min_radius, max_radius }
             | Self::Dynamic { alpha, min_radius, max_radius } => positive("alpha", alpha).or_else(|| {
                 (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius <= MOST_CELLS)).then(|| {
-                    format!("heat map radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius <= {MOST_CELLS}")
+                    format!("heatmap radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius <= {MOST_CELLS}")
                 })
             }),
         }

@@ -1,9 +1,9 @@
-//! Peaks of a heat map: SMOKE's substitute for non-maximum suppression (spec section 10).
+//! Peaks of a heatmap: SMOKE's substitute for non-maximum suppression (spec section 10).
 
 /// A local maximum of one class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// Channel of the heat map.
+    /// Channel of the heatmap.
     pub class: usize,
     /// Column and row.
     pub cell: [usize; 2],

@@ -65,9 +65,9 @@ pub struct ClassReference {
     pub class: ObjectClass,
     /// Reference length, height and width, metres; the dimension channels are relative to it.
     pub dimensions_lhw: [f64; 3],
-    /// Factor on the dynamic heat map's alpha for this class.
-    #[serde(default = "one")]
-    pub heat_map_factor: f64,
+    /// Factor on the dynamic heatmap's alpha for this class.
+    #[serde(default = "one", alias = "heat_map_factor")]
+    pub heatmap_factor: f64,
     /// Makes probabilities of the peaks; without it the peak is the score, as in SMOKE.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub score: Option<ScoreCalibration>,
@@ -99,7 +99,7 @@ impl ClassReference {
     ///
     /// The car's height and width look exchanged; both public code bases carry it and it only shifts a learnt offset.
     pub fn smoke() -> Vec<Self> {
-        let reference = |class, dimensions_lhw| Self { class, dimensions_lhw, heat_map_factor: 1.0, score: None };
+        let reference = |class, dimensions_lhw| Self { class, dimensions_lhw, heatmap_factor: 1.0, score: None };
         vec![
             reference(ObjectClass::Car, [3.88, 1.63, 1.53]),
             reference(ObjectClass::Cyclist, [1.78, 1.70, 0.58]),

@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::nms::{bev_nms, class_nms, soft_suppression};
 use farsight_core::overlap::iou_bev;
 use farsight_core::peaks::peaks;
@@ -104,9 +104,9 @@ proptest! {
     }
 
     #[test]
-    fn a_heat_map_has_its_peak_in_its_cell_and_stays_in_the_map(w in 0.0..400.0, h in 0.0..400.0, column in 0_usize..40, row in 0_usize..12) {
+    fn a_heatmap_has_its_peak_in_its_cell_and_stays_in_the_map(w in 0.0..400.0, h in 0.0..400.0, column in 0_usize..40, row in 0_usize..12) {
         let mut map = vec![0.0_f32; 40 * 12];
-        let rule = HeatMapRule::Dynamic { alpha: 0.12, min_radius: 1.0, max_radius: 16.0 };
+        let rule = HeatmapRule::Dynamic { alpha: 0.12, min_radius: 1.0, max_radius: 16.0 };
         rule.gaussian(w, h, 1.0).draw(&mut map, 40, [column, row]);
         prop_assert!((map[row * 40 + column] - 1.0).abs() < f32::EPSILON);
         prop_assert!(map.iter().all(|v| (0.0..=1.0).contains(v)));

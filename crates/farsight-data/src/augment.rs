@@ -48,7 +48,7 @@ pub struct AugmentationConfig {
     /// Largest factor of [`Sharpness`], at least 1; the smallest is one over it.
     #[serde(alias = "detail_factor")]
     pub sharpness_factor: f64,
-    /// Whether shifted and scaled images teach only the heat map, as in official SMOKE, whose camera does not follow
+    /// Whether shifted and scaled images teach only the heatmap, as in official SMOKE, whose camera does not follow
     /// its window (spec 7.3). Ours follows, so nothing has to be masked.
     pub mask_scaled_regression: bool,
 }

@@ -71,10 +71,10 @@ fn targets(run: &SmokeRun, batch_size: usize, device: Device) -> Result<BatchTar
     };
     let objects: Vec<ObjectTarget> = (0..OBJECTS).map(car).collect();
     let map_size @ [map_width, map_height] = [width / 4, height / 4];
-    let mut heat_map = vec![0.0; run.model.classes.len() * map_width * map_height];
+    let mut heatmap = vec![0.0; run.model.classes.len() * map_width * map_height];
     for object in &objects {
-        heat_map[object.cell[1] * map_width + object.cell[0]] = 1.0;
+        heatmap[object.cell[1] * map_width + object.cell[0]] = 1.0;
     }
-    let image = Targets { heat_map, map_size, objects, camera: feature_camera(&camera) };
+    let image = Targets { heatmap, map_size, objects, camera: feature_camera(&camera) };
     Ok(BatchTargets::new(&vec![image; batch_size], &vec![true; batch_size], device))
 }

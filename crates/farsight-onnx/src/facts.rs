@@ -14,7 +14,7 @@ pub mod key {
     pub const MODEL: &str = farsight_graph::model::CONFIG_KEY;
     /// Tag of the method that the model is of.
     pub const METHOD: &str = farsight_graph::model::METHOD_KEY;
-    /// Names of the heat map's channels, separated by commas.
+    /// Names of the heatmap's channels, separated by commas.
     pub const CLASSES: &str = "farsight.classes";
     /// Width and height of the input the model was trained with, `1280x384`.
     pub const INPUT_SIZE: &str = "farsight.input_size";

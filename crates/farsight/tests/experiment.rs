@@ -28,7 +28,7 @@ level_channels = [16, 16, 16, 16, 16, 16]
 head_channels = 16
 norm = "batch"
 neck = "plain"
-heat_map = { rule = "corner_net", min_overlap = 0.7 }
+heatmap = { rule = "corner_net", min_overlap = 0.7 }
 antialias = true
 depth = { mean_m = 28.01, std_m = 16.32, focal_px = 55.8 }
 
@@ -45,7 +45,7 @@ title = "plain"
 
 [arms.wide]
 title = "floor of two"
-patch.model.heat_map = { rule = "fixed", radius = 0.0, min_radius = 2.0 }
+patch.model.heatmap = { rule = "fixed", radius = 0.0, min_radius = 2.0 }
 
 [[blocks]]
 arms = ["plain", "wide"]

@@ -44,7 +44,9 @@ fn shrinking_makes_grey_of_what_is_too_fine_instead_of_a_pattern() {
     let stripes = |period: u32| {
         RgbImage::from_fn(1242, 375, |x, _| image::Rgb([if x % period < period / 2 { 255 } else { 0 }; 3]))
     };
-    let shrunk = |image: &RgbImage, sampling| warp(image, &Affine2::window([621.0, 187.5], 1242.0, [416, 128]), [416, 128], sampling);
+    let shrunk = |image: &RgbImage, sampling| {
+        warp(image, &Affine2::window([621.0, 187.5], 1242.0, [416, 128]), [416, 128], sampling)
+    };
     let fine = stripes(2);
     assert!(contrast(&shrunk(&fine, Sampling::PixelExact)) > 0.15);
     let left = contrast(&shrunk(&fine, Sampling::Antialias));
@@ -78,7 +80,7 @@ proptest! {
         for (column, row, pixel) in found.enumerate_pixels() {
             let [x, y] = inverse.apply([f64::from(column), f64::from(row)]);
             let triangle = |distance: f64| f64::max(1.0 - distance.abs() / step, 0.0);
-            let around = |c: f64| (c - step).ceil() as i64..=(c + step).floor() as i64;
+            let around = |c: f64| f64::ceil(c - step) as i64..=f64::floor(c + step) as i64;
             let (mut sum, mut total) = (0.0, 0.0);
             for source_row in around(y) {
                 for source_column in around(x) {

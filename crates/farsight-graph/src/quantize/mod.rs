@@ -2,7 +2,7 @@
 //!
 //! A convolution in 8 bits reads a map of 8-bit numbers and has 8-bit weights; its sums are kept in 32 bits. The maps between such convolutions
 //! stay in 8 bits wherever all that lies between them (sums, concatenations, pooling, enlargement) can. The regression head and the last layer
-//! of the heat map stay as they are: their answers are what is read.
+//! of the heatmap stay as they are: their answers are what is read.
 //!
 //! | step | who |
 //! |---|---|

@@ -1,6 +1,6 @@
 //! What a CenterNet for 3D boxes is made of.
 
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::references::LARGEST_FOCAL_PX;
 use farsight_core::{ClassReference, RangeError};
@@ -46,7 +46,7 @@ pub struct CenterNet3dConfig {
     /// Convolutions of the neck.
     pub neck: NeckKind,
     /// Width of the target Gaussians; of the authors' code by default, with its larger radius.
-    pub heatmap: HeatMapRule,
+    pub heatmap: HeatmapRule,
     /// Classes in the order of the heatmap's channels. Their sizes play no part: this network says metres.
     pub classes: Vec<ClassReference>,
     /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true depth. Without it the depth is taken as it
@@ -71,7 +71,7 @@ impl Default for CenterNet3dConfig {
             stem: Stem::Full,
             norm: NormKind::Batch,
             neck: NeckKind::Deformable,
-            heatmap: HeatMapRule::CornerNetOriginal { min_overlap: 0.7, min_radius: 0.0 },
+            heatmap: HeatmapRule::CornerNetOriginal { min_overlap: 0.7, min_radius: 0.0 },
             classes: ClassReference::smoke(),
             depth_focal_px: None,
             error: None,

@@ -1,6 +1,6 @@
 //! What the network is asked to answer for one image.
 
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::{Affine2, Box2d, Camera, ClassReference, Label};
 
 use super::codec::{Codec, Encoded, STRIDE};
@@ -27,7 +27,7 @@ pub fn feature_camera(input_camera: &Camera) -> Camera {
 pub fn targets(
     labels: &[Label],
     classes: &[ClassReference],
-    rule: &HeatMapRule,
+    rule: &HeatmapRule,
     codec: &Codec,
     input_camera: &Camera,
     input_size: [usize; 2],
@@ -45,7 +45,7 @@ pub fn targets(
             continue;
         }
         let Some(encoded) = codec.encode(&label.box3d, &seen, &camera) else { continue };
-        let factor = classes[class].heat_map_factor;
+        let factor = classes[class].heatmap_factor;
         let channel = &mut heatmap[class * area..][..area];
         rule.gaussian(seen.width(), seen.height(), factor).draw(channel, width, encoded.cell);
         objects.push(encoded);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use farsight_core::ClassReference;
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::model::{ModelError, NetworkConfig};
@@ -77,7 +77,7 @@ struct SampleMaker {
     source: Arc<dyn Dataset>,
     input: InputSpec,
     classes: Vec<ClassReference>,
-    heatmap: HeatMapRule,
+    heatmap: HeatmapRule,
     codec: Codec,
     augmentation: AugmentationConfig,
 }

@@ -74,7 +74,7 @@ pub struct Encoded {
 /// Reference constants of a model and the two directions of the code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Codec {
-    /// Classes in the order of the heat map's channels.
+    /// Classes in the order of the heatmap's channels.
     pub classes: Vec<ClassReference>,
     /// Centres the depth.
     pub depth: DepthReference,

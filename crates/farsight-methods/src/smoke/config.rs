@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::references::{LARGEST_FOCAL_PX, LARGEST_M};
 use farsight_core::{Camera, ClassReference, DepthReference, RangeError};
@@ -13,7 +13,7 @@ use farsight_graph::model::NetworkConfig;
 
 use super::codec::Codec;
 use super::network::{Backbone, LOGITS, REGRESSION, network};
-use super::targets::{HeatMapBox, TargetRules};
+use super::targets::{HeatmapBox, TargetRules};
 use crate::input_spec::{InputSpec, SIZE_STEP};
 
 /// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
@@ -29,8 +29,7 @@ const SMOKE_HEAD_WIDTH: usize = 256;
 const FPN_CHANNELS: usize = 64;
 
 /// Channels inside each MSFE design of the full-width network (MSFE/DGH spec section 3).
-const MSFE_WIDTHS: [(Msfe, usize); 4] =
-    [(Msfe::A, 128), (Msfe::B, 128), (Msfe::C, 192), (Msfe::Control, 128)];
+const MSFE_WIDTHS: [(Msfe, usize); 4] = [(Msfe::A, 128), (Msfe::B, 128), (Msfe::C, 192), (Msfe::Control, 128)];
 
 /// Widths are multiples of this, so that group normalisation always has its groups.
 const WIDTH_STEP: usize = 16;
@@ -97,10 +96,12 @@ pub struct SmokeConfig {
     /// Multi-scale feature enhancement.
     pub msfe: Msfe,
     /// Width of the target Gaussians.
-    pub heat_map: HeatMapRule,
-    /// The box that the heat map rule looks at.
-    pub heat_map_box: HeatMapBox,
-    /// Classes in the order of the heat map's channels; official SMOKE's is car, cyclist, pedestrian.
+    #[serde(alias = "heat_map")]
+    pub heatmap: HeatmapRule,
+    /// The box that the heatmap rule looks at.
+    #[serde(alias = "heat_map_box")]
+    pub heatmap_box: HeatmapBox,
+    /// Classes in the order of the heatmap's channels; official SMOKE's is car, cyclist, pedestrian.
     pub classes: Vec<ClassReference>,
     /// Centres the depth.
     pub depth: DepthReference,
@@ -129,8 +130,8 @@ impl Default for SmokeConfig {
             norm: NormKind::Group,
             neck: NeckKind::Deformable,
             msfe: Msfe::None,
-            heat_map: HeatMapRule::SMOKE,
-            heat_map_box: HeatMapBox::Projected,
+            heatmap: HeatmapRule::SMOKE,
+            heatmap_box: HeatmapBox::Projected,
             classes: ClassReference::smoke(),
             depth: DepthReference::KITTI,
             focal_range_px: None,
@@ -205,8 +206,8 @@ impl SmokeConfig {
         if self.antialias && self.quirks.sampling != Sampling::default() {
             return error("antialias", "is true; expected quirks.sampling to be pixel_exact with it".to_owned());
         }
-        if let Some(problem) = self.heat_map.problem() {
-            return error("heat_map", problem);
+        if let Some(problem) = self.heatmap.problem() {
+            return error("heatmap", problem);
         }
         if !self.depth.is_usable() {
             let DepthReference { mean_m, std_m, .. } = self.depth;
@@ -258,7 +259,7 @@ impl SmokeConfig {
             return error(problem);
         }
         for class in &self.classes {
-            let sizes = class.dimensions_lhw.iter().chain([&class.heat_map_factor]);
+            let sizes = class.dimensions_lhw.iter().chain([&class.heatmap_factor]);
             if sizes.into_iter().any(|v| !(*v > 0.0 && *v <= LARGEST_M)) {
                 let expected = format!("expected positive numbers, at most {LARGEST_M}");
                 return error(format!("has {} with a size or factor out of all proportion; {expected}", class.class));
@@ -314,7 +315,7 @@ impl SmokeConfig {
 
     /// How targets are made.
     pub fn target_rules(&self) -> TargetRules {
-        TargetRules { codec: self.codec(), heat_map: self.heat_map, heat_map_box: self.heat_map_box }
+        TargetRules { codec: self.codec(), heatmap: self.heatmap, heatmap_box: self.heatmap_box }
     }
 
     fn scaled(&self, channels: usize) -> usize {

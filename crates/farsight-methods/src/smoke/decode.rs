@@ -12,7 +12,7 @@ use super::targets::feature_camera;
 /// What a network answers for one image, before any activation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeadMaps {
-    /// Heat map logits, `[classes, height, width]`.
+    /// Heatmap logits, `[classes, height, width]`.
     pub logits: Vec<f32>,
     /// Raw regression channels, `[8, height, width]`; of a network that ends before its regression head, the features that the head reads,
     /// `[channels, height, width]`.

@@ -5,10 +5,10 @@ use farsight_graph::layers::Builder;
 
 use super::codec::CHANNELS;
 
-/// Logit at which the heat map starts: a probability near 0.1, so that the first steps are not drowned by the background.
+/// Logit at which the heatmap starts: a probability near 0.1, so that the first steps are not drowned by the background.
 const PRIOR_LOGIT: f32 = -2.19;
 
-/// Appends the heat map head; returns its logits, one channel a class.
+/// Appends the heatmap head; returns its logits, one channel a class.
 pub(super) fn class_head(b: &mut Builder, x: NodeId, width: usize, classes: usize) -> NodeId {
     head(b, x, "class_head", width, classes, None, Init::Constant(PRIOR_LOGIT))
 }

@@ -24,7 +24,7 @@ pub const SOURCE_KEY: &str = "farsight.source.layout";
 /// SMOKE's classes. Farsight has them in the official order; mmdetection3d has them the other way round.
 const CLASS_COUNT: usize = 3;
 
-/// The last convolution before the heat map.
+/// The last convolution before the heatmap.
 const CLASS_CONVOLUTION: [&str; 2] = ["heads.predictor.class_head.3.weight", "heads.predictor.class_head.3.bias"];
 
 /// How to import.
@@ -51,7 +51,7 @@ pub struct Imported {
 
 /// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or the ImageNet weights of DLA-34 or `MobileNetV2`.
 ///
-/// Beside the names, only mmdetection3d's class order changes: its heat map's channels are put in the official order. Everything else
+/// Beside the names, only mmdetection3d's class order changes: its heatmap's channels are put in the official order. Everything else
 /// that the two do differently is recorded as quirks in the config. Of files that are known, whose they are and under which licence goes into the header.
 ///
 /// # Errors

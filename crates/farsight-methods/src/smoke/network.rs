@@ -7,7 +7,7 @@ use farsight_graph::layers::{Builder, Msfe, NormKind, msfe};
 use super::config::SmokeConfig;
 use super::heads;
 
-/// Name of the heat map logits among the taps.
+/// Name of the heatmap logits among the taps.
 pub const LOGITS: &str = "cls_logits";
 
 /// Name of the raw regression channels among the taps.

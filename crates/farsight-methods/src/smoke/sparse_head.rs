@@ -1,4 +1,4 @@
-//! The regression head, computed only where the decoder asks: at the peaks of the heat map.
+//! The regression head, computed only where the decoder asks: at the peaks of the heatmap.
 
 use farsight_onnx::{HeadLayer, LocalHeadFile};
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::codec::STRIDE;
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::{Affine2, Box2d, Box3d, Camera, Label};
 
 use super::Codec;
@@ -11,7 +11,7 @@ use super::Codec;
 /// The box whose size sets the width of an object's Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum HeatMapBox {
+pub enum HeatmapBox {
     /// Around the projected corners, clipped to the map (as official SMOKE).
     #[default]
     Projected,
@@ -25,15 +25,15 @@ pub struct TargetRules {
     /// Classes and reference constants.
     pub codec: Codec,
     /// Width of the Gaussians.
-    pub heat_map: HeatMapRule,
+    pub heatmap: HeatmapRule,
     /// The box that the rule looks at.
-    pub heat_map_box: HeatMapBox,
+    pub heatmap_box: HeatmapBox,
 }
 
 /// One object that the regression head learns from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectTarget {
-    /// Channel of the heat map.
+    /// Channel of the heatmap.
     pub class: usize,
     /// Column and row of its cell.
     pub cell: [usize; 2],
@@ -44,8 +44,8 @@ pub struct ObjectTarget {
 /// Targets of one image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets {
-    /// Heat maps, `[classes, height, width]`, 1 at every centre.
-    pub heat_map: Vec<f32>,
+    /// Heatmaps, `[classes, height, width]`, 1 at every centre.
+    pub heatmap: Vec<f32>,
     /// Width and height of the feature map, cells.
     pub map_size: [usize; 2],
     /// Objects whose centre lies in the image.
@@ -67,17 +67,17 @@ impl TargetRules {
         let camera = feature_camera(input_camera);
         let map_size @ [width, height] = input_size.map(|s| s / STRIDE);
         let area = width * height;
-        let mut heat_map = vec![0.0; self.codec.classes.len() * area];
+        let mut heatmap = vec![0.0; self.codec.classes.len() * area];
         let mut objects = Vec::new();
         for label in labels {
             let Some(target) = self.object_target(label, &camera, map_size) else { continue };
-            let extent = self.heat_map_extent(label, &camera, map_size);
-            let factor = self.codec.classes[target.class].heat_map_factor;
-            let channel = &mut heat_map[target.class * area..][..area];
-            self.heat_map.gaussian(extent.width(), extent.height(), factor).draw(channel, width, target.cell);
+            let extent = self.heatmap_extent(label, &camera, map_size);
+            let factor = self.codec.classes[target.class].heatmap_factor;
+            let channel = &mut heatmap[target.class * area..][..area];
+            self.heatmap.gaussian(extent.width(), extent.height(), factor).draw(channel, width, target.cell);
             objects.push(target);
         }
-        Targets { heat_map, map_size, objects, camera }
+        Targets { heatmap, map_size, objects, camera }
     }
 
     fn object_target(&self, label: &Label, camera: &Camera, map_size: [usize; 2]) -> Option<ObjectTarget> {
@@ -87,10 +87,10 @@ impl TargetRules {
         inside.then(|| ObjectTarget { class, cell: center.map(|v| v as usize), box3d: label.box3d })
     }
 
-    fn heat_map_extent(&self, label: &Label, camera: &Camera, map_size: [usize; 2]) -> Box2d {
-        let extent = match self.heat_map_box {
-            HeatMapBox::Projected => label.box3d.projected(camera),
-            HeatMapBox::Annotated => Some(label.box2d.transformed(&Affine2::scaling(1.0 / STRIDE as f64))),
+    fn heatmap_extent(&self, label: &Label, camera: &Camera, map_size: [usize; 2]) -> Box2d {
+        let extent = match self.heatmap_box {
+            HeatmapBox::Projected => label.box3d.projected(camera),
+            HeatmapBox::Annotated => Some(label.box2d.transformed(&Affine2::scaling(1.0 / STRIDE as f64))),
         };
         let [max_x, max_y] = map_size.map(|s| s as f64 - 1.0);
         extent.unwrap_or(Box2d::new(0.0, 0.0, 0.0, 0.0)).clamped(max_x, max_y)

@@ -1,11 +1,11 @@
-//! Heat maps, corner loss and decoding against an independent implementation, computed in f64 (goldens `heatmaps`, `disentangled`,
+//! Heatmaps, corner loss and decoding against an independent implementation, computed in f64 (goldens `heatmaps`, `disentangled`,
 //! `topk_decode`).
 // Clippy's exceptions for tests reach functions marked `#[test]`, not the helpers beside them.
 
 use farsight_core::DepthReference;
 use farsight_core::box3d::NEAR_PLANE_M;
 use farsight_core::detection::{Detection, View};
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::peaks::peaks;
 use farsight_core::{Affine2, Box3d, Camera, ClassReference, Dimensions, wrapped_angle};
 use farsight_methods::smoke::Codec;
@@ -36,15 +36,15 @@ fn affine([a, b, c, d, e, f, ..]: [f64; 9]) -> Affine2 {
 }
 
 #[test]
-fn heat_maps_and_radii_agree() {
+fn heatmaps_and_radii_agree() {
     let golden = Golden::open("heatmaps");
-    let integer = |alpha| HeatMapRule::DynamicInteger { alpha, min_radius: 1.0, max_radius: 24.0 };
+    let integer = |alpha| HeatmapRule::DynamicInteger { alpha, min_radius: 1.0, max_radius: 24.0 };
     let rules = [
-        ("fixed2", HeatMapRule::Fixed { radius: 2.0, min_radius: 0.0 }),
-        ("cornernet", HeatMapRule::SMOKE),
+        ("fixed2", HeatmapRule::Fixed { radius: 2.0, min_radius: 0.0 }),
+        ("cornernet", HeatmapRule::SMOKE),
         ("dyn080", integer(0.08)),
         ("dyn150", integer(0.15)),
-        ("dghc120", HeatMapRule::Dynamic { alpha: 0.12, min_radius: 1.0, max_radius: 16.0 }),
+        ("dghc120", HeatmapRule::Dynamic { alpha: 0.12, min_radius: 1.0, max_radius: 16.0 }),
     ];
     let (widths, heights, classes) = (golden.numbers("w"), golden.numbers("h"), golden.integers("cls"));
     let centers = golden.integers("center").as_chunks::<2>().0.to_vec();
@@ -113,14 +113,14 @@ fn the_corner_loss_and_its_gradient_agree() {
 #[test]
 fn peaks_and_detections_agree() {
     let golden = Golden::open("topk_decode");
-    let heat_map = golden.singles("heatmap");
+    let heatmap = golden.singles("heatmap");
     let regressions = golden.numbers("reg");
     let image_camera = camera(golden.rows("K")[0]);
     let feature = image_camera.transformed(&affine(golden.rows("trans_feat")[0]));
     let input_camera = feature.transformed(&Affine2::scaling(4.0));
     let view = View { image_size: [1242, 375], camera: image_camera, input_camera };
     for count in [50, 100] {
-        let found = peaks(&heat_map, MAP, count, 0.0);
+        let found = peaks(&heatmap, MAP, count, 0.0);
         let expected = |name: &str| golden.integers(&format!("k{count}.{name}"));
         assert_eq!(found.iter().map(|p| p.class).collect::<Vec<_>>(), expected("cls"), "top {count}");
         assert_eq!(found.iter().map(|p| p.cell[0]).collect::<Vec<_>>(), expected("x"), "top {count}");

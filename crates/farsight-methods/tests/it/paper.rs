@@ -1,17 +1,15 @@
 //! What an experiment with the paper's changes rests on: depths that zooms do not contradict, floors for every rule, the annotated box, factors of
 //! classes, and a control of MSFE's cost.
 
-use farsight_core::heatmap::HeatMapRule;
-use farsight_core::{
-    Box2d, Box3d, Camera, ClassReference, DepthReference, Dimensions, Label, ObjectClass,
-};
+use farsight_core::heatmap::HeatmapRule;
+use farsight_core::{Box2d, Box3d, Camera, ClassReference, DepthReference, Dimensions, Label, ObjectClass};
 use farsight_data::AugmentationConfig;
 use farsight_graph::count::{count, total};
 use farsight_graph::graph::Role;
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
-use farsight_methods::smoke::targets::{HeatMapBox, TargetRules, Targets, feature_camera};
+use farsight_methods::smoke::targets::{HeatmapBox, TargetRules, Targets, feature_camera};
 use farsight_methods::smoke::{Codec, SmokeConfig};
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -21,8 +19,7 @@ use rand_pcg::Pcg64;
 const FOCAL_PX: f64 = 371.8;
 
 fn car(location: [f64; 3], box2d: Box2d) -> Label {
-    let box3d =
-        Box3d { dimensions: Dimensions { height: 1.5, width: 1.6, length: 3.9 }, location, yaw: 0.3 };
+    let box3d = Box3d { dimensions: Dimensions { height: 1.5, width: 1.6, length: 3.9 }, location, yaw: 0.3 };
     Label { class: ObjectClass::Car, truncation: 0.0, occlusion: 0, alpha: box3d.alpha(), box2d, box3d }
 }
 
@@ -74,7 +71,8 @@ fn no_config_teaches_depths_that_contradict_each_other() {
             _ => continue,
         };
         detectors += 1;
-        let probability = value("augmentation", "shift_scale_probability").or(value("augmentation", "window_probability"));
+        let probability =
+            value("augmentation", "shift_scale_probability").or(value("augmentation", "window_probability"));
         let scales = probability.and_then(|value| value.as_float()) != Some(0.0);
         let is_masked = value("augmentation", "mask_scaled_regression") == Some(toml::Value::Boolean(true));
         assert!(is_virtual || is_masked || !scales, "{}: zooms without virtual depth or mask", path.display());
@@ -86,11 +84,11 @@ fn no_config_teaches_depths_that_contradict_each_other() {
 fn every_rule_has_a_floor_and_works_without() {
     let rules = |min_radius: f64| {
         [
-            HeatMapRule::Fixed { radius: 0.0, min_radius },
-            HeatMapRule::CornerNet { min_overlap: 0.7, min_radius },
-            HeatMapRule::CornerNetOriginal { min_overlap: 0.7, min_radius },
-            HeatMapRule::Dynamic { alpha: 0.12, min_radius, max_radius: 16.0 },
-            HeatMapRule::DynamicInteger { alpha: 0.12, min_radius, max_radius: 16.0 },
+            HeatmapRule::Fixed { radius: 0.0, min_radius },
+            HeatmapRule::CornerNet { min_overlap: 0.7, min_radius },
+            HeatmapRule::CornerNetOriginal { min_overlap: 0.7, min_radius },
+            HeatmapRule::Dynamic { alpha: 0.12, min_radius, max_radius: 16.0 },
+            HeatmapRule::DynamicInteger { alpha: 0.12, min_radius, max_radius: 16.0 },
         ]
     };
     for (rule, with_floor) in rules(0.0).into_iter().zip(rules(1.5)) {
@@ -100,31 +98,31 @@ fn every_rule_has_a_floor_and_works_without() {
             assert!(rule.gaussian(width, height, 1.0).radius < 0.9, "{rule:?}");
             assert!((with_floor.gaussian(width, height, 1.0).radius - 1.5).abs() < 1e-12, "{with_floor:?}");
         }
-        let large = |rule: HeatMapRule| rule.gaussian(60.0, 60.0, 1.0).radius;
-        let is_fixed = matches!(rule, HeatMapRule::Fixed { .. });
+        let large = |rule: HeatmapRule| rule.gaussian(60.0, 60.0, 1.0).radius;
+        let is_fixed = matches!(rule, HeatmapRule::Fixed { .. });
         assert!(is_fixed || (large(rule) - large(with_floor)).abs() < 1e-12, "{rule:?}");
     }
 }
 
 #[test]
 fn a_floor_of_zero_is_not_written_and_one_above_comes_back() {
-    let written = |rule: &HeatMapRule| toml::to_string(rule).unwrap();
-    assert_eq!(written(&HeatMapRule::SMOKE), "rule = \"corner_net\"\nmin_overlap = 0.7\n");
-    let rule = HeatMapRule::Fixed { radius: 1.0, min_radius: 0.5 };
-    assert_eq!(toml::from_str::<HeatMapRule>(&written(&rule)).unwrap(), rule);
+    let written = |rule: &HeatmapRule| toml::to_string(rule).unwrap();
+    assert_eq!(written(&HeatmapRule::SMOKE), "rule = \"corner_net\"\nmin_overlap = 0.7\n");
+    let rule = HeatmapRule::Fixed { radius: 1.0, min_radius: 0.5 };
+    assert_eq!(toml::from_str::<HeatmapRule>(&written(&rule)).unwrap(), rule);
 }
 
-fn targets(heat_map_box: HeatMapBox, heat_map: HeatMapRule, factor: f64, labels: &[Label]) -> Targets {
+fn targets(heatmap_box: HeatmapBox, heatmap: HeatmapRule, factor: f64, labels: &[Label]) -> Targets {
     let mut classes = ClassReference::smoke();
-    classes[0].heat_map_factor = factor;
-    let rules = TargetRules { codec: Codec { classes, depth: DepthReference::KITTI }, heat_map, heat_map_box };
+    classes[0].heatmap_factor = factor;
+    let rules = TargetRules { codec: Codec { classes, depth: DepthReference::KITTI }, heatmap, heatmap_box };
     rules.targets(labels, &Camera::from_intrinsics(372.0, 372.0, 320.0, 96.0).unwrap(), [640, 192])
 }
 
 /// The value one cell beside the peak, and from it the radius of the rule.
 fn radius_of(targets: &Targets) -> f64 {
     let [column, row] = targets.objects[0].cell;
-    let beside = f64::from(targets.heat_map[row * targets.map_size[0] + column + 1]);
+    let beside = f64::from(targets.heatmap[row * targets.map_size[0] + column + 1]);
     let sigma = (-0.5 / beside.ln()).sqrt();
     (6.0 * sigma - 1.0) / 2.0
 }
@@ -133,15 +131,15 @@ fn radius_of(targets: &Targets) -> f64 {
 fn the_annotated_box_decides_where_it_is_asked_for_and_a_factor_scales_alpha() {
     // 160 x 90 pixels are 40 x 22.5 cells: sqrt(wh) is 30.
     let label = car([0.0, 1.6, 20.0], Box2d::new(240.0, 50.0, 400.0, 140.0));
-    let rule = HeatMapRule::Dynamic { alpha: 0.1, min_radius: 0.0, max_radius: 16.0 };
-    let radius = |heat_map_box, rule, factor| radius_of(&targets(heat_map_box, rule, factor, &[label.clone()]));
-    assert!((radius(HeatMapBox::Annotated, rule, 1.0) - 3.0).abs() < 1e-4);
-    assert!((radius(HeatMapBox::Annotated, rule, 0.5) - 1.5).abs() < 1e-4);
+    let rule = HeatmapRule::Dynamic { alpha: 0.1, min_radius: 0.0, max_radius: 16.0 };
+    let radius = |heatmap_box, rule, factor| radius_of(&targets(heatmap_box, rule, factor, &[label.clone()]));
+    assert!((radius(HeatmapBox::Annotated, rule, 1.0) - 3.0).abs() < 1e-4);
+    assert!((radius(HeatmapBox::Annotated, rule, 0.5) - 1.5).abs() < 1e-4);
     let projected = label.box3d.projected(&Camera::from_intrinsics(93.0, 93.0, 80.0, 24.0).unwrap()).unwrap();
     let expected = 0.1 * (projected.width() * projected.height()).sqrt();
-    assert!((radius(HeatMapBox::Projected, rule, 1.0) - expected).abs() < 1e-4);
-    let corner_net = HeatMapRule::CornerNet { min_overlap: 0.7, min_radius: 1.0 };
-    let [once, twice] = [1.0, 2.0].map(|factor| radius(HeatMapBox::Annotated, corner_net, factor));
+    assert!((radius(HeatmapBox::Projected, rule, 1.0) - expected).abs() < 1e-4);
+    let corner_net = HeatmapRule::CornerNet { min_overlap: 0.7, min_radius: 1.0 };
+    let [once, twice] = [1.0, 2.0].map(|factor| radius(HeatmapBox::Annotated, corner_net, factor));
     assert!((once - twice).abs() < 1e-9, "factors are of DGH");
 }
 

@@ -3,14 +3,14 @@
 use std::f64::consts::PI;
 
 use farsight_core::detection::{DecodeOptions, View};
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::{
     Affine2, Box2d, Box3d, Camera, ClassReference, DepthReference, Dimensions, Label, ObjectClass, ScoreCalibration,
 };
 use farsight_methods::smoke::codec::CHANNELS;
 use farsight_methods::smoke::corner_loss::corner_loss;
 use farsight_methods::smoke::decode::detections;
-use farsight_methods::smoke::targets::{HeatMapBox, ObjectTarget, TargetRules};
+use farsight_methods::smoke::targets::{HeatmapBox, ObjectTarget, TargetRules};
 use farsight_methods::smoke::{Codec, HeadMaps};
 use proptest::prelude::*;
 
@@ -31,8 +31,8 @@ fn box3d(location: [f64; 3], yaw: f64) -> Box3d {
 fn targets_are_objects_of_known_classes_whose_centre_is_in_the_image() {
     let rules = TargetRules {
         codec: Codec { classes: ClassReference::smoke(), depth: DepthReference::KITTI },
-        heat_map: HeatMapRule::SMOKE,
-        heat_map_box: HeatMapBox::Projected,
+        heatmap: HeatmapRule::SMOKE,
+        heatmap_box: HeatmapBox::Projected,
     };
     let label = |class, x| Label {
         class,
@@ -52,7 +52,7 @@ fn targets_are_objects_of_known_classes_whose_centre_is_in_the_image() {
     let classes: Vec<usize> = targets.objects.iter().map(|o| o.class).collect();
     assert_eq!(classes, [0, 2]);
     assert_eq!(targets.map_size, [312, 96]);
-    let ones = targets.heat_map.iter().filter(|v| **v >= 1.0).count();
+    let ones = targets.heatmap.iter().filter(|v| **v >= 1.0).count();
     assert_eq!(ones, 2);
 }
 

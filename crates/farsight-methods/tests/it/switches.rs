@@ -1,6 +1,6 @@
 //! The switches of a model are independent of each other, and a wrong one says what is wrong.
 
-use farsight_core::heatmap::HeatMapRule;
+use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::Sampling;
 use farsight_core::{ClassReference, DepthReference};
 use farsight_core::{ObjectClass, RangeError, ScoreCalibration};
@@ -9,10 +9,10 @@ use farsight_graph::graph::Role;
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
 use farsight_graph::model::NetworkConfig;
-use farsight_methods::smoke::{Quirks, SmokeConfig};
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{LOGITS, REGRESSION};
+use farsight_methods::smoke::{Quirks, SmokeConfig};
 
 #[test]
 fn every_combination_is_a_network_with_heads_at_stride_four() {
@@ -99,12 +99,8 @@ fn multiply_accumulates_are_those_of_the_specification() {
 
 #[test]
 fn classes_are_free() {
-    let tram = ClassReference {
-        class: ObjectClass::Tram,
-        dimensions_lhw: [16.0, 3.5, 2.5],
-        heat_map_factor: 1.0,
-        score: None,
-    };
+    let tram =
+        ClassReference { class: ObjectClass::Tram, dimensions_lhw: [16.0, 3.5, 2.5], heatmap_factor: 1.0, score: None };
     let config = SmokeConfig { classes: vec![tram], width: 0.25, ..SmokeConfig::default() };
     let graph = config.graph();
     assert_eq!(graph.nodes[graph.tap(LOGITS).unwrap()].channels, 1);
@@ -154,19 +150,23 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
             "model.depth.error has bias inf, depth 1, score 0 and cut 0; expected the numbers of a fit",
         ),
         (
-            SmokeConfig { heat_map: HeatMapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },
-            "model.heat_map heat map alpha is -1; expected a positive number",
+            SmokeConfig { heatmap: HeatmapRule::Dynamic { alpha: -1.0, min_radius: 1.0, max_radius: 2.0 }, ..base() },
+            "model.heatmap heatmap alpha is -1; expected a positive number",
         ),
         (
-            SmokeConfig { heat_map: HeatMapRule::Fixed { radius: 1e5, min_radius: 0.0 }, ..base() },
-            "model.heat_map heat map radius is 100000; expected 0 to 10000 cells",
+            SmokeConfig { heatmap: HeatmapRule::Fixed { radius: 1e5, min_radius: 0.0 }, ..base() },
+            "model.heatmap heatmap radius is 100000; expected 0 to 10000 cells",
         ),
         (
-            SmokeConfig { heat_map: HeatMapRule::CornerNet { min_overlap: 0.7, min_radius: -1.0 }, ..base() },
-            "model.heat_map heat map min_radius is -1; expected 0 to 10000 cells",
+            SmokeConfig { heatmap: HeatmapRule::CornerNet { min_overlap: 0.7, min_radius: -1.0 }, ..base() },
+            "model.heatmap heatmap min_radius is -1; expected 0 to 10000 cells",
         ),
         (
-            SmokeConfig { antialias: true, quirks: Quirks { sampling: Sampling::HalfPixel, ..Quirks::default() }, ..base() },
+            SmokeConfig {
+                antialias: true,
+                quirks: Quirks { sampling: Sampling::HalfPixel, ..Quirks::default() },
+                ..base()
+            },
             "model.antialias is true; expected quirks.sampling to be pixel_exact with it",
         ),
     ];

@@ -156,7 +156,7 @@ fn gradient_targets(g: &Golden) -> BatchTargets {
     let size = g["heatmap_target"].size();
     let cell = |i: usize| RegressionCell { image: i / per_image, object: object(i), share: 1.0 };
     BatchTargets {
-        heat_map: g["heatmap_target"].copy(),
+        heatmap: g["heatmap_target"].copy(),
         cells: (0..slots).filter(|&i| mask[i] > 0.0).map(cell).collect(),
         cameras: vec![camera(0), camera(per_image)],
         map_size: [size[3] as usize, size[2] as usize],
@@ -185,7 +185,7 @@ fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
     assert_eq!(gradients.len(), learnt.count());
     Backward {
         losses: [
-            ("loss_focal", terms.heat_map),
+            ("loss_focal", terms.heatmap),
             ("loss_ori", terms.orientation),
             ("loss_dim", terms.dimensions),
             ("loss_loc", terms.location),

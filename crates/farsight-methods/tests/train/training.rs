@@ -152,7 +152,7 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
         let [(none, without), (thrice, stronger)] = weights.map(learn);
         assert!(once.total() > none.total());
         assert!((thrice.total() - once.total() - 2.0 * (once.total() - none.total())).abs() < 1e-9 * once.total());
-        assert_eq!((none.heat_map, none.location), (once.heat_map, once.location));
+        assert_eq!((none.heatmap, none.location), (once.heatmap, once.location));
 
         let (added, share) = (&stronger - &gradient, &gradient - &without);
         assert!(added.allclose(&(&share * 2.0), 1e-5, 1e-7, false));

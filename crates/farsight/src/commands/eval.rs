@@ -26,8 +26,8 @@ use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
 pub(super) use classic::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
-pub(super) use modelled::write_results_of;
 pub(crate) use modelled::MIN_SCORE;
+pub(super) use modelled::write_results_of;
 
 /// Frames drawn anew more often than this make no interval better, and each draw takes memory.
 const MOST_RESAMPLES: usize = 100_000;

@@ -66,7 +66,7 @@ impl SynthArgs {
             frames: None,
             seed,
             jpeg: None,
-            scene_config: None,
+            world: None,
             layout: Some(training.join("label_2")),
             split: Some(split.to_owned()),
             calib_dir: Some(training.join("calib")),

@@ -92,7 +92,7 @@ impl CellFolder {
         let text = toml::to_string(config).context("the config of a cell")?;
         write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
         let options = FileOptions { data: None, out: self.folder.clone(), resume: true };
-        let mut callback = Timed { inner: Progress::new(printer), deadline };
+        let mut callback = Timed { inner: Progress::new(printer, false), deadline };
         match train(&path, &options, &mut callback) {
             Ok(model) => {
                 let expected = self.model();

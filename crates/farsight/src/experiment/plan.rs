@@ -144,8 +144,13 @@ impl Experiment {
         ensure!(self.endpoints.least_seeds > 0, "endpoints.least_seeds is 0; expected at least 1");
         ensure!(self.endpoints.resamples > 0, "endpoints.resamples is 0; expected at least 1");
         let Data { train, evaluate, held_out, .. } = &self.data;
-        ensure!(*held_out == 0 || train == evaluate, "data.held_out needs evaluate to be the split that is learnt from");
-        for (table, field) in [("data", "root"), ("data", "split"), ("data", "limit"), ("data", "rendered"), ("train", "seed")] {
+        ensure!(
+            *held_out == 0 || train == evaluate,
+            "data.held_out needs evaluate to be the split that is learnt from"
+        );
+        for (table, field) in
+            [("data", "root"), ("data", "split"), ("data", "limit"), ("data", "rendered"), ("train", "seed")]
+        {
             let is_there = |config: &Table| config.get(table).and_then(|table| table.get(field)).is_some();
             let is_there = is_there(&self.base) || self.arms.values().any(|arm| is_there(&arm.patch));
             ensure!(!is_there, "{table}.{field} is the experiment's to say; expected none in base and arms");
@@ -235,14 +240,14 @@ endpoints = { primary = ["ap3d"], least_seeds = 2 }
 
 [base]
 method = "smoke"
-model = { width = 0.5, heat_map = { rule = "corner_net", min_overlap = 0.7 } }
+model = { width = 0.5, heatmap = { rule = "corner_net", min_overlap = 0.7 } }
 
 [arms.a]
 title = "plain"
 
 [arms.b]
 title = "other"
-patch.model = { heat_map = { rule = "fixed", radius = 1.0 }, msfe = "a" }
+patch.model = { heatmap = { rule = "fixed", radius = 1.0 }, msfe = "a" }
 
 [[blocks]]
 arms = ["a", "b"]
@@ -275,11 +280,11 @@ claims = { ap3d = 0.56 }
     fn a_patch_joins_tables_and_replaces_rules() {
         let plan = read(PLAN).unwrap();
         let config = |arm: &str| plan.config(&Cell { arm: arm.to_owned(), seed: 7 });
-        assert_eq!(config("a")["model"]["heat_map"]["rule"].as_str(), Some("corner_net"));
+        assert_eq!(config("a")["model"]["heatmap"]["rule"].as_str(), Some("corner_net"));
         let patched = config("b");
         assert_eq!(patched["model"]["width"].as_float(), Some(0.5));
         assert_eq!(patched["model"]["msfe"].as_str(), Some("a"));
-        assert_eq!(patched["model"]["heat_map"].as_table().unwrap().len(), 2, "nothing is left of the other rule");
+        assert_eq!(patched["model"]["heatmap"].as_table().unwrap().len(), 2, "nothing is left of the other rule");
         assert_eq!(patched["train"]["seed"].as_integer(), Some(7));
     }
 
@@ -290,7 +295,11 @@ claims = { ap3d = 0.56 }
             ("seeds = [3]", "seeds = [2]", "blocks has the cell b-2 twice"),
             ("arms = [\"b\"]", "arms = [\"c\"]", "blocks names the arm \"c\"; expected one of [arms]"),
             ("against = \"a\"", "against = \"b\"", "comparisons compares b with itself"),
-            ("method = \"smoke\"", "train = { seed = 1 }", "train.seed is the experiment's to say; expected none in base and arms"),
+            (
+                "method = \"smoke\"",
+                "train = { seed = 1 }",
+                "train.seed is the experiment's to say; expected none in base and arms",
+            ),
             ("least_seeds = 2", "least_seeds = 0", "endpoints.least_seeds is 0; expected at least 1"),
         ];
         for (old, new, expected) in table {
@@ -320,7 +329,7 @@ claims = { ap3d = 0.56 }
     }
 
     #[test]
-    fn arms_differ_in_msfe_and_heat_map_alone_and_begin_with_the_same_weights() {
+    fn arms_differ_in_msfe_and_heatmap_alone_and_begin_with_the_same_weights() {
         for plan in [plan("claim.toml"), plan("alpha.toml")] {
             let config = |arm: &str| plan.config(&Cell { arm: arm.to_owned(), seed: 2 });
             let model = |arm: &str| config(arm)["model"].clone().try_into::<SmokeConfig>().unwrap();
@@ -330,7 +339,7 @@ claims = { ap3d = 0.56 }
             for arm in &arms {
                 assert!(model(arm).validate().is_ok(), "{arm}");
                 let mut same = config(arm);
-                for field in ["msfe", "heat_map"] {
+                for field in ["msfe", "heatmap"] {
                     set(&mut same, "model", field, base["model"][field].clone());
                 }
                 assert_eq!(same, base, "{arm}: the same but for two fields, the order of frames (train.seed) included");

@@ -104,8 +104,8 @@ fn compared(
     let p_zero = holm(&open.iter().map(|(_, difference)| difference.p_value(0.0)).collect::<Vec<_>>());
 
     let has_seeds = seeds >= plan.endpoints.least_seeds;
-    let comparison = |metric: Metric, difference: &PairedDifference, claim: Option<f64>, verdict: Verdict, short| {
-        Comparison {
+    let comparison =
+        |metric: Metric, difference: &PairedDifference, claim: Option<f64>, verdict: Verdict, short| Comparison {
             arm: planned.arm.clone(),
             against: planned.against.clone(),
             metric,
@@ -115,8 +115,7 @@ fn compared(
             claim,
             verdict: if has_seeds { verdict } else { Verdict::Undecided },
             excludes_claim: has_seeds && short,
-        }
-    };
+        };
     let of_claims = claimed.iter().zip(judged).map(|((metric, difference, _), judged)| {
         let verdict = match judged.verdict {
             paired::Verdict::Supported => Verdict::Supported,
@@ -147,9 +146,8 @@ fn endpoint(metric: Metric) -> Endpoint {
     let ap = |overlaps, metric, difficulty, part| {
         Endpoint::Ap(CurveSpec { part, ..CurveSpec::new(overlaps, metric, class, difficulty) })
     };
-    let ranging = |metric, level, part| {
-        Endpoint::Ranging { metric, class, slice: Slice { group: Group::Level(level), part } }
-    };
+    let ranging =
+        |metric, level, part| Endpoint::Ranging { metric, class, slice: Slice { group: Group::Level(level), part } };
     // 40 to 50 m; 25 to 40 pixels; largely hidden, which counts at Hard only.
     let (far, small, hidden) = (Part::Distance(4), Part::Height(1), Part::Occlusion(2));
     match metric {

@@ -18,7 +18,8 @@ pub(crate) fn rows(file: &Path, folder: &Path, mut options: BTreeMap<&str, &str>
     let plan = Experiment::read(&folder.join(plan))?;
     let results = Results::read(file)?;
     let name = options.remove("table").context("expected table=NAME")?;
-    let metrics = options.remove("metrics").map(|names| names.split(',').map(str::parse).collect::<Result<Vec<Metric>>>());
+    let metrics =
+        options.remove("metrics").map(|names| names.split(',').map(str::parse).collect::<Result<Vec<Metric>>>());
     let metrics = metrics.transpose()?.unwrap_or_else(|| plan.endpoints.primary.clone());
     ensure!(options.is_empty(), "unknown {:?}; expected table, experiment or metrics", options.keys());
     match name {

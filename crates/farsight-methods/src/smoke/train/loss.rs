@@ -1,4 +1,4 @@
-//! SMOKE's loss: focal loss on the heat map, disentangled corner loss on the regression (spec section 7). And an auxiliary loss in depth that rendered scenes allow.
+//! SMOKE's loss: focal loss on the heatmap, disentangled corner loss on the regression (spec section 7). And an auxiliary loss in depth that rendered scenes allow.
 
 use std::collections::HashSet;
 
@@ -15,14 +15,14 @@ use farsight_train::losses::focal_loss;
 use farsight_train::metrics::Metrics;
 
 /// Official SMOKE divides the corner loss of a GPU's 8 images by 10 * 30; ours divides by 300 for every 8 images, so
-/// that the balance with the heat map does not depend on the batch size (spec 7.2).
+/// that the balance with the heatmap does not depend on the batch size (spec 7.2).
 pub const CORNER_DIVISOR_PER_IMAGE: f64 = 10.0 * 30.0 / 8.0;
 
 /// The terms of one batch's loss.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct LossTerms {
-    /// Focal loss of the heat map.
-    pub heat_map: f64,
+    /// Focal loss of the heatmap.
+    pub heatmap: f64,
     /// Corner loss with the predicted yaw.
     pub orientation: f64,
     /// Corner loss with the predicted dimensions.
@@ -47,7 +47,7 @@ impl Metrics for LossTerms {
 
     fn named(&self) -> Vec<(&'static str, f64)> {
         vec![
-            ("heat_map", self.heat_map),
+            ("heatmap", self.heatmap),
             ("orientation", self.orientation),
             ("dimensions", self.dimensions),
             ("location", self.location),
@@ -58,7 +58,7 @@ impl Metrics for LossTerms {
 
     fn zip_with(&self, other: &Self, joined: impl Fn(f64, f64) -> f64) -> Self {
         Self {
-            heat_map: joined(self.heat_map, other.heat_map),
+            heatmap: joined(self.heatmap, other.heatmap),
             orientation: joined(self.orientation, other.orientation),
             dimensions: joined(self.dimensions, other.dimensions),
             location: joined(self.location, other.location),
@@ -109,8 +109,8 @@ impl CornerWeights {
 /// What to learn from a batch.
 #[derive(Debug)]
 pub struct BatchTargets {
-    /// Heat maps `[batch, classes, height, width]`.
-    pub heat_map: Tensor,
+    /// Heatmaps `[batch, classes, height, width]`.
+    pub heatmap: Tensor,
     /// Cells that the regression learns from.
     pub cells: Vec<RegressionCell>,
     /// Camera of each image's feature map.
@@ -145,12 +145,12 @@ impl BatchTargets {
     /// Joins the targets of several images; `regress[i]` says whether image `i` trains the regression.
     pub fn new(images: &[Targets], regress: &[bool], device: Device) -> Self {
         let map_size @ [width, height] = images.first().map_or([0, 0], |t| t.map_size);
-        let values: Vec<f32> = images.iter().flat_map(|t| &t.heat_map).copied().collect();
+        let values: Vec<f32> = images.iter().flat_map(|t| &t.heatmap).copied().collect();
         let shape = [images.len() as i64, -1, height as i64, width as i64];
         let regressed = images.iter().enumerate().filter(|&(i, _)| regress[i]);
         let whole = |image: usize, object: &ObjectTarget| RegressionCell { image, object: object.clone(), share: 1.0 };
         Self {
-            heat_map: Tensor::from_slice(&values).view(shape).to_device(device),
+            heatmap: Tensor::from_slice(&values).view(shape).to_device(device),
             cells: regressed.flat_map(|(i, t)| t.objects.iter().map(move |object| whole(i, object))).collect(),
             cameras: images.iter().map(|t| t.camera).collect(),
             map_size,
@@ -176,7 +176,7 @@ impl BatchTargets {
     pub fn with_surface(self, surface_m: &[Vec<f32>]) -> Self {
         let [width, height] = self.map_size.map(|side| side as i64);
         let values = Tensor::from_slice(&surface_m.concat()).view([surface_m.len() as i64, 1, height, width]);
-        Self { surface_m: Some(values.to_device(self.heat_map.device())), ..self }
+        Self { surface_m: Some(values.to_device(self.heatmap.device())), ..self }
     }
 }
 
@@ -194,7 +194,7 @@ pub fn loss(
     targets: &BatchTargets,
     weights: CornerWeights,
 ) -> (Tensor, LossTerms) {
-    let heat_map = focal_loss(logits, &targets.heat_map);
+    let heatmap = focal_loss(logits, &targets.heatmap);
     let raw = regression_at_objects(regression, targets);
     let values = doubles_from_tensor(&raw);
 
@@ -211,8 +211,8 @@ pub fn loss(
     }
     let gradient =
         Tensor::from_slice(&gradient).view([-1, CHANNELS as i64]).to_kind(raw.kind()).to_device(raw.device());
-    terms.heat_map = heat_map.double_value(&[]);
-    (heat_map + (&raw * gradient).sum(raw.kind()), terms)
+    terms.heatmap = heatmap.double_value(&[]);
+    (heatmap + (&raw * gradient).sum(raw.kind()), terms)
 }
 
 /// Mean difference of the logarithms of depth, where `surface_m` (virtual, metres) knows one; `predicted` is the logarithm of depth over `mean_m`.
