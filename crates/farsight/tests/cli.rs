@@ -56,6 +56,7 @@ Commands:
   prune        Remove the channels of a model that matter least
   info         Show what a model is made of and what it costs
   measure      Measure a model on several data sets, and put the figures into documents
+  experiment   Train and judge several arms with several seeds, as a plan says
   completions  Print the script by which a shell completes commands and options
   man          Print a manual page
   help         Print this message or the help of the given subcommand(s)

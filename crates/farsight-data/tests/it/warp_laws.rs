@@ -152,6 +152,10 @@ proptest! {
         let mut turned = upright;
         turned.matrix[0][1] = 1e-14;
         for sampling in ALL {
+            if sampling == Sampling::Antialias && width > 24.0 {
+                // Only upright maps are smoothed where they shrink.
+                continue;
+            }
             let rules = rules([24, 10], sampling);
             let [a, b] = [upright, turned].map(|map| network_input(&image, &map, &rules, None));
             let differing = a.iter().zip(&b).filter(|(a, b)| (*a - *b).abs() > ONE_LEVEL).count();
