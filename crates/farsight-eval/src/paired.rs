@@ -143,7 +143,9 @@ impl<'a> PairedRuns<'a> {
             (0..bootstrap.resamples).map(|index| bootstrap.draw_runs(self.pairs.len(), index)).collect();
         (0..endpoints.len())
             .into_par_iter()
-            .map(|endpoint| PairedDifference::new(by_pair.iter().map(|drawn| &drawn[endpoint]).collect(), &seeds))
+            .map(|endpoint| {
+                PairedDifference::new(&by_pair.iter().map(|drawn| &drawn[endpoint]).collect::<Vec<_>>(), &seeds)
+            })
             .collect()
     }
 }
@@ -206,7 +208,7 @@ impl Endpoint {
 
 impl PairedDifference {
     /// From one endpoint of each pair, and how often each pair comes up in each resample.
-    fn new(pairs: Vec<&Drawn>, seeds: &[Vec<u32>]) -> Option<Self> {
+    fn new(pairs: &[&Drawn], seeds: &[Vec<u32>]) -> Option<Self> {
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / pairs.len() as f64;
         let [value, against] = [0, 1].map(|arm| mean(&mut pairs.iter().map(|drawn| drawn.values[arm])));
         let by_seed: Vec<f64> = pairs.iter().map(|drawn| drawn.values[0] - drawn.values[1]).collect();

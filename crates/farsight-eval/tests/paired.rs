@@ -27,7 +27,9 @@ const MAE: Endpoint = Endpoint::Ranging { metric: RangingMetric::MaeZ, class: CA
 
 fn evaluation(frames: &[Frame]) -> Evaluation {
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
-    frames.iter().for_each(|frame| evaluation.add(frame));
+    for frame in frames {
+        evaluation.add(frame);
+    }
     evaluation
 }
 

@@ -121,6 +121,9 @@ fn coverage_chart(ranging: &ClassRanging) -> Option<Chart> {
     })
 }
 
+/// One of the shares of a row.
+type ShareOf = fn(&CoverageRow) -> Share;
+
 /// How often the truth lies in the 50%, 68% and 90% intervals by distance; `None` without error bars.
 fn coverage_by_distance_chart(ranging: &ClassRanging) -> Option<Chart> {
     let group = ranging.groups.iter().find(|group| group.group == Group::Level(Difficulty::Moderate))?;
@@ -129,7 +132,7 @@ fn coverage_by_distance_chart(ranging: &ClassRanging) -> Option<Chart> {
         let bins = DISTANCE_BINS.iter().enumerate();
         bins.filter_map(|(bin, name)| Some((bin, rows.iter().find(|row| row.part == *name && row.count >= MIN_FOUND)?)))
     };
-    let shares: [(&str, f64, fn(&CoverageRow) -> Share); 3] = [
+    let shares: [(&str, f64, ShareOf); 3] = [
         ("90% interval", 0.90, |row| row.within_90),
         ("68% interval", 0.68, |row| row.within_68),
         ("50% interval", 0.50, |row| row.within_50),

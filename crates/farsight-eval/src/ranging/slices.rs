@@ -57,7 +57,7 @@ impl Cell {
         Self { difficulty: target.difficulty, bins: Bins::new(height_px, depth_m, occlusion, truncation) }
     }
 
-    pub(super) fn is_in(&self, slice: Slice) -> bool {
+    pub(super) fn is_in(self, slice: Slice) -> bool {
         slice.part.holds(self.bins) && slice.group.holds(self.difficulty)
     }
 }

@@ -38,7 +38,7 @@ fn awkward_frame(index: usize, random: &mut Pcg64) -> Frame {
         predictions.push(prediction(&label(&ObjectClass::Car, f64::from(at) + 0.4, depth_m, 0), random));
     }
     let mut labels = labels;
-    if index % 3 == 0 {
+    if index.is_multiple_of(3) {
         labels.push(Label { class: ObjectClass::DontCare, ..label(&ObjectClass::Car, 0.5, 9.0, 0) });
     }
     Frame { id: format!("{index:06}"), labels, predictions }

@@ -136,7 +136,8 @@ fn the_annotated_box_decides_where_it_is_asked_for_and_a_factor_scales_alpha() {
     // 160 x 90 pixels are 40 x 22.5 cells: sqrt(wh) is 30.
     let label = car([0.0, 1.6, 20.0], Box2d::new(240.0, 50.0, 400.0, 140.0));
     let rule = HeatmapRule::Dynamic { alpha: 0.1, min_radius: 0.0, max_radius: 16.0 };
-    let radius = |heatmap_box, rule, factor| radius_of(&targets(heatmap_box, rule, factor, &[label.clone()]));
+    let radius =
+        |heatmap_box, rule, factor| radius_of(&targets(heatmap_box, rule, factor, std::slice::from_ref(&label)));
     assert!((radius(HeatmapBox::Annotated, rule, 1.0) - 3.0).abs() < 1e-4);
     assert!((radius(HeatmapBox::Annotated, rule, 0.5) - 1.5).abs() < 1e-4);
     let projected = label.box3d.projected(&Camera::from_intrinsics(93.0, 93.0, 80.0, 24.0).unwrap()).unwrap();

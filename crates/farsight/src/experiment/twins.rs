@@ -54,7 +54,7 @@ fn render(data: &Data, root: &Path, kitti: &Path, printer: &mut Printer) -> Resu
     let all: BTreeSet<&String> = ids.iter().flatten().collect();
     printer.status(&format!("{}: rendering {} twins", root.display(), all.len()));
     let listed = tempfile::NamedTempFile::new().context("no place for a list of frames")?;
-    let text: String = all.into_iter().map(|id| format!("{id}\n")).collect();
+    let text = all.into_iter().fold(String::new(), |text, id| text + id + "\n");
     fs::write(listed.path(), text).with_context(|| format!("{}: cannot be written", listed.path().display()))?;
     synth::run(&synth::SynthArgs::twins(&unfinished, kitti, listed.path(), data.twin_seed), printer)?;
     for (name, ids) in names.into_iter().zip(ids) {
