@@ -57,8 +57,10 @@ fn rendered_frames_can_be_evaluated_at_once() {
     farsight(&["synth", "--out", "again", "--frames", "2", "--seed", "3"], folder.path());
     assert_eq!(first, fs::read(folder.path().join("again/training/image_2/000001.png")).unwrap());
 
-    let evaluated =
-        farsight(&["eval", "--data", "data", "--results", "kept", "--classic", "--resamples", "0"], folder.path());
+    let evaluated = farsight(
+        &["eval", "--data", "data", "--results", "kept", "--geometric-baselines", "--resamples", "0"],
+        folder.path(),
+    );
     assert!(text(evaluated.stdout).starts_with("2 frames"));
     assert!(folder.path().join("kept/000001.txt").is_file());
 }

@@ -1,7 +1,7 @@
 //! `farsight eval`: KITTI AP and ranging errors of result files.
 
-mod classic;
 mod explained;
+mod geometric_baselines;
 mod modelled;
 mod oracle;
 mod pictured;
@@ -24,7 +24,7 @@ use super::Outcome;
 use crate::outputs;
 use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
-pub(super) use classic::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
+pub(super) use geometric_baselines::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
 pub(crate) use modelled::MIN_SCORE;
 pub(super) use modelled::write_results_of;
@@ -74,17 +74,17 @@ pub(crate) struct EvalArgs {
     /// Let --explain ask for the loose overlaps from above and in space: 0.5 for cars, 0.25 for others
     #[arg(long, requires = "explain")]
     loose: bool,
-    /// Tell also what the same detections would give with the distances of the classic rangers: from the height of the 2D box, and from its bottom edge
-    #[arg(long, conflicts_with = "explain")]
-    classic: bool,
+    /// Tell also what the same detections would give with the distances of geometric baselines: from the height of the 2D box, and from its bottom edge
+    #[arg(long, alias = "classic", conflicts_with = "explain")]
+    geometric_baselines: bool,
     /// Tell also what AP would be if this part of each detection that matches an object in the image were true; with several, each alone and all together
     #[arg(long, value_enum, value_name = "PART", value_delimiter = ',', conflicts_with = "explain")]
     oracle: Vec<oracle::PartName>,
-    /// Folder of calibration files, for --classic [default: `calib` beside the labels]
-    #[arg(long, value_name = "DIR", requires = "classic")]
+    /// Folder of calibration files, for --geometric-baselines [default: `calib` beside the labels]
+    #[arg(long, value_name = "DIR", requires = "geometric_baselines")]
     calib: Option<PathBuf>,
-    /// Height of the camera above the ground, metres, for --classic
-    #[arg(long, value_name = "METRES", requires = "classic", default_value_t = classic::CAMERA_HEIGHT_M, value_parser = height_from_text, allow_negative_numbers = true)]
+    /// Height of the camera above the ground, metres, for --geometric-baselines
+    #[arg(long, value_name = "METRES", requires = "geometric_baselines", default_value_t = geometric_baselines::CAMERA_HEIGHT_M, value_parser = height_from_text, allow_negative_numbers = true)]
     camera_height: f64,
     /// What is taken for the scores, in everything that goes by them
     #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]
@@ -172,8 +172,8 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     for line in text::oracle_lines(&oracle) {
         printer.line(&line);
     }
-    if args.classic {
-        classic::run(args, &source, &files, printer)?;
+    if args.geometric_baselines {
+        geometric_baselines::run(args, &source, &files, printer)?;
     }
     if let Some(path) = &args.json {
         let (scores, against) = (args.scores.scores(), comparison.as_ref());
