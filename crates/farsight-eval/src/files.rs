@@ -44,6 +44,8 @@ pub struct FrameFiles {
     /// Whether to tell of detections whose class plays no part.
     report_classes: bool,
     scores: Scores,
+    /// Whether all vehicles are one class ([`Frame::with_vehicles_as_cars`]).
+    vehicles_as_cars: bool,
 }
 
 /// What the scores of detections are taken for.
@@ -184,7 +186,7 @@ impl FrameFiles {
         if ids.is_empty() {
             return Err(FilesError::NothingInCommon { labels: labels.place(), results });
         }
-        Self { labels, results, ids, left_out, report_labels: true, report_classes: true, scores: Scores::AsGiven }
+        Self { labels, results, ids, left_out, report_labels: true, report_classes: true, scores: Scores::AsGiven, vehicles_as_cars: false }
             .checked()
     }
 
@@ -199,6 +201,12 @@ impl FrameFiles {
     #[must_use]
     pub fn with_any_classes(self) -> Self {
         Self { report_classes: false, ..self }
+    }
+
+    /// The same with all vehicles as one class, cars ([`Frame::with_vehicles_as_cars`]).
+    #[must_use]
+    pub fn with_vehicles_as_cars(self) -> Self {
+        Self { vehicles_as_cars: true, report_classes: false, ..self }
     }
 
     /// The same frames with other results, to compare the two; what is odd about the labels is not told again.
@@ -244,6 +252,7 @@ impl FrameFiles {
             labels,
             predictions: predictions.into_iter().map(|read| self.prediction(id, read)).collect::<Result<_, _>>()?,
         };
+        let frame = if self.vehicles_as_cars { frame.with_vehicles_as_cars() } else { frame };
         Ok((frame, findings))
     }
 

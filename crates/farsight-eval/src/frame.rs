@@ -1,6 +1,6 @@
 //! What is evaluated: the labels of an image and what a detector says about it.
 
-use farsight_core::{Detection, Label};
+use farsight_core::{Detection, Label, ObjectClass};
 use farsight_data::kitti::DevkitRow;
 
 /// One image's ground truth and detections, each in file order: the order decides between equals.
@@ -20,6 +20,26 @@ impl Frame {
         Self { id: id.into(), labels, predictions: detections.into_iter().map(Prediction::from).collect() }
     }
 }
+
+impl Frame {
+    /// The frame in which vans, trucks and trams are cars, labels and detections alike: all vehicles as one class.
+    #[must_use]
+    pub fn with_vehicles_as_cars(mut self) -> Self {
+        let labelled = self.labels.iter_mut().map(|label| &mut label.class);
+        let detected = self.predictions.iter_mut().map(|prediction| &mut prediction.detection.class);
+        for class in labelled.chain(detected) {
+            let is_vehicle = [ObjectClass::Van, ObjectClass::Truck, ObjectClass::Tram].contains(class);
+            let is_unnamed = class.name().eq_ignore_ascii_case(ANY_VEHICLE);
+            if is_vehicle || is_unnamed {
+                *class = ObjectClass::Car;
+            }
+        }
+        self
+    }
+}
+
+/// How labels name a vehicle of a kind that is not known.
+const ANY_VEHICLE: &str = "Vehicle";
 
 /// A detection as it is handed in.
 #[derive(Debug, Clone, PartialEq)]

@@ -75,6 +75,9 @@ pub enum CheckpointProblem {
         /// Bytes that the pickle asks for.
         expected: usize,
     },
+    /// The tensors are not those of the network.
+    #[error("{0}")]
+    Misfit(String),
     /// The pickle holds no dictionary of tensors.
     #[error(
         "no state dictionary: found {found}; expected tensors by name, or such a dictionary under \"model\" or \"state_dict\""

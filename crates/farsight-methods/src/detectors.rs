@@ -10,6 +10,7 @@ use farsight_runtime::Runner;
 
 use crate::Detector;
 use crate::centernet3d::{CenterNet3dConfig, CenterNet3dDetector};
+use crate::ssd::{SsdConfig, SsdDetector};
 
 /// A method that detects with one network and no part of it left to the decoder.
 pub trait WholeNetwork: NetworkConfig {
@@ -20,6 +21,12 @@ pub trait WholeNetwork: NetworkConfig {
 impl WholeNetwork for CenterNet3dConfig {
     fn detector(self, runner: Box<dyn Runner>) -> Box<dyn Detector> {
         Box::new(CenterNet3dDetector::new(runner, self))
+    }
+}
+
+impl WholeNetwork for SsdConfig {
+    fn detector(self, runner: Box<dyn Runner>) -> Box<dyn Detector> {
+        Box::new(SsdDetector::new(runner, self))
     }
 }
 
@@ -56,8 +63,10 @@ pub enum NetworkForm {
 }
 
 /// The methods, by their tags. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be computed at the peaks alone.
-const METHODS: [(&str, FromWeights, Make); 1] =
-    [(CenterNet3dConfig::METHOD, onnx_of::<CenterNet3dConfig>, detector_of::<CenterNet3dConfig>)];
+const METHODS: [(&str, FromWeights, Make); 2] = [
+    (CenterNet3dConfig::METHOD, onnx_of::<CenterNet3dConfig>, detector_of::<CenterNet3dConfig>),
+    (SsdConfig::METHOD, onnx_of::<SsdConfig>, detector_of::<SsdConfig>),
+];
 
 /// A file that is no detector of a method that is known here.
 #[derive(Debug, thiserror::Error)]

@@ -13,6 +13,7 @@ pub mod plate_reader;
 pub mod refiner;
 pub mod roi;
 pub mod smoke;
+pub mod ssd;
 #[cfg(feature = "train")]
 pub mod training;
 

@@ -15,6 +15,8 @@ pub enum RangingMetric {
     BiasZ,
     /// Mean of absolute error over true distance.
     AbsRelZ,
+    /// Mean of error over true distance; positive when objects seem farther than they are.
+    BiasRelZ,
     /// Share of the found objects whose distance is right within a factor of 1.05.
     Delta105Z,
     /// The same for a factor of 1.10.
@@ -42,7 +44,7 @@ pub(super) const DELTA_FACTORS: [f64; 3] = [1.05, 1.10, 1.25];
 
 impl RangingMetric {
     /// How many there are.
-    pub const COUNT: usize = 15;
+    pub const COUNT: usize = 16;
 
     /// All of them, in the order of reports.
     pub const ALL: [Self; Self::COUNT] = [
@@ -51,6 +53,7 @@ impl RangingMetric {
         Self::RmseZ,
         Self::BiasZ,
         Self::AbsRelZ,
+        Self::BiasRelZ,
         Self::Delta105Z,
         Self::Delta110Z,
         Self::Delta125Z,
@@ -71,6 +74,7 @@ impl RangingMetric {
             Self::RmseZ => "rmse_z",
             Self::BiasZ => "bias_z",
             Self::AbsRelZ => "abs_rel_z",
+            Self::BiasRelZ => "bias_rel_z",
             Self::Delta105Z => "delta_1.05_z",
             Self::Delta110Z => "delta_1.10_z",
             Self::Delta125Z => "delta_1.25_z",

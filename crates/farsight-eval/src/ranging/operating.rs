@@ -1,5 +1,7 @@
 //! What a user gets who takes detections from some score on: how much is found, how much is made up, how far off it is.
 
+use std::collections::BTreeMap;
+
 use serde::{Serialize, Serializer};
 
 use farsight_core::statistics::quantile;
@@ -21,6 +23,10 @@ pub struct OperatingPoint {
     pub found: usize,
     /// Detections a frame that are none of anything ([`FalseAlarm`]).
     pub false_alarms_per_frame: f64,
+    /// Frames with objects of the class, whatever their difficulty, and those in which the nearest of them was not found.
+    pub frames_with_objects: usize,
+    /// See `frames_with_objects`.
+    pub nearest_missed: usize,
     /// Mean absolute error of z of the found, metres.
     pub mae_z: Option<f64>,
     /// Median of the absolute error of z over the true z.
@@ -47,8 +53,9 @@ impl OperatingPoints {
         let classes = EvaluatedClass::ALL.into_iter().filter_map(|class| {
             let objects: Vec<&Target> = targets.iter().filter(counts).filter(|t| t.class == class).collect();
             let alarms: Vec<f64> = false_alarms.iter().filter(|a| a.class == class).map(|a| a.score).collect();
+            let nearest = nearest_of_frames(targets.iter().filter(|t| t.class == class));
             let limits = (1..STEPS).map(|step| f64::from(step) / f64::from(STEPS));
-            let rows = limits.map(|score| OperatingPoint::new(score, &objects, &alarms, frames)).collect();
+            let rows = limits.map(|score| OperatingPoint::new(score, &objects, &nearest, &alarms, frames)).collect();
             (!objects.is_empty()).then_some((class, rows))
         });
         Self { classes: classes.collect() }
@@ -56,7 +63,8 @@ impl OperatingPoints {
 }
 
 impl OperatingPoint {
-    fn new(score: f64, objects: &[&Target], alarms: &[f64], frames: usize) -> Self {
+    fn new(score: f64, objects: &[&Target], nearest: &[&Target], alarms: &[f64], frames: usize) -> Self {
+        let is_found = |target: &Target| target.found.is_some_and(|found| found.score >= score);
         // Higher scores choose first, so dropping the lower ones leaves the other matches as they are.
         let found = objects.iter().filter_map(|t| Some((t.depth_m, t.found.filter(|f| f.score >= score)?.depth_m)));
         let errors: Vec<(f64, f64)> = found.map(|(truth, told)| ((told - truth).abs(), truth)).collect();
@@ -68,8 +76,22 @@ impl OperatingPoint {
             found: errors.len(),
             false_alarms_per_frame: alarms.iter().filter(|&&alarm| alarm >= score).count() as f64
                 / frames.max(1) as f64,
+            frames_with_objects: nearest.len(),
+            nearest_missed: nearest.iter().filter(|target| !is_found(target)).count(),
             mae_z: (!errors.is_empty()).then(|| errors.iter().map(|(e, _)| e).sum::<f64>() / errors.len() as f64),
             median_abs_rel_z: (!relative.is_empty()).then(|| quantile(&relative, 0.5)),
         }
     }
+}
+
+/// The nearest object of each frame that has one.
+fn nearest_of_frames<'a>(targets: impl Iterator<Item = &'a Target>) -> Vec<&'a Target> {
+    let mut nearest: BTreeMap<u32, &Target> = BTreeMap::new();
+    for target in targets {
+        let known = nearest.entry(target.frame).or_insert(target);
+        if target.ground_m < known.ground_m {
+            *known = target;
+        }
+    }
+    nearest.into_values().collect()
 }

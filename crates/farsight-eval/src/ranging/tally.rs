@@ -25,6 +25,7 @@ struct ErrorSums {
     absolute: f64,
     squared: f64,
     relative: f64,
+    signed_relative: f64,
     within: [f64; 3],
 }
 
@@ -58,6 +59,7 @@ impl Tally {
                 RangingMetric::RmseZ => depth.squared.sqrt(),
                 RangingMetric::BiasZ => depth.signed,
                 RangingMetric::AbsRelZ => depth.relative,
+                RangingMetric::BiasRelZ => depth.signed_relative,
                 RangingMetric::Delta105Z => depth.within[0],
                 RangingMetric::Delta110Z => depth.within[1],
                 RangingMetric::Delta125Z => depth.within[2],
@@ -131,6 +133,7 @@ impl ErrorSums {
             absolute: error.abs(),
             squared: error * error,
             relative: error.abs() / true_m.abs().max(MIN_TRUE_DISTANCE_M),
+            signed_relative: error / true_m.abs().max(MIN_TRUE_DISTANCE_M),
             within: DELTA_FACTORS.map(is_right),
         }
     }
@@ -140,6 +143,7 @@ impl ErrorSums {
         self.absolute += weight * other.absolute;
         self.squared += weight * other.squared;
         self.relative += weight * other.relative;
+        self.signed_relative += weight * other.signed_relative;
         for (sum, value) in self.within.iter_mut().zip(other.within) {
             *sum += weight * value;
         }
@@ -151,6 +155,7 @@ impl ErrorSums {
             absolute: self.absolute / count,
             squared: self.squared / count,
             relative: self.relative / count,
+            signed_relative: self.signed_relative / count,
             within: self.within.map(|sum| sum / count),
         }
     }

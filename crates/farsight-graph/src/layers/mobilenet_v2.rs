@@ -25,15 +25,30 @@ pub enum Convention {
     /// The odd zero at the end ([`Window::tensorflow_same`]), and a scale of its own for the image, which comes with
     /// the weights.
     Tensorflow,
+    /// The same, where zeros are as in an image of 300 pixels, whatever the size: maps of odd sides are halved with a
+    /// zero on both sides.
+    Tensorflow300,
 }
 
 impl Convention {
-    fn window(self, kernel: usize, stride: usize) -> Window {
+    /// The window of a 3x3 convolution that brings the map from `before` times the image's stride to `stride` times that.
+    pub fn window(self, before: usize, stride: usize) -> Window {
+        let is_odd = 300_usize.div_ceil(before) % 2 == 1;
         match self {
-            Self::Torchvision => Window::same(kernel, stride),
-            Self::Tensorflow => Window::tensorflow_same(kernel, stride),
+            Self::Tensorflow300 if is_odd => Window::same(3, stride),
+            Self::Torchvision => Window::same(3, stride),
+            Self::Tensorflow | Self::Tensorflow300 => Window::tensorflow_same(3, stride),
         }
     }
+}
+
+/// Maps of the backbone.
+#[derive(Debug, Clone)]
+pub struct Maps {
+    /// Of strides 2, 2, 4, 8, 16, 32: the last block of each stride.
+    pub levels: [NodeId; 6],
+    /// What each block with an expansion starts with, by the block's index (torchvision's `features.N`, from 2).
+    pub expansions: Vec<(usize, NodeId)>,
 }
 
 /// Widths are multiples of this.
@@ -41,16 +56,26 @@ const WIDTH_STEP: usize = 8;
 
 /// Appends the backbone with `width` times its channels; returns levels 0 to 5, of strides 2, 2, 4, 8, 16, 32: the last block of each stride.
 pub fn mobilenet_v2(b: &mut Builder, image: NodeId, width: f64, convention: Convention) -> [NodeId; 6] {
+    let Maps { levels, .. } = mobilenet_v2_maps(b, image, width, convention);
+    for (i, level) in levels.into_iter().enumerate() {
+        b.tap(&format!("level{i}"), level);
+    }
+    levels
+}
+
+/// As [`mobilenet_v2`], with the maps inside the blocks and without taps.
+pub fn mobilenet_v2_maps(b: &mut Builder, image: NodeId, width: f64, convention: Convention) -> Maps {
     b.stage("base");
     let image = match convention {
         Convention::Torchvision => image,
-        Convention::Tensorflow => b.fixed_scale(image, &format!("{PREFIX}{INPUT}")),
+        Convention::Tensorflow | Convention::Tensorflow300 => b.fixed_scale(image, &format!("{PREFIX}{INPUT}")),
     };
-    let stem = convention.window(3, 2);
+    let stem = convention.window(1, 2);
     let mut x = conv_norm_relu6(b, image, &format!("{PREFIX}features.0"), scaled(STEM_CHANNELS, width), stem);
     // The stem, the map before each step down, and the last one.
     let mut levels = vec![x];
-    let mut index = 0;
+    let mut expansions = Vec::new();
+    let (mut index, mut image_stride) = (0, 2);
     for [expansion, channels, blocks, first_stride] in GROUPS {
         for block in 0..blocks {
             index += 1;
@@ -59,15 +84,21 @@ pub fn mobilenet_v2(b: &mut Builder, image: NodeId, width: f64, convention: Conv
                 levels.push(x);
             }
             let name = format!("{PREFIX}features.{index}.conv");
-            x = inverted_residual(b, x, &name, expansion, scaled(channels, width), convention.window(3, stride));
+            let window = convention.window(image_stride, stride);
+            let block = inverted_residual(b, x, &name, expansion, scaled(channels, width), window);
+            x = block.output;
+            image_stride *= stride;
+            expansions.extend(block.expansion.map(|expansion| (index, expansion)));
         }
     }
     levels.push(x);
-    let levels: [NodeId; 6] = std::array::from_fn(|i| levels[i]);
-    for (i, level) in levels.into_iter().enumerate() {
-        b.tap(&format!("level{i}"), level);
-    }
-    levels
+    Maps { levels: std::array::from_fn(|i| levels[i]), expansions }
+}
+
+/// What a block makes.
+struct Block {
+    expansion: Option<NodeId>,
+    output: NodeId,
 }
 
 /// Expansion, depthwise convolution, linear projection; a shortcut around them where the shapes allow it.
@@ -78,23 +109,22 @@ fn inverted_residual(
     expansion: usize,
     channels: usize,
     window: Window,
-) -> NodeId {
+) -> Block {
     let inputs = b.channels(x);
-    let mut y = x;
-    let mut part = 0;
-    if expansion > 1 {
-        y = conv_norm_relu6(b, y, &format!("{name}.0"), inputs * expansion, Window::same(1, 1));
-        part = 1;
-    }
+    let expanded = (expansion > 1)
+        .then(|| conv_norm_relu6(b, x, &format!("{name}.0"), inputs * expansion, Window::same(1, 1)));
+    let (mut y, part) = (expanded.unwrap_or(x), usize::from(expansion > 1));
     y = b.depthwise_conv(y, &format!("{name}.{part}.0"), window);
     y = b.norm(y, &format!("{name}.{part}.1"));
     y = b.map(Op::Relu6, y);
     y = b.conv(y, &format!("{name}.{}", part + 1), channels, Window::same(1, 1));
     y = b.norm(y, &format!("{name}.{}", part + 2));
-    if window.stride == 1 && inputs == channels { b.add(x, y) } else { y }
+    let output = if window.stride == 1 && inputs == channels { b.add(x, y) } else { y };
+    Block { expansion: expanded, output }
 }
 
-fn conv_norm_relu6(b: &mut Builder, x: NodeId, name: &str, channels: usize, window: Window) -> NodeId {
+/// Convolution `name.0`, norm `name.1`, `ReLU6`.
+pub fn conv_norm_relu6(b: &mut Builder, x: NodeId, name: &str, channels: usize, window: Window) -> NodeId {
     let x = b.conv(x, &format!("{name}.0"), channels, window);
     let x = b.norm(x, &format!("{name}.1"));
     b.map(Op::Relu6, x)

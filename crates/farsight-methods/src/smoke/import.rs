@@ -107,6 +107,18 @@ fn reverse_classes(tensors: &mut BTreeMap<String, WeightTensor>) -> Result<(), C
     Ok(())
 }
 
+/// Farsight's name of a tensor of the backbone that TensorFlow's object detection calls `name`, the layer behind it
+/// included.
+pub(crate) fn mobilenet_v2_from_tensorflow(name: &str) -> Option<String> {
+    mobilenet_v2::name_from_tensorflow(name).map(|name| format!("{}{name}", farsight_graph::layers::mobilenet_v2::PREFIX))
+}
+
+/// `tensors` of layers whose norms were folded, with norms that add what is left of them, and the scale of the image.
+pub(crate) fn with_norms_and_scale(mut tensors: BTreeMap<String, WeightTensor>) -> BTreeMap<String, WeightTensor> {
+    mobilenet_v2::add_norms_and_scale(&mut tensors);
+    tensors
+}
+
 fn is_batch_normed(tensors: &BTreeMap<String, WeightTensor>) -> bool {
     tensors.keys().any(|name| name.ends_with(".running_mean"))
 }

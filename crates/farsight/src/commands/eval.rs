@@ -99,6 +99,9 @@ pub(crate) struct EvalArgs {
     /// Take everything odd about the files for an error: each is told with file and line, nothing is evaluated, exit status 1
     #[arg(long)]
     strict: bool,
+    /// Count cars, vans, trucks and trams as one class, reported as cars
+    #[arg(long)]
+    vehicles: bool,
     /// How often frames are drawn anew for the intervals; 0 leaves them out
     #[arg(long, value_name = "N", default_value_t = Bootstrap::default().resamples, value_parser = resamples_from_text, allow_negative_numbers = true)]
     resamples: usize,
@@ -150,6 +153,7 @@ pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let files =
         FrameFiles::open(source.labels.clone(), &source.results, source.ids.take())?.with_scores(args.scores.scores());
     let files = if source.by_model { files.with_any_classes() } else { files };
+    let files = if args.vehicles { files.with_vehicles_as_cars() } else { files };
     if let Some(id) = &args.explain {
         return explained::run(args, &files, id, printer);
     }

@@ -21,11 +21,17 @@ pub(crate) struct ImportArgs {
     /// The file to write
     #[arg(long, value_name = "FILE.safetensors")]
     out: PathBuf,
+    /// Take the whole SSD of a .tflite file, a detector of 2D boxes, and not its backbone alone
+    #[arg(long)]
+    detector: bool,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
     outputs::check_kind(&args.out, "onnx", "a name ending in .safetensors")?;
+    if args.detector {
+        return ssd(args, printer);
+    }
     let imported = import(&args.checkpoint, ImportOptions::default())?;
     let tensors = imported.weights.tensors.len();
     printer.line(&format!("{}: {}, {tensors} tensors", args.checkpoint.display(), imported.layout.name()));
@@ -52,5 +58,16 @@ pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
     let model = SmokeModel::new(config, imported.weights).with_context(|| args.checkpoint.display().to_string())?;
     model.write(&args.out)?;
     printer.line(&format!("{}: a model for `farsight range --model`", args.out.display()));
+    Ok(Outcome::Done)
+}
+
+/// Imports a whole SSD.
+fn ssd(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
+    let model = farsight_methods::ssd::import::import(&args.checkpoint)?;
+    model.write(&args.out)?;
+    if let Some(attribution) = model.weights.metadata.get(ATTRIBUTION_KEY) {
+        printer.line(attribution);
+    }
+    printer.line(&format!("{}: a detector for `farsight range --model`", args.out.display()));
     Ok(Outcome::Done)
 }

@@ -117,6 +117,7 @@ fn measured(
     ensure!(!ids.is_empty(), "nothing was measured: {} failed", counted(failed, "frame"));
 
     let files = FrameFiles::open(LabelSource::from(&dataset), results.path(), Some(ids.clone()))?.with_any_classes();
+    let files = if set.vehicles { files.with_vehicles_as_cars() } else { files };
     let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
     let (as_given, _) = files.evaluate(&options)?;
     let (by_place, _) = files.clone().with_scores(Scores::Place).evaluate(&options)?;
@@ -125,6 +126,11 @@ fn measured(
     let camera = |id: &str| Ok(dataset.camera(indices[id])?);
     for (name, _, evaluation) in baseline_evaluations(&camera, &files, CAMERA_HEIGHT_M, &options)? {
         with_baseline(&mut classes, name, &evaluation.report().ranging);
+    }
+    if set.vehicles
+        && let Some(figures) = classes.remove("car")
+    {
+        classes = BTreeMap::from([("vehicle".to_owned(), figures)]);
     }
     let source = Source {
         command: set.eval_command(beside, args.model.as_deref()),

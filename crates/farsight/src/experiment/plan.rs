@@ -342,6 +342,13 @@ claims = { ap3d = 0.56 }
                 for field in ["msfe", "heatmap"] {
                     set(&mut same, "model", field, base["model"][field].clone());
                 }
+                // What starts anew has to be there; which part that is follows from the network.
+                if let Some(anew) = config(arm)["train"].get("start_without") {
+                    let prefixes: Vec<String> = anew.clone().try_into().unwrap();
+                    let is_there = |prefix: &String| begun(arm).keys().any(|name| name.starts_with(prefix.as_str()));
+                    assert!(prefixes.iter().all(is_there), "{arm}: {prefixes:?}");
+                    set(&mut same, "train", "start_without", base["train"]["start_without"].clone());
+                }
                 assert_eq!(same, base, "{arm}: the same but for two fields, the order of frames (train.seed) included");
                 let weights = begun(arm);
                 assert!(base_weights.iter().all(|(name, tensor)| weights[name] == *tensor), "{arm}");

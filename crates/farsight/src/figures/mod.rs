@@ -82,6 +82,9 @@ pub(crate) struct Errors {
     pub(crate) bias_m: Option<f64>,
     /// Mean of absolute error over true distance.
     pub(crate) relative: Option<f64>,
+    /// Mean of the error over the true distance; positive when objects seem farther than they are.
+    #[serde(default)]
+    pub(crate) signed_relative: Option<f64>,
 }
 
 /// [`Errors`] in one range of distances.
@@ -114,6 +117,12 @@ pub(crate) struct Operating {
     pub(crate) found: usize,
     pub(crate) false_alarms_per_frame: f64,
     pub(crate) mae_m: Option<f64>,
+    /// Frames with objects of the class, whatever their difficulty.
+    #[serde(default)]
+    pub(crate) frames_with_objects: usize,
+    /// Frames in which the nearest of them was not found.
+    #[serde(default)]
+    pub(crate) nearest_missed: usize,
     /// Median of absolute error over true distance.
     pub(crate) relative_median: Option<f64>,
 }

@@ -8,11 +8,19 @@ use crate::printer::grouped;
 
 use super::{AveragePrecision, ClassFigures, Errors, Figures, Operating, SetFigures};
 
+/// The columns of the table `found`.
+const FOUND_HEADING: [&str; 9] = [
+    "data", "found", "false alarms an image, at score", "MAE", "mean error", "relative error", "mean relative error",
+    "within the error bar", "nearest missed at 0.5",
+];
+
 /// What may stand in the mark of a table.
 struct Options<'a> {
     sets: Vec<&'a SetFigures>,
     classes: Vec<&'a str>,
     scores: Vec<f64>,
+    /// Most false alarms a frame of the table `found`.
+    false_alarms: f64,
 }
 
 /// The rows of the table that `options` ask for.
@@ -22,13 +30,14 @@ pub(super) fn rows(figures: &Figures, mut options: BTreeMap<&str, &str>) -> Resu
     match table {
         "summary" => summary(&options),
         "operating" => operating(&options),
+        "found" => Ok(found_at(&options)),
         "distance" => distance(&options),
         "error-bars" => error_bars(&options),
         "ap" => Ok(average_precision(&options)),
         "baselines" => baselines(&options),
         "sources" => Ok(sources(&options)),
         other => {
-            bail!("no table \"{other}\"; expected summary, operating, distance, error-bars, ap, baselines or sources")
+            bail!("no table \"{other}\"; expected summary, operating, found, distance, error-bars, ap, baselines or sources")
         }
     }
 }
@@ -46,8 +55,13 @@ impl<'a> Options<'a> {
         let classes = list("classes").unwrap_or_else(|| vec!["car"]);
         let score = |text: &str| text.parse().with_context(|| format!("\"{text}\"; expected a score such as 0.5"));
         let scores = list("scores").unwrap_or_else(|| vec!["0.5"]).into_iter().map(score).collect::<Result<_>>()?;
-        ensure!(options.is_empty(), "unknown {:?}; expected table, sets, classes or scores", options.keys());
-        Ok(Self { sets, classes, scores })
+        let false_alarms = list("false-alarms").and_then(|texts| texts.first()?.parse().ok()).unwrap_or(0.3);
+        ensure!(
+            options.is_empty(),
+            "unknown {:?}; expected table, sets, classes, scores or false-alarms",
+            options.keys()
+        );
+        Ok(Self { sets, classes, scores, false_alarms })
     }
 
     /// Every set with every class that is asked for and has objects there.
@@ -103,6 +117,27 @@ fn summary(options: &Options) -> Result<Vec<String>> {
         "AP 2D / 3D at 0.5",
     ];
     Ok(table(&heading, &rows.collect::<Result<Vec<_>>>()?))
+}
+
+/// What is found at most so many false alarms, and how far off that is.
+fn found_at(options: &Options) -> Vec<String> {
+    let rows = options.each().into_iter().map(|(set, class, figures)| {
+        let Errors { relative, signed_relative, bias_m, mae_m, .. } = figures.all_scores;
+        let point = at_false_alarms(figures, options.false_alarms);
+        let usual = at(figures, 0.5).ok();
+        vec![
+            options.title(set, class),
+            point.map_or_else(dash, |point| found(point.found, point.objects)),
+            point.map_or_else(dash, |point| format!("{:.2} at {:.2}", point.false_alarms_per_frame, point.score)),
+            metres(mae_m),
+            signed_metres(bias_m),
+            fine_percent(relative),
+            signed_relative.map_or_else(dash, |share| format!("{:+.1}%", 100.0 * share)),
+            figures.error_bars.map_or_else(dash, |bars| percent(bars.within_1_sigma)),
+            usual.map_or_else(dash, |point| format!("{} of {}", point.nearest_missed, point.frames_with_objects)),
+        ]
+    });
+    table(&FOUND_HEADING, &rows.collect::<Vec<_>>())
 }
 
 fn operating(options: &Options) -> Result<Vec<String>> {
@@ -219,6 +254,11 @@ fn at(figures: &ClassFigures, score: f64) -> Result<&Operating> {
 
 fn found(found: usize, objects: usize) -> String {
     format!("{} of {} ({})", grouped(found), grouped(objects), percent(found as f64 / objects.max(1) as f64))
+}
+
+/// The lowest score with at most so many false alarms a frame; none when there are more at any score.
+fn at_false_alarms(figures: &ClassFigures, most: f64) -> Option<&Operating> {
+    figures.operating.iter().find(|point| point.false_alarms_per_frame <= most)
 }
 
 fn percent(share: f64) -> String {

@@ -27,6 +27,9 @@ pub(super) struct MeasuredSet {
     pub(super) folder: String,
     /// A file beside the config, or a name in the folder's `ImageSets`; all frames by default.
     split: Option<PathBuf>,
+    /// Whether cars, vans, trucks and trams are one class; figures are then of vehicles.
+    #[serde(default)]
+    pub(super) vehicles: bool,
     /// Options of `farsight eval` about the stages after the detector.
     #[serde(default)]
     options: Vec<String>,
@@ -79,6 +82,7 @@ impl MeasuredSet {
         words.extend(split.iter().flat_map(|split| named("--split", split)));
         words.extend(model.and_then(Path::file_name).into_iter().flat_map(|model| named("--model", Path::new(model))));
         words.extend(self.options.iter().cloned());
+        words.extend(self.vehicles.then(|| "--vehicles".to_owned()));
         words.join(" ")
     }
 }

@@ -56,6 +56,7 @@ fn errors(slice: &SliceErrors) -> Errors {
         mae_m: value(RangingMetric::MaeZ),
         bias_m: value(RangingMetric::BiasZ),
         relative: value(RangingMetric::AbsRelZ),
+        signed_relative: value(RangingMetric::BiasRelZ),
     }
 }
 
@@ -75,6 +76,8 @@ fn operating(point: &OperatingPoint) -> Operating {
         objects: point.objects,
         found: point.found,
         false_alarms_per_frame: rounded(point.false_alarms_per_frame),
+        frames_with_objects: point.frames_with_objects,
+        nearest_missed: point.nearest_missed,
         mae_m: point.mae_z.map(rounded),
         relative_median: point.median_abs_rel_z.map(rounded),
     }

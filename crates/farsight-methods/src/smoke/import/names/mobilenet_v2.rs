@@ -57,16 +57,17 @@ pub(crate) fn name_from_tensorflow(name: &str) -> Option<String> {
     let (block, part) = layer.split_once('/').unwrap_or((layer, ""));
     let index = match block {
         "Conv" => 0,
+        "Conv_1" => 18,
         "expanded_conv" => 1,
         _ => block.strip_prefix("expanded_conv_")?.parse::<usize>().ok().filter(|k| (1..=16).contains(k))? + 1,
     };
     // The first block has no expansion.
     let unit = usize::from(index > 1);
     let [convolution, norm] = match (index, part) {
-        (0, "") => ["0".to_owned(), "1".to_owned()],
-        (2.., "expand") => ["conv.0.0".to_owned(), "conv.0.1".to_owned()],
-        (1.., "depthwise") => [0, 1].map(|i| format!("conv.{unit}.{i}")),
-        (1.., "project") => [1, 2].map(|i| format!("conv.{}", unit + i)),
+        (0 | 18, "") => ["0".to_owned(), "1".to_owned()],
+        (2..=17, "expand") => ["conv.0.0".to_owned(), "conv.0.1".to_owned()],
+        (1..=17, "depthwise") => [0, 1].map(|i| format!("conv.{unit}.{i}")),
+        (1..=17, "project") => [1, 2].map(|i| format!("conv.{}", unit + i)),
         _ => return None,
     };
     let place = if tensor == "weight" { convolution } else { norm };

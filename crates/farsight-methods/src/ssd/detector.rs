@@ -1,0 +1,136 @@
+//! From an image and its camera to detections.
+
+use std::time::Duration;
+
+use farsight_core::detection::DecodeOptions;
+use farsight_core::{Camera, ClassReference, Detection};
+use farsight_data::network_input_into;
+use farsight_graph::model::NetworkConfig;
+use farsight_onnx::INPUT;
+use farsight_runtime::timing::timed;
+use farsight_runtime::{EngineError, Runner, StageTimes, TensorView};
+use image::RgbImage;
+
+use super::SsdConfig;
+use super::anchors::{LEVELS, STRIDES, cells, shapes};
+use super::config::LABELS;
+use super::decode::Boxes;
+use super::network::{BOXES, CLASSES};
+use super::views::{Window, window};
+use crate::batch::output;
+use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::input_spec::InputSpec;
+
+/// An SSD, ready to look at images.
+pub struct SsdDetector {
+    runner: Box<dyn Runner>,
+    config: SsdConfig,
+    /// The input, kept from call to call.
+    input: Vec<f32>,
+}
+
+impl SsdDetector {
+    /// The network of `config`, which `runner` runs.
+    pub fn new(runner: Box<dyn Runner>, config: SsdConfig) -> Self {
+        Self { runner, config, input: Vec::new() }
+    }
+
+    /// What the network sees in `window` of `image`, added to `boxes`.
+    fn look(
+        &mut self,
+        image: &RgbImage,
+        window: &Window,
+        min_score: f64,
+        boxes: &mut Boxes,
+    ) -> Result<StageTimes, DetectError> {
+        let image_size = size(image);
+        let rules = SsdConfig::input_rules(window.size);
+        let ((), warp) = timed(|| network_input_into(&mut self.input, image, &window.affine, &rules, None));
+        let [width, height] = window.size;
+        let shape = [1, 3, height, width];
+        let view = TensorView { shape: &shape, values: &self.input };
+        let (outputs, network) = timed(|| self.runner.run(&[(INPUT, view)]));
+        let mut outputs = outputs?;
+        let runner = &*self.runner;
+        let [all_columns, all_rows] = window.size.map(cells);
+        let (found, decode) = timed(|| {
+            for level in 0..LEVELS {
+                let anchors = shapes(level).len();
+                let (columns, rows) = (all_columns[level], all_rows[level]);
+                let mut map = |name: &str, channels: usize| {
+                    output(runner, &mut outputs, name, [1, channels * anchors, rows, columns])
+                };
+                let (places, classes) = (map(BOXES[level], 4)?, map(CLASSES[level], LABELS.len())?);
+                boxes.extend(level, &places.image(0), &classes.image(0), window, image_size, min_score);
+            }
+            Ok(())
+        });
+        found.map(|()| StageTimes { warp, network, decode, ..StageTimes::default() })
+    }
+}
+
+fn size(image: &RgbImage) -> [usize; 2] {
+    [image.width() as usize, image.height() as usize]
+}
+
+impl Detector for SsdDetector {
+    fn method(&self) -> &'static str {
+        SsdConfig::METHOD
+    }
+
+    fn engine(&self) -> &str {
+        self.runner.engine()
+    }
+
+    fn classes(&self) -> &[ClassReference] {
+        &self.config.classes
+    }
+
+    fn has_error_bars(&self) -> bool {
+        false
+    }
+
+    fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
+        let first = self.config.views.first().and_then(|view| window(view, image_size, camera));
+        first.map_or([0, 0], |window| window.size)
+    }
+
+    fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
+        let rules = SsdConfig::input_rules([STRIDES[LEVELS - 1]; 2]);
+        InputSpec { rules, camera_3x3: false, focal_range_px: None }.unfamiliar(image_size, camera)
+    }
+
+    fn detect_batch(
+        &mut self,
+        images: &[(&RgbImage, &Camera)],
+        options: &DecodeOptions,
+    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
+        let min_score = options.min_score(&self.config.classes);
+        let mut answers = Vec::with_capacity(images.len());
+        let mut times = StageTimes::default();
+        for (image, camera) in images {
+            let (width, height) = image.dimensions();
+            if width == 0 || height == 0 {
+                return Err(DetectError::Empty { width, height });
+            }
+            let mut boxes = Boxes::default();
+            for view in self.config.views.clone() {
+                if let Some(window) = window(&view, size(image), camera) {
+                    let seen = self.look(image, &window, min_score, &mut boxes)?;
+                    let add = |sum: &mut Duration, one: Duration| *sum += one;
+                    add(&mut times.warp, seen.warp);
+                    add(&mut times.network, seen.network);
+                    add(&mut times.decode, seen.decode);
+                }
+            }
+            let (found, decode) = timed(|| boxes.detections(&self.config, camera, options.max_detections));
+            times.decode += decode;
+            answers.push(found);
+        }
+        Ok((answers, times))
+    }
+
+    fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
+        Ok(Box::new(Self::new(self.runner.share()?, self.config.clone())))
+    }
+}
