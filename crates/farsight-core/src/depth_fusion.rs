@@ -7,6 +7,12 @@ use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::LEAST_EXAMPLES;
 use crate::statistics::{quantile, sorted};
 
+/// The shares of truths that the intervals beside the error bar hold; the error bar is half of the interval that holds 68%.
+const INTERVAL_SHARES: [f64; 2] = [0.5, 0.9];
+
+/// Half the width of those intervals in standard deviations of a normal distribution.
+pub const NORMAL_INTERVAL_SIGMAS: [f64; 2] = [0.674_489_750_196_081_7, 1.644_853_626_951_472_2];
+
 /// A depth and how sure it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredDepth {
@@ -52,12 +58,20 @@ pub struct DepthFusion {
     pub correlation: f64,
     /// Factor on the error bars of both together.
     pub joint_error_factor: f64,
+    /// Half the width of the intervals that hold half of the truths and 90% of them, joint error bars.
+    pub interval_sigmas: [f64; 2],
 }
 
 impl Default for DepthFusion {
     /// Unfitted.
     fn default() -> Self {
-        Self { depth_factor: 1.0, error_factor: 1.0, correlation: 0.5, joint_error_factor: 1.0 }
+        Self {
+            depth_factor: 1.0,
+            error_factor: 1.0,
+            correlation: 0.5,
+            joint_error_factor: 1.0,
+            interval_sigmas: NORMAL_INTERVAL_SIGMAS,
+        }
     }
 }
 
@@ -80,6 +94,9 @@ impl DepthFusion {
         let fitted = Self { correlation: product(0, 1) / (product(0, 0) * product(1, 1)).sqrt(), ..fitted };
         let joint = |pair: &DepthPair| fitted.joint(Some(pair.first), pair.second).off(pair.true_m);
         let fitted = Self { joint_error_factor: one_sigma(pairs.iter().map(joint)), ..fitted };
+        let joint = |pair: &DepthPair| fitted.joint(Some(pair.first), pair.second).off(pair.true_m).abs();
+        let offs = sorted(pairs.iter().map(joint));
+        let fitted = Self { interval_sigmas: INTERVAL_SHARES.map(|share| quantile(&offs, share)), ..fitted };
         fitted.is_usable().then_some(fitted)
     }
 
@@ -87,7 +104,9 @@ impl DepthFusion {
     pub fn is_usable(&self) -> bool {
         let factors = [self.depth_factor, self.error_factor, self.joint_error_factor];
         let are_factors = factors.iter().all(|factor| (0.01..100.0).contains(factor));
-        are_factors && (-0.99..=0.99).contains(&self.correlation)
+        let [half, most] = self.interval_sigmas;
+        let are_intervals = half > 0.0 && half <= most && most < 100.0;
+        are_factors && are_intervals && (-0.99..=0.99).contains(&self.correlation)
     }
 
     /// The best linear combination of both measurements, of which the first may be missing.

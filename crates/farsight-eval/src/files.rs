@@ -186,8 +186,17 @@ impl FrameFiles {
         if ids.is_empty() {
             return Err(FilesError::NothingInCommon { labels: labels.place(), results });
         }
-        Self { labels, results, ids, left_out, report_labels: true, report_classes: true, scores: Scores::AsGiven, vehicles_as_cars: false }
-            .checked()
+        Self {
+            labels,
+            results,
+            ids,
+            left_out,
+            report_labels: true,
+            report_classes: true,
+            scores: Scores::AsGiven,
+            vehicles_as_cars: false,
+        }
+        .checked()
     }
 
     /// The same files, the scores taken for this.

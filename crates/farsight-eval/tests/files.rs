@@ -164,3 +164,22 @@ fn labels_of_a_data_set_in_memory_count_as_those_of_files() {
     // Nobody has said what these frames show: every detection would be a false alarm.
     assert_eq!(told.unwrap().to_string(), "memory: no labels; expected a data set that has some");
 }
+
+#[test]
+fn vehicles_can_be_one_class() {
+    let (van, truck) = (LABEL.replace("Car", "Van"), RESULT.replace("Car", "Truck"));
+    let unnamed = LABEL.replace("Car", "Vehicle");
+    let (_kept, labels, results) = folders(
+        &[("000000.txt", &van), ("000001.txt", &unnamed), ("000002.txt", &LABEL.replace("Car", "Pedestrian"))],
+        &[("000000.txt", &truck), ("000001.txt", RESULT), ("000002.txt", &truck)],
+    );
+    let files = FrameFiles::open(labels.as_path(), &results, None).unwrap();
+    let cars = |files: &FrameFiles| {
+        let report =
+            files.evaluate(&RangingOptions { bootstrap: None, ..RangingOptions::default() }).unwrap().0.report();
+        let cars = report.ranging.group(farsight_eval::EvaluatedClass::Car, farsight_eval::ranging::Group::All);
+        cars.map(|cars| (cars.whole.objects, cars.whole.found))
+    };
+    assert_eq!(cars(&files).map_or(0, |(objects, _)| objects), 0);
+    assert_eq!(cars(&files.with_vehicles_as_cars()), Some((2, 2)));
+}

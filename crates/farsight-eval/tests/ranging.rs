@@ -105,6 +105,29 @@ fn what_is_none_of_anything_is_a_false_alarm() {
 }
 
 #[test]
+fn the_nearest_object_of_each_frame_is_asked_for() {
+    let (near, far) = (label(ObjectClass::Car, 0.0, 10.0), label(ObjectClass::Car, 300.0, 40.0));
+    let both = vec![near.clone(), far.clone()];
+    let frames =
+        [(both.clone(), vec![prediction(&far, 0.9, 0.0, 1.0)]), (both, vec![prediction(&near, 0.6, 0.0, 1.0)])];
+    let targets: Vec<_> = (0..)
+        .zip(frames)
+        .flat_map(|(place, (labels, predictions))| {
+            let frame = Frame { id: String::new(), labels, predictions };
+            match_frame(&frame, place, &NO_INTERVALS).0
+        })
+        .collect();
+    let points = OperatingPoints::new(&targets, &[], 3);
+    let [(EvaluatedClass::Car, rows)] = &points.classes[..] else { panic!("{points:?}") };
+    let missed = |score: f64| {
+        let row = rows.iter().find(|row| (row.score - score).abs() < 1e-9).unwrap();
+        (row.nearest_missed, row.frames_with_objects)
+    };
+    // A score too low to count is a miss.
+    assert_eq!((missed(0.5), missed(0.7)), ((1, 2), (2, 2)));
+}
+
+#[test]
 fn other_classes_weak_scores_and_numbers_that_are_none_take_no_part() {
     let car = label(ObjectClass::Car, 0.0, 10.0);
     let options = RangingOptions { min_score: Some(0.3), ..NO_INTERVALS };

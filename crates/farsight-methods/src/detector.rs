@@ -131,6 +131,18 @@ pub enum UnfamiliarCamera {
         /// Across and down, pixels.
         focals_px: [f64; 2],
     },
+    /// It sees more or less across.
+    #[error(
+        "the camera sees {hfov_deg:.0} degrees across; the model was trained with {} to {}, so its distances are a guess",
+        range_deg[0],
+        range_deg[1]
+    )]
+    Wide {
+        /// What it sees across, degrees.
+        hfov_deg: f64,
+        /// The least and the most that the model was trained with.
+        range_deg: [f64; 2],
+    },
     /// Its focal length is that of no camera of such an image.
     #[error(
         "the camera's focal length is {focal_px:.1} pixels for an image {width_px} pixels wide, {hfov_deg:.2} degrees across, so distances are a guess; is it the camera of another image?"

@@ -93,6 +93,20 @@ pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result
     Ok(Some(DetectorNetwork { onnx, trained: Some(trained), make: *make }))
 }
 
+/// The network of `model`; `source` is only what errors call it.
+///
+/// # Errors
+/// When the weights do not fit the network.
+pub fn from_model<C: WholeNetwork>(
+    model: &Model<C>,
+    form: NetworkForm,
+    target: Target,
+    source: &Path,
+) -> Result<DetectorNetwork, ReadError> {
+    let (onnx, trained) = onnx_of_model(model, form, target, source)?;
+    Ok(DetectorNetwork { onnx, trained: Some(trained), make: detector_of::<C> })
+}
+
 /// The network of an ONNX file of ours, if it is of a method that is listed here.
 ///
 /// # Errors
@@ -111,11 +125,19 @@ fn onnx_of<C: NetworkConfig>(
     target: Target,
     source: &Path,
 ) -> Result<(OnnxModel, Network), ReadError> {
-    let model: Model<C> = Model::from_weights(weights, source)?;
-    let facts = Facts::new(&model, target);
-    let trained = Network::new(&model).keeping(C::OUTPUTS);
+    onnx_of_model(&Model::<C>::from_weights(weights, source)?, form, target, source)
+}
+
+fn onnx_of_model<C: NetworkConfig>(
+    model: &Model<C>,
+    form: NetworkForm,
+    target: Target,
+    source: &Path,
+) -> Result<(OnnxModel, Network), ReadError> {
+    let facts = Facts::new(model, target);
+    let trained = Network::new(model).keeping(C::OUTPUTS);
     if form == NetworkForm::Deployable {
-        return Ok((OnnxModel::from_model(&model, &facts, target, source)?, trained));
+        return Ok((OnnxModel::from_model(model, &facts, target, source)?, trained));
     }
     let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
     let bytes = write(&trained, &facts, target).map_err(failed)?;

@@ -22,6 +22,18 @@ impl StageTimes {
     pub fn total(&self) -> Duration {
         self.load + self.warp + self.network + self.decode + self.refine
     }
+
+    /// Each stage's time and that of `other` together.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            load: self.load + other.load,
+            warp: self.warp + other.warp,
+            network: self.network + other.network,
+            decode: self.decode + other.decode,
+            refine: self.refine + other.refine,
+        }
+    }
 }
 
 /// The answer of `work` and the time it took.

@@ -10,6 +10,7 @@ use farsight_methods::smoke::DetectorFile;
 use crate::detector::{self, OpenDetector, Timing};
 use crate::object::RangeKind;
 use crate::pipeline::{ModelInfo, Pipeline};
+use crate::shipped::Family;
 use crate::stages::{Settings, Stages};
 use crate::{EngineKind, EngineOptions, Error, Precision, model_file, second_stage, shipped};
 
@@ -29,6 +30,8 @@ pub enum ModelSource {
     /// The one that comes with the library.
     #[default]
     Shipped,
+    /// The SSD that comes with the library and has seen photographs.
+    ShippedWorld,
     /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
     File(PathBuf),
     /// A network in memory.
@@ -44,13 +47,20 @@ impl ModelSource {
     /// A file, or the shipped model by its word ([`model_file::SHIPPED`]).
     pub fn from_word(word: impl Into<PathBuf>) -> Self {
         let path = word.into();
-        if model_file::is_shipped_word(&path) { Self::Shipped } else { Self::File(path) }
+        if model_file::is_shipped_word(&path) {
+            Self::Shipped
+        } else if path == Path::new(model_file::SHIPPED_WORLD) {
+            Self::ShippedWorld
+        } else {
+            Self::File(path)
+        }
     }
 
     /// What errors and records call it.
     pub fn name(&self) -> &Path {
         match self {
             Self::Shipped => Path::new(shipped::NAME),
+            Self::ShippedWorld => Path::new(shipped::WORLD_NAME),
             Self::File(path) => path,
             Self::Memory { name, .. } => name,
         }
@@ -234,11 +244,14 @@ impl PipelineBuilder {
     }
 
     fn assembled(&self, opened: OpenDetector) -> Result<Pipeline, Error> {
-        let is_shipped = opened.is_shipped()?;
+        let family = opened.family()?;
+        let is_shipped = family.is_some();
         let second = self.second_stage_engine.map_or_else(|| self.engine.clone(), |kind| self.second_engine(kind));
-        let refiner = second_stage::model(&self.refiner, is_shipped, shipped::refiner)?;
-        let has_shipped_refiner = is_shipped && self.refiner == StageSource::Default;
-        let plates = second_stage::model(&self.plates, has_shipped_refiner, shipped::plates)?;
+        let refiner =
+            second_stage::model(&self.refiner, is_shipped, || shipped::refiner(family.unwrap_or(Family::Smoke)))?;
+        // It takes every plate for a European one.
+        let has_plates = family == Some(Family::Smoke) && self.refiner == StageSource::Default;
+        let plates = second_stage::model(&self.plates, has_plates, shipped::plates)?;
         let info = ModelInfo {
             name: opened.name.to_string_lossy().into_owned(),
             weights_sha256: opened.weights_sha256,

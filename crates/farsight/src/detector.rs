@@ -9,6 +9,7 @@ use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safeten
 use farsight_runtime::Runner;
 
 use crate::builder::ModelSource;
+use crate::shipped::Family;
 use crate::{EngineKind, EngineOptions, Error, libtorch, model_file, shipped};
 
 /// How the network differs from the file when only the time matters.
@@ -30,10 +31,10 @@ pub(crate) struct OpenDetector {
 }
 
 impl OpenDetector {
-    /// Whether its weights are those that come with the library, in whatever file they are: refiner, plate reader and
-    /// road are made for them.
-    pub(crate) fn is_shipped(&self) -> Result<bool, Error> {
-        Ok(self.weights_sha256.as_deref().map_or(Ok(false), shipped::has_weights)?)
+    /// The family, if its weights come with the library, in whatever file they are: refiner, plate reader and road are
+    /// made for them.
+    pub(crate) fn family(&self) -> Result<Option<Family>, Error> {
+        Ok(self.weights_sha256.as_deref().map_or(Ok(None), shipped::family_of)?)
     }
 }
 
@@ -70,6 +71,14 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
         smoke(engine, onnx, &config, &name)?
     };
     Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 })
+}
+
+/// The detector of `source` on `engine`, without anything that follows it.
+///
+/// # Errors
+/// When the file is no detector, or the engine fails.
+pub fn open_detector(source: &ModelSource, engine: &EngineOptions) -> Result<Box<dyn Detector>, Error> {
+    Ok(open(source, engine, Timing::default())?.detector)
 }
 
 /// A SMOKE detector alone, with nothing to follow its look: what fits to labelled frames go by. `source` is only what
@@ -119,7 +128,14 @@ fn smoke(engine: &EngineOptions, onnx: OnnxModel, config: &SmokeConfig, source: 
 
 /// The network of a file whose method is not SMOKE.
 fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<DetectorNetwork>, Error> {
-    let ModelSource::File(path) = source else { return Ok(None) };
+    let path = match source {
+        ModelSource::ShippedWorld => {
+            let model = shipped::world()?;
+            return Ok(Some(detectors::from_model(&model, NetworkForm::Deployable, engine.target(), source.name())?));
+        }
+        ModelSource::File(path) => path,
+        ModelSource::Shipped | ModelSource::Memory { .. } => return Ok(None),
+    };
     model_file::check_detector(path)?;
     if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
         return Ok(detectors::from_model_file(path, NetworkForm::Deployable, engine.target())?);
@@ -131,7 +147,8 @@ fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<Detec
 fn read(source: &ModelSource, engine: EngineKind) -> Result<DetectorFile, Error> {
     let target = engine.target();
     match source {
-        ModelSource::Shipped => Ok(DetectorFile::from_model(&shipped::model()?, target, source.name())?),
+        ModelSource::Shipped => Ok(DetectorFile::from_model(&shipped::smoke()?, target, source.name())?),
+        ModelSource::ShippedWorld => Err(not_smoke()),
         ModelSource::File(path) => {
             model_file::check_detector(path)?;
             Ok(DetectorFile::read(path, target)?)
@@ -143,11 +160,16 @@ fn read(source: &ModelSource, engine: EngineKind) -> Result<DetectorFile, Error>
 /// A model file of our own, or the shipped model.
 fn own_model(source: &ModelSource) -> Result<SmokeModel, Error> {
     match source {
-        ModelSource::Shipped => Ok(shipped::model()?),
+        ModelSource::Shipped => Ok(shipped::smoke()?),
+        ModelSource::ShippedWorld => Err(not_smoke()),
         ModelSource::File(path) => {
             model_file::check_detector(path)?;
             Ok(SmokeModel::read(path)?)
         }
         ModelSource::Memory { .. } => Err(libtorch::no_onnx().into()),
     }
+}
+
+fn not_smoke() -> Error {
+    model_file::kind_error(Path::new(model_file::SHIPPED_WORLD), "an SSD", "a SMOKE, \"shipped\" for instance")
 }

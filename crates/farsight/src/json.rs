@@ -61,6 +61,15 @@ pub struct DetectionRecord {
     pub range_m: f64,
     /// Standard deviation of `range_m`; null where the model has no error bars.
     pub range_sigma_m: Option<f64>,
+    /// `range_m` lies between these with a probability of 90%; null where the model has no error bars.
+    #[serde(default)]
+    pub range_interval_m: Option<[f64; 2]>,
+    /// With a probability of 50%.
+    #[serde(default)]
+    pub range_interval_50_m: Option<[f64; 2]>,
+    /// With a probability of 68%.
+    #[serde(default)]
+    pub range_interval_68_m: Option<[f64; 2]>,
 }
 
 /// A camera.
@@ -123,6 +132,7 @@ impl From<&DetectedObject> for DetectionRecord {
     fn from(object: &DetectedObject) -> Self {
         let DetectedObject { class, score, box2d, box3d, range_m, .. } = object;
         let size = box3d.dimensions;
+        let interval = |place: usize| object.intervals_m().map(|intervals| intervals[place]);
         Self {
             class: class.to_string(),
             score: *score,
@@ -133,6 +143,9 @@ impl From<&DetectedObject> for DetectionRecord {
             alpha: object.alpha(),
             range_m: *range_m,
             range_sigma_m: object.sigma_m(),
+            range_interval_m: interval(2),
+            range_interval_50_m: interval(0),
+            range_interval_68_m: interval(1),
         }
     }
 }

@@ -8,6 +8,7 @@ use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::smoke::SmokeModel;
+use farsight_methods::ssd::SsdModel;
 use farsight_onnx::{OnnxModel, is_safetensors};
 
 use crate::Error;
@@ -17,6 +18,9 @@ use crate::shipped;
 /// The word for the models that come with the library, where the name of a file is expected; a file that is called so
 /// is named with its folder, `./shipped`.
 pub const SHIPPED: &str = "shipped";
+
+/// The word for the SSD that comes with the program.
+pub const SHIPPED_WORLD: &str = "shipped-world";
 
 /// The word for the shipped refiner, where a model of any kind is expected.
 pub const SHIPPED_REFINER: &str = "shipped-refiner";
@@ -71,7 +75,10 @@ pub fn check_detector(path: &Path) -> Result<(), Error> {
 /// When the file is none; what `farsight export` made of one is told.
 pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
     if is_shipped_word(path) {
-        return Ok(shipped::model()?);
+        return Ok(shipped::smoke()?);
+    }
+    if path == Path::new(SHIPPED_WORLD) || SsdModel::is_one(path) {
+        return Err(kind_error(path, "an SSD", "a SMOKE, \"shipped\" for the one that comes with the program"));
     }
     check(path, "a model that `farsight train` or `farsight import` wrote")?;
     SmokeModel::read(path).map_err(|error| match OnnxModel::read(path) {

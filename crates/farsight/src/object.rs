@@ -41,22 +41,36 @@ pub struct DetectedObject {
     pub range_m: f64,
     /// Standard deviation of `range_m`, metres; not a number where the model has no error bars.
     pub range_sigma_m: f64,
+    /// The distance lies between these with a probability of 50, 68 and 90%, metres; not numbers where the model has no error bars. The second is
+    /// `range_m` give or take `range_sigma_m`, in proportion.
+    pub range_intervals_m: [[f64; 2]; 3],
     /// Standard deviation of the depth, metres.
     depth_sigma_m: Option<f64>,
 }
 
 impl DetectedObject {
-    /// What is told of `detection` when this distance is asked for.
-    pub fn new(detection: Detection, range: RangeKind) -> Self {
+    /// What is told of `detection` when this distance is asked for. `interval_sigmas` are half the widths of the intervals that hold 50 and 90%, error
+    /// bars ([`farsight_core::DepthFusion::interval_sigmas`]).
+    pub fn new(detection: Detection, range: RangeKind, interval_sigmas: [f64; 2]) -> Self {
         let range_m = range.measure()(&detection.box3d);
         let range_sigma_m = detection.sigma_of_m(range_m).unwrap_or(f64::NAN);
         let Detection { class, score, box2d, box3d, range_sigma_m: depth_sigma_m } = detection;
-        Self { class, score, box2d, box3d, range_m, range_sigma_m, depth_sigma_m }
+        // Errors of distances are in proportion to them: as likely a factor too far as too near.
+        let log_sigma = range_sigma_m / range_m;
+        let [half, most] = interval_sigmas;
+        let range_intervals_m =
+            [half, 1.0, most].map(|sigmas| [-1.0, 1.0].map(|side: f64| range_m * (side * sigmas * log_sigma).exp()));
+        Self { class, score, box2d, box3d, range_m, range_sigma_m, range_intervals_m, depth_sigma_m }
     }
 
     /// The error bar, where there is one.
     pub fn sigma_m(&self) -> Option<f64> {
         Some(self.range_sigma_m).filter(|sigma_m| sigma_m.is_finite())
+    }
+
+    /// The intervals that hold the distance with a probability of 50, 68 and 90%, where there is an error bar.
+    pub fn intervals_m(&self) -> Option<[[f64; 2]; 3]> {
+        self.sigma_m().map(|_| self.range_intervals_m)
     }
 
     /// Observation angle, radians.
@@ -76,4 +90,33 @@ impl From<DetectedObject> for Detection {
 /// [`Detection`]s of many objects.
 pub fn detections(objects: &[DetectedObject]) -> Vec<Detection> {
     objects.iter().cloned().map(Detection::from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use farsight_core::Dimensions;
+    use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
+
+    use super::*;
+
+    fn object(range_sigma_m: Option<f64>) -> DetectedObject {
+        let dimensions = Dimensions { height: 1.5, width: 1.6, length: 3.9 };
+        let box3d = Box3d { dimensions, location: [0.0, 1.6, 20.0], yaw: 0.0 };
+        let box2d = Box2d::new(0.0, 0.0, 50.0, 40.0);
+        let detection = Detection { class: ObjectClass::Car, score: 0.7, box2d, box3d, range_sigma_m };
+        DetectedObject::new(detection, RangeKind::Depth, NORMAL_INTERVAL_SIGMAS)
+    }
+
+    #[test]
+    fn intervals_lie_one_inside_the_other_around_the_distance() {
+        let found = object(Some(1.0)).intervals_m().unwrap();
+        for [low, high] in found {
+            assert!(((low * high).sqrt() - 20.0).abs() < 1e-9, "{found:?}");
+        }
+        assert!((found[1][1] / 20.0).ln() > 0.0499 && (found[1][1] / 20.0).ln() < 0.0501, "{found:?}");
+        assert!(found[2][0] < found[1][0] && found[1][0] < found[0][0] && found[0][1] < found[2][1], "{found:?}");
+        // However unsure, nothing is behind the camera.
+        assert!(object(Some(100.0)).intervals_m().unwrap().iter().all(|[low, _]| *low > 0.0));
+        assert_eq!(object(None).intervals_m(), None);
+    }
 }

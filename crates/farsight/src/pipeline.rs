@@ -42,6 +42,8 @@ struct Shared {
     left_out: Vec<&'static str>,
     engine: String,
     has_error_bars: bool,
+    /// Half the widths of the intervals that hold 50 and 90%, error bars.
+    interval_sigmas: [f64; 2],
     /// What never runs: the networks of further threads are shared from it, and it knows the detector.
     template: Mutex<Stages>,
     /// Networks that no thread uses now.
@@ -78,9 +80,21 @@ impl Pipeline {
         left_out: Vec<&'static str>,
     ) -> Result<Self, EngineError> {
         let (engine, has_error_bars) = (stages.detector.engine().to_owned(), stages.has_error_bars());
+        let interval_sigmas = stages.interval_sigmas();
         let template = Mutex::new(stages.share()?);
         let idle = Mutex::new(vec![stages]);
-        Ok(Self { shared: Arc::new(Shared { settings, info, left_out, engine, has_error_bars, template, idle }) })
+        Ok(Self {
+            shared: Arc::new(Shared {
+                settings,
+                info,
+                left_out,
+                engine,
+                has_error_bars,
+                interval_sigmas,
+                template,
+                idle,
+            }),
+        })
     }
 
     /// What is in `image`, taken by `camera`; highest score first.
@@ -107,8 +121,9 @@ impl Pipeline {
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer?;
         answers.iter().flatten().try_for_each(|found| check_answer(found, &self.shared.info.name))?;
-        let range = self.shared.settings.range;
-        let objects = |found: Vec<Detection>| found.into_iter().map(|one| DetectedObject::new(one, range)).collect();
+        let (range, sigmas) = (self.shared.settings.range, self.shared.interval_sigmas);
+        let object = |one: Detection| DetectedObject::new(one, range, sigmas);
+        let objects = |found: Vec<Detection>| found.into_iter().map(object).collect();
         Ok((answers.into_iter().map(objects).collect(), times))
     }
 

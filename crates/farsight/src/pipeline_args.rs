@@ -109,7 +109,7 @@ pub(crate) struct SecondStageArgs {
     /// Refiner that `farsight train` wrote, to refine each object, "shipped" for the one that comes with the program, or "none" [default: shipped, if the model's weights are]
     #[arg(long, value_name = "FILE|none")]
     refiner: Option<PathBuf>,
-    /// Plate reader that `farsight train` wrote, which measures cars by their number plates, "shipped" for the one that comes with the program, or "none" [default: shipped, where its refiner is used]
+    /// Plate reader that `farsight train` wrote, which measures cars by their number plates, "shipped" for the one that comes with the program, or "none" [default: shipped for farsight-s, none for others]
     #[arg(long, value_name = "FILE|none")]
     plates: Option<PathBuf>,
 }
@@ -158,7 +158,7 @@ fn road(text: &str) -> Result<Road, String> {
 /// What a pipeline is made of.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub(crate) struct PipelineArgs {
-    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, or "shipped" [default: shipped, the one that comes with the program]
+    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, "shipped" (farsight-s) or "shipped-world" (farsight-w), which come with the program [default: shipped]
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]

@@ -48,6 +48,7 @@ impl RangeTable {
 mod tests {
     use farsight::{Box2d, Box3d, DetectedObject, Detection, ObjectClass, RangeKind};
     use farsight_core::Dimensions;
+    use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 
     use super::RangeTable;
 
@@ -68,7 +69,11 @@ mod tests {
     #[test]
     fn an_error_bar_is_that_of_the_distance_that_is_given() {
         let aside = Detection { range_sigma_m: Some(1.0), ..car() };
-        let text = |range| RangeTable::new(&[]).rows("aside", &[DetectedObject::new(aside.clone(), range)]).concat();
+        let text = |range| {
+            RangeTable::new(&[])
+                .rows("aside", &[DetectedObject::new(aside.clone(), range, NORMAL_INTERVAL_SIGMAS)])
+                .concat()
+        };
         assert!(text(RangeKind::Depth).contains("8.6 ±1.0 m"), "{}", text(RangeKind::Depth));
         // As far off as the depth: sqrt(12.31² + 1.65² + 8.62²) / 8.62.
         // The middle of the box is half its height farther up: sqrt(12.31² + 0.9² + 8.62²).
@@ -81,7 +86,8 @@ mod tests {
         let far = Detection { range_sigma_m: Some(1.26), class: ObjectClass::Pedestrian, ..car.clone() };
         let table = RangeTable::new(&["000032".to_owned()]);
         let mut lines = vec![table.heading()];
-        let objects = [car, far].map(|detection| DetectedObject::new(detection, RangeKind::Depth));
+        let objects =
+            [car, far].map(|detection| DetectedObject::new(detection, RangeKind::Depth, NORMAL_INTERVAL_SIGMAS));
         lines.extend(table.rows("000032", &objects));
         lines.extend(table.rows("000033", &[]));
         let expected = "\

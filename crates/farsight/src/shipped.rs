@@ -8,16 +8,32 @@ use farsight_graph::model::ModelError;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::smoke::SmokeModel;
+use farsight_methods::ssd::SsdModel;
 
-/// Name of the model; its card is `models/farsight-s.md`.
+/// What comes with the library: a detector, and a refiner that is fitted to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// An SSD that learnt from photographs, and a refiner that learnt from rendered scenes of the world; the card is `models/farsight-w.md`.
+    World,
+    /// SMOKE that learnt from rendered scenes of one city, and its refiner; the card is `models/farsight-s.md`.
+    Smoke,
+}
+
+/// Name of the SSD that comes with the library.
+pub const WORLD_NAME: &str = "farsight-w";
+
+const WORLD: &[u8] = include_bytes!("../../../models/farsight-w.safetensors");
+
+/// Name of the SMOKE that comes with the library: the detector that is used unless another is named.
 pub const NAME: &str = "farsight-s";
 
-const MODEL: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
+const SMOKE: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
 
 /// Name of the refiner; its page is `docs/refiner.md`.
 pub const REFINER_NAME: &str = "farsight-refiner";
 
-const REFINER: &[u8] = include_bytes!("../../../models/farsight-refiner.safetensors");
+const REFINER: &[u8] = include_bytes!("../../../models/farsight-w-refiner.safetensors");
+const SMOKE_REFINER: &[u8] = include_bytes!("../../../models/farsight-refiner.safetensors");
 
 /// Name of the plate reader; its page is `docs/plates.md`.
 pub const PLATES_NAME: &str = "farsight-plates";
@@ -37,28 +53,46 @@ macro_rules! scene {
 /// Images and calibrations, rendered by Farsight (`assets/scenes/README.md`).
 const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), scene!("000002"), scene!("000003")];
 
-/// The model that comes with the program.
+/// The SSD that comes with the library: boxes of a network that has seen photographs.
 ///
 /// # Errors
 /// Never of a library that was built whole.
-pub fn model() -> Result<SmokeModel, ModelError> {
-    SmokeModel::from_safetensors(MODEL, Path::new(NAME))
+pub fn world() -> Result<SsdModel, ModelError> {
+    SsdModel::from_safetensors(WORLD, Path::new(WORLD_NAME))
 }
 
-/// Whether `sha256`, of a model's weights, is that of the model that comes with the program.
+/// The SMOKE that comes with the library: trained on rendered scenes alone, and the start of a fine-tuning.
 ///
 /// # Errors
 /// Never of a library that was built whole.
-pub fn has_weights(sha256: &str) -> Result<bool, ModelError> {
-    Ok(model()?.weights.sha256() == sha256)
+pub fn smoke() -> Result<SmokeModel, ModelError> {
+    SmokeModel::from_safetensors(SMOKE, Path::new(NAME))
 }
 
-/// The refiner that comes with the program.
+/// The family of a detector with these weights (SHA-256), if it comes with the library.
 ///
 /// # Errors
 /// Never of a library that was built whole.
-pub fn refiner() -> Result<RefinerModel, ModelError> {
-    RefinerModel::from_safetensors(REFINER, Path::new(REFINER_NAME))
+pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
+    Ok(if world()?.weights.sha256() == sha256 {
+        Some(Family::World)
+    } else if smoke()?.weights.sha256() == sha256 {
+        Some(Family::Smoke)
+    } else {
+        None
+    })
+}
+
+/// The refiner of a family.
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn refiner(family: Family) -> Result<RefinerModel, ModelError> {
+    let bytes = match family {
+        Family::World => REFINER,
+        Family::Smoke => SMOKE_REFINER,
+    };
+    RefinerModel::from_safetensors(bytes, Path::new(REFINER_NAME))
 }
 
 /// The plate reader that comes with the program.

@@ -1,5 +1,6 @@
 //! What a pipeline is made of, for one thread: detector, refiner, plate reader, suppression, road.
 
+use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
 use farsight_core::road::{Road, SURE_SCORE, on_one_road};
@@ -49,6 +50,11 @@ impl Stages {
     /// Whether what they find has error bars.
     pub(crate) fn has_error_bars(&self) -> bool {
         self.detector.has_error_bars() || self.refiner.is_some()
+    }
+
+    /// Half the widths of the intervals that hold 50 and 90%, error bars: the refiner's, and a normal distribution's without one.
+    pub(crate) fn interval_sigmas(&self) -> [f64; 2] {
+        self.refiner.as_ref().map_or(NORMAL_INTERVAL_SIGMAS, Refiner::interval_sigmas)
     }
 
     /// What is in each image, highest score first, and the time of each stage for all of them.

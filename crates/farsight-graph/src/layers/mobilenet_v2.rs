@@ -111,8 +111,8 @@ fn inverted_residual(
     window: Window,
 ) -> Block {
     let inputs = b.channels(x);
-    let expanded = (expansion > 1)
-        .then(|| conv_norm_relu6(b, x, &format!("{name}.0"), inputs * expansion, Window::same(1, 1)));
+    let expanded =
+        (expansion > 1).then(|| conv_norm_relu6(b, x, &format!("{name}.0"), inputs * expansion, Window::same(1, 1)));
     let (mut y, part) = (expanded.unwrap_or(x), usize::from(expansion > 1));
     y = b.depthwise_conv(y, &format!("{name}.{part}.0"), window);
     y = b.norm(y, &format!("{name}.{part}.1"));

@@ -45,6 +45,11 @@ impl Refiner {
         Ok(Self::new(self.network.share()?, self.config.clone()))
     }
 
+    /// Half the widths of the intervals that hold 50 and 90% of the truths, error bars.
+    pub fn interval_sigmas(&self) -> [f64; 2] {
+        self.config.fusion.depths.interval_sigmas
+    }
+
     /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score` then, highest first, each
     /// object once, of one of `classes`.
     ///

@@ -110,7 +110,8 @@ fn reverse_classes(tensors: &mut BTreeMap<String, WeightTensor>) -> Result<(), C
 /// Farsight's name of a tensor of the backbone that TensorFlow's object detection calls `name`, the layer behind it
 /// included.
 pub(crate) fn mobilenet_v2_from_tensorflow(name: &str) -> Option<String> {
-    mobilenet_v2::name_from_tensorflow(name).map(|name| format!("{}{name}", farsight_graph::layers::mobilenet_v2::PREFIX))
+    mobilenet_v2::name_from_tensorflow(name)
+        .map(|name| format!("{}{name}", farsight_graph::layers::mobilenet_v2::PREFIX))
 }
 
 /// `tensors` of layers whose norms were folded, with norms that add what is left of them, and the scale of the image.

@@ -54,12 +54,7 @@ pub fn decoded(level: usize, cell: [usize; 2], shape: [f64; 2], encoded: [f64; 4
     let center = [x + encoded[1] / CENTER_SCALE * anchor_width, y + encoded[0] / CENTER_SCALE * anchor_height];
     let [height, width] = [(encoded[2], anchor_height), (encoded[3], anchor_width)]
         .map(|(encoded, anchor)| (encoded / SIZE_SCALE).exp() * anchor);
-    Box2d::new(
-        center[0] - width / 2.0,
-        center[1] - height / 2.0,
-        center[0] + width / 2.0,
-        center[1] + height / 2.0,
-    )
+    Box2d::new(center[0] - width / 2.0, center[1] - height / 2.0, center[0] + width / 2.0, center[1] + height / 2.0)
 }
 
 #[cfg(test)]

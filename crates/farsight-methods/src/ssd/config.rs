@@ -34,6 +34,10 @@ pub struct SsdView {
 pub struct SsdConfig {
     /// How the image is shown.
     pub views: Vec<SsdView>,
+    /// How far off a distance by similar triangles is, as a share of it: the spread of heights in a class, and of boxes.
+    pub relative_error: f64,
+    /// Fields of view, degrees across, for which what follows this network was made; others are told.
+    pub hfov_range_deg: [f64; 2],
     /// Of boxes of a class that overlap by more than this the best stays.
     pub max_overlap: f64,
     /// The classes, with the sizes that distances are guessed by: a car, a cyclist and a pedestrian.
@@ -44,13 +48,22 @@ impl Default for SsdConfig {
     fn default() -> Self {
         Self {
             views: vec![
-                SsdView { focal_px: 577.0, rows: None },
-                SsdView { focal_px: 1100.0, rows: Some([0.12, 0.2]) },
+                SsdView { focal_px: 400.0, rows: None },
+                SsdView { focal_px: 1100.0, rows: Some([0.12, 0.17]) },
             ],
+            relative_error: 0.2,
+            hfov_range_deg: [25.0, 125.0],
             max_overlap: 0.45,
-            classes: ClassReference::smoke(),
+            classes: classes(),
         }
     }
+}
+
+/// SMOKE's classes, and vans and trucks, which the network calls cars and a refiner tells apart; means of KITTI's labels.
+fn classes() -> Vec<ClassReference> {
+    let reference = |class, dimensions_lhw| ClassReference { class, dimensions_lhw, heatmap_factor: 1.0, score: None };
+    let more = [reference(ObjectClass::Van, [5.08, 2.21, 1.90]), reference(ObjectClass::Truck, [10.11, 3.25, 2.59])];
+    ClassReference::smoke().into_iter().chain(more).collect()
 }
 
 impl SsdConfig {
@@ -86,6 +99,13 @@ impl NetworkConfig for SsdConfig {
             {
                 return Some(format!("model.views has rows [{above}, {below}]; expected tangents with a positive sum"));
             }
+        }
+        if !(self.relative_error > 0.0 && self.relative_error.is_finite()) {
+            return Some(format!("model.relative_error is {}; expected a positive share", self.relative_error));
+        }
+        let [low, high] = self.hfov_range_deg;
+        if !(low > 0.0 && low <= high && high < 180.0) {
+            return Some(format!("model.hfov_range_deg is {low} to {high}; expected 0 < least <= most < 180"));
         }
         if !(self.max_overlap > 0.0 && self.max_overlap <= 1.0) {
             return Some(format!("model.max_overlap is {}; expected above 0 and at most 1", self.max_overlap));

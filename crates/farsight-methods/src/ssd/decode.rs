@@ -39,7 +39,8 @@ impl Boxes {
         let area = rows * columns;
         let Some(back) = window.affine.inverse() else { return };
         for (anchor, shape) in shapes(level).into_iter().enumerate() {
-            let plane = |map: &TensorView<'_>, channel: usize, cell: usize| f64::from(map.values[channel * area + cell]);
+            let plane =
+                |map: &TensorView<'_>, channel: usize, cell: usize| f64::from(map.values[channel * area + cell]);
             for cell in 0..area {
                 let logit = |label: usize| plane(classes, anchor * LABELS.len() + label, cell);
                 let vehicle = VEHICLES.map(logit).into_iter().fold(f64::NEG_INFINITY, f64::max);
@@ -52,8 +53,7 @@ impl Boxes {
                 let Some(seen) = seen(&decoded(level, place, shape, encoded), &back, window, image_size) else {
                     continue;
                 };
-                for (list, score) in
-                    [&mut self.vehicles, &mut self.people, &mut self.bicycles].into_iter().zip(scores)
+                for (list, score) in [&mut self.vehicles, &mut self.people, &mut self.bicycles].into_iter().zip(scores)
                 {
                     if score > min_score {
                         list.push((seen, score));
@@ -120,13 +120,7 @@ fn union(a: &Box2d, b: &Box2d) -> Box2d {
 }
 
 /// What has the usual size of its class and fills the box in height, seen from behind.
-fn detection(
-    config: &SsdConfig,
-    class: ObjectClass,
-    box2d: Box2d,
-    score: f64,
-    camera: &Camera,
-) -> Option<Detection> {
+fn detection(config: &SsdConfig, class: ObjectClass, box2d: Box2d, score: f64, camera: &Camera) -> Option<Detection> {
     let [length, height, width] = config.reference(&class)?.dimensions_lhw;
     let depth_m = camera.focal_y() * height / box2d.height();
     let center = [f64::midpoint(box2d.x1, box2d.x2), f64::midpoint(box2d.y1, box2d.y2)];
@@ -134,5 +128,5 @@ fn detection(
     let location = [x, y + height / 2.0, z];
     let box3d = Box3d { dimensions: Dimensions { height, width, length }, location, yaw: -std::f64::consts::FRAC_PI_2 };
     let is_there = location.iter().all(|number| number.is_finite()) && z > 0.0;
-    is_there.then_some(Detection { class, score, box2d, box3d, range_sigma_m: None })
+    is_there.then_some(Detection { class, score, box2d, box3d, range_sigma_m: Some(config.relative_error * z) })
 }

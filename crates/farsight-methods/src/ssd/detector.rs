@@ -1,7 +1,5 @@
 //! From an image and its camera to detections.
 
-use std::time::Duration;
-
 use farsight_core::detection::DecodeOptions;
 use farsight_core::{Camera, ClassReference, Detection};
 use farsight_data::network_input_into;
@@ -20,6 +18,9 @@ use super::views::{Window, window};
 use crate::batch::output;
 use crate::detector::{DetectError, Detector, UnfamiliarCamera};
 use crate::input_spec::InputSpec;
+
+/// With a lower score nearly everything is nothing, whatever is asked for.
+const LEAST_SCORE: f64 = 0.1;
 
 /// An SSD, ready to look at images.
 pub struct SsdDetector {
@@ -87,7 +88,7 @@ impl Detector for SsdDetector {
     }
 
     fn has_error_bars(&self) -> bool {
-        false
+        true
     }
 
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
@@ -97,7 +98,12 @@ impl Detector for SsdDetector {
 
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
         let rules = SsdConfig::input_rules([STRIDES[LEVELS - 1]; 2]);
-        InputSpec { rules, camera_3x3: false, focal_range_px: None }.unfamiliar(image_size, camera)
+        let absurd = InputSpec { rules, camera_3x3: false, focal_range_px: None }.unfamiliar(image_size, camera);
+        absurd.or_else(|| {
+            let hfov_deg = 2.0 * (image_size[0] as f64 / 2.0 / camera.focal_x()).atan().to_degrees();
+            let range_deg @ [low, high] = self.config.hfov_range_deg;
+            (hfov_deg < low || hfov_deg > high).then_some(UnfamiliarCamera::Wide { hfov_deg, range_deg })
+        })
     }
 
     fn detect_batch(
@@ -105,7 +111,7 @@ impl Detector for SsdDetector {
         images: &[(&RgbImage, &Camera)],
         options: &DecodeOptions,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let min_score = options.min_score(&self.config.classes);
+        let min_score = options.min_score(&self.config.classes).max(LEAST_SCORE);
         let mut answers = Vec::with_capacity(images.len());
         let mut times = StageTimes::default();
         for (image, camera) in images {
@@ -116,11 +122,7 @@ impl Detector for SsdDetector {
             let mut boxes = Boxes::default();
             for view in self.config.views.clone() {
                 if let Some(window) = window(&view, size(image), camera) {
-                    let seen = self.look(image, &window, min_score, &mut boxes)?;
-                    let add = |sum: &mut Duration, one: Duration| *sum += one;
-                    add(&mut times.warp, seen.warp);
-                    add(&mut times.network, seen.network);
-                    add(&mut times.decode, seen.decode);
+                    times = times.plus(&self.look(image, &window, min_score, &mut boxes)?);
                 }
             }
             let (found, decode) = timed(|| boxes.detections(&self.config, camera, options.max_detections));

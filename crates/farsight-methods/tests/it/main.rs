@@ -23,5 +23,6 @@ mod quantized;
 mod refiner;
 mod refiner_network;
 mod smoke_laws;
+mod ssd;
 mod support;
 mod switches;

@@ -37,7 +37,13 @@ fn a_config_of_no_network_is_told() {
 fn a_file_gives_back_what_was_written_and_is_no_refiner() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("plates.safetensors");
-    let depths = DepthFusion { depth_factor: 1.01, error_factor: 1.2, correlation: 0.1, joint_error_factor: 0.9 };
+    let depths = DepthFusion {
+        depth_factor: 1.01,
+        error_factor: 1.2,
+        correlation: 0.1,
+        joint_error_factor: 0.9,
+        interval_sigmas: [0.6, 1.8],
+    };
     let config = PlateReaderConfig { side: 16, channels: [8; 3], hidden: 16, depths };
     let written = PlateReaderModel::new(config.clone(), initial_weights(&config.graph(), 1)).unwrap();
     written.write(&path).unwrap();

@@ -62,7 +62,13 @@ fn a_config_of_no_network_is_told() {
 fn a_file_gives_back_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("refiner.safetensors");
-    let depths = DepthFusion { depth_factor: 1.01, error_factor: 1.2, correlation: 0.4, joint_error_factor: 0.9 };
+    let depths = DepthFusion {
+        depth_factor: 1.01,
+        error_factor: 1.2,
+        correlation: 0.4,
+        joint_error_factor: 0.9,
+        interval_sigmas: [0.6, 1.8],
+    };
     let fusion = StageFusion { depths, scores: scores() };
     let written = model(RefinerConfig { fusion, ..small() });
     written.write_half(&path).unwrap();

@@ -55,6 +55,9 @@ pub(crate) struct ExportArgs {
     /// be probabilities (of a hundred detections with a score of 0.7 seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
+    /// With --fit-on of a refiner or a plate reader: the detector that it is to follow, "shipped", "shipped-world" or a file
+    #[arg(long, value_name = "FILE", default_value = "shipped", requires = "fit_on")]
+    detector: PathBuf,
     /// What the model was trained on, for the file's metadata
     #[arg(long, value_name = "TEXT")]
     training_data: Option<String>,

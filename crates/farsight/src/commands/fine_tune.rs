@@ -22,7 +22,7 @@ pub(crate) struct FineTuneArgs {
     /// Labelled images to fit scores and error bars on, not those of --data [default: every fifth frame, which is not learnt from]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// The detector to go on from: a file of `farsight train`, or "shipped"
+    /// The detector to go on from: a SMOKE of `farsight train`, or "shipped"
     #[arg(long, value_name = "FILE", default_value = SHIPPED)]
     model: PathBuf,
     /// Passes over the frames

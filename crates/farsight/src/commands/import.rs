@@ -64,7 +64,8 @@ pub(crate) fn run(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
 /// Imports a whole SSD.
 fn ssd(args: &ImportArgs, printer: &mut Printer) -> Result<Outcome> {
     let model = farsight_methods::ssd::import::import(&args.checkpoint)?;
-    model.write(&args.out)?;
+    // The file's own numbers are of half precision.
+    model.write_half(&args.out)?;
     if let Some(attribution) = model.weights.metadata.get(ATTRIBUTION_KEY) {
         printer.line(attribution);
     }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
+use farsight::shipped::Family;
 use farsight::{model_file, shipped};
 use farsight_core::DepthFusion;
 use farsight_core::DepthReference;
@@ -21,6 +22,8 @@ use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::smoke::config::SmokeConfig;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeModel};
+use farsight_methods::ssd::config::SsdView;
+use farsight_methods::ssd::{SsdConfig, SsdModel};
 use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
@@ -32,13 +35,16 @@ use crate::{outputs, untrained};
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped", "shipped-refiner" or "shipped-plates" for those that come with the program, or the config of a training (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped", "shipped-world", "shipped-refiner" or "shipped-plates" for those that come with the program, or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
     /// Draw the network: its stages as boxes with parameters and multiply-accumulates
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
+
+/// The size for which an SSD's multiply-accumulates are counted, pixels: that of its training, in whole cells.
+const SSD_INPUT: [usize; 2] = [320, 320];
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
@@ -98,10 +104,13 @@ fn read(path: &Path) -> Result<Described> {
         });
     }
     if model_file::is_shipped_word(path) {
-        return Ok(detector(&shipped::model()?));
+        return Ok(detector(&shipped::smoke()?));
+    }
+    if path == Path::new(model_file::SHIPPED_WORLD) {
+        return Ok(ssd_model(&shipped::world()?));
     }
     if path == Path::new(model_file::SHIPPED_REFINER) {
-        let RefinerModel { config, weights, .. } = shipped::refiner()?;
+        let RefinerModel { config, weights, .. } = shipped::refiner(Family::Smoke)?;
         return Ok(refiner(&config, weights.metadata.get(key::TRAINING)));
     }
     if path == Path::new(model_file::SHIPPED_PLATES) {
@@ -122,11 +131,15 @@ fn read(path: &Path) -> Result<Described> {
             let CenterNet3dModel { config, weights, .. } = CenterNet3dModel::read(path)?;
             return Ok(centernet3d(&config, weights.metadata.get(key::TRAINING)));
         }
+        if SsdModel::is_one(path) {
+            return Ok(ssd_model(&SsdModel::read(path)?));
+        }
         return Ok(detector(&SmokeModel::read(path)?));
     }
     let onnx = OnnxModel::read(path)?;
     match onnx.facts().get(key::METHOD) {
         Some(CenterNet3dConfig::METHOD) => return Ok(centernet3d(&config_of(&onnx, path)?, None)),
+        Some(SsdConfig::METHOD) => return Ok(ssd(&config_of(&onnx, path)?, told(onnx.facts()))),
         Some(RefinerConfig::METHOD) => return Ok(refiner(&config_of(&onnx, path)?, None)),
         Some(PlateReaderConfig::METHOD) => return Ok(plates(&config_of(&onnx, path)?, None)),
         _ => (),
@@ -159,6 +172,25 @@ fn centernet3d(config: &CenterNet3dConfig, training: Option<&String>) -> Describ
     ];
     facts.extend(training.map(|training| ("training", training.clone())));
     Described { input: config.input, graph: config.graph(), facts }
+}
+
+fn ssd_model(model: &SsdModel) -> Described {
+    ssd(&model.config, told(&Facts::new(model, Target::default())))
+}
+
+fn ssd(config: &SsdConfig, told: Vec<(&'static str, String)>) -> Described {
+    let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
+    let views = config.views.iter().map(|SsdView { focal_px, rows }| match rows {
+        Some([above, below]) => format!("{focal_px} px, rows from {above} above to {below} below the axis"),
+        None => format!("{focal_px} px"),
+    });
+    let mut facts = vec![
+        ("boxes", "in the image (SSD); distances by similar triangles".to_owned()),
+        ("classes", classes.join(", ")),
+        ("views, by focal length", views.collect::<Vec<_>>().join("; ")),
+    ];
+    facts.extend(told);
+    Described { input: SSD_INPUT, graph: config.graph(), facts }
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {

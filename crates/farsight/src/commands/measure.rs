@@ -21,7 +21,7 @@ use crate::outputs;
 use crate::pipeline_args::{self, EngineArgs, PipelineArgs};
 use crate::printer::{Printer, counted};
 use sets::{MeasuredSet, Sets, Stages};
-use summary::{class_figures, with_baseline};
+use summary::{class_figures, with_baseline, without_distances};
 
 /// Arguments of `farsight measure`.
 #[derive(Debug, Args)]
@@ -131,6 +131,9 @@ fn measured(
         && let Some(figures) = classes.remove("car")
     {
         classes = BTreeMap::from([("vehicle".to_owned(), figures)]);
+    }
+    if set.boxes_only {
+        classes.values_mut().for_each(without_distances);
     }
     let source = Source {
         command: set.eval_command(beside, args.model.as_deref()),

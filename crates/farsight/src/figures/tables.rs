@@ -10,8 +10,15 @@ use super::{AveragePrecision, ClassFigures, Errors, Figures, Operating, SetFigur
 
 /// The columns of the table `found`.
 const FOUND_HEADING: [&str; 9] = [
-    "data", "found", "false alarms an image, at score", "MAE", "mean error", "relative error", "mean relative error",
-    "within the error bar", "nearest missed at 0.5",
+    "data",
+    "found",
+    "false alarms an image, at score",
+    "MAE",
+    "mean error",
+    "relative error",
+    "mean relative error",
+    "within the error bar",
+    "nearest missed at 0.5",
 ];
 
 /// What may stand in the mark of a table.
@@ -37,7 +44,9 @@ pub(super) fn rows(figures: &Figures, mut options: BTreeMap<&str, &str>) -> Resu
         "baselines" => baselines(&options),
         "sources" => Ok(sources(&options)),
         other => {
-            bail!("no table \"{other}\"; expected summary, operating, found, distance, error-bars, ap, baselines or sources")
+            bail!(
+                "no table \"{other}\"; expected summary, operating, found, distance, error-bars, ap, baselines or sources"
+            )
         }
     }
 }
@@ -134,7 +143,9 @@ fn found_at(options: &Options) -> Vec<String> {
             fine_percent(relative),
             signed_relative.map_or_else(dash, |share| format!("{:+.1}%", 100.0 * share)),
             figures.error_bars.map_or_else(dash, |bars| percent(bars.within_1_sigma)),
-            usual.map_or_else(dash, |point| format!("{} of {}", point.nearest_missed, point.frames_with_objects)),
+            usual
+                .filter(|point| point.frames_with_objects > 0)
+                .map_or_else(dash, |point| format!("{} of {}", point.nearest_missed, point.frames_with_objects)),
         ]
     });
     table(&FOUND_HEADING, &rows.collect::<Vec<_>>())

@@ -166,7 +166,7 @@ fn judged_in_frame(
 
 /// What a detector finds in one image, with nothing to follow.
 pub(super) fn detected(
-    detector: &mut SmokeDetector,
+    detector: &mut dyn Detector,
     options: &DecodeOptions,
     image: &RgbImage,
     camera: &Camera,

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use farsight::object::detections;
 use farsight::second_stage::plate_reader;
-use farsight::{EngineOptions, Pipeline, Road, StageSource};
+use farsight::{EngineOptions, ModelSource, Pipeline, Road, StageSource};
 use farsight_core::MeasuredDepth;
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::score::LEAST_PEAK;
@@ -26,7 +26,7 @@ pub(super) fn run(
     data: &Path,
     printer: &mut Printer,
 ) -> Result<Outcome> {
-    let pairs = depth_pairs(&model, data)?;
+    let pairs = depth_pairs(&model, &args.detector, data)?;
     model.config.depths = fitted_depths(&pairs, "plate reader", printer).with_context(|| data.display().to_string())?;
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
@@ -34,10 +34,11 @@ pub(super) fn run(
 }
 
 /// What is known and what is read of the Moderate vehicles that the shipped model finds in all frames of `data`.
-fn depth_pairs(model: &PlateReaderModel, data: &Path) -> Result<Vec<DepthPair>> {
+fn depth_pairs(model: &PlateReaderModel, detector: &Path, data: &Path) -> Result<Vec<DepthPair>> {
     let dataset = open_labelled(data, None)?;
     // What is known before a plate is read; every detection counts, two in one place, too.
-    let builder = Pipeline::builder().plates(StageSource::Off).road(Road::Ignored);
+    let builder =
+        Pipeline::builder().model(ModelSource::from_word(detector)).plates(StageSource::Off).road(Road::Ignored);
     let pipeline = builder.min_score(LEAST_PEAK).max_overlap(1.0).open()?;
     let mut reader = plate_reader(model, &EngineOptions::default())?;
     let bar = progress_bar(dataset.len());

@@ -1,11 +1,11 @@
-//! `farsight export` of a refiner: how it and the detector of the shipped model go together, fitted on labelled frames.
+//! `farsight export` of a refiner: how it and the shipped detector go together, fitted on labelled frames.
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
-use farsight::detector::smoke_detector;
+use anyhow::{Context, Result, bail};
+use farsight::detector::open_detector;
 use farsight::second_stage::refiner;
-use farsight::{EngineKind, EngineOptions, shipped};
+use farsight::{EngineOptions, ModelSource};
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
@@ -17,7 +17,6 @@ use farsight_methods::Detector;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::refiner::geometry::{FusedScoreExample, FusedScores, Refinement, StageFusion};
-use farsight_methods::smoke::{DetectorFile, SmokeDetector};
 
 use super::fit::{detected, fitted_depths, is_plain, told};
 use super::{ExportArgs, Outcome};
@@ -25,7 +24,7 @@ use crate::printer::{Printer, progress_bar};
 
 /// Fits the refiner to `data` and writes it.
 pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
-    let (seen, classes) = two_stage_frames(&model, data)?;
+    let (seen, classes) = two_stage_frames(&model, &args.detector, data)?;
     let pairs: Vec<DepthPair> = seen.iter().flat_map(TwoStageFrame::depth_pairs).collect();
     let depths = fitted_depths(&pairs, "refiner", printer).with_context(|| data.display().to_string())?;
     model.config.fusion = StageFusion { depths, ..StageFusion::default() };
@@ -95,24 +94,22 @@ impl TwoStageFrame {
     }
 }
 
-/// All frames of `data` as the shipped model and the refiner see them, and the shipped model's classes.
-fn two_stage_frames(model: &RefinerModel, data: &Path) -> Result<(Vec<TwoStageFrame>, Vec<ObjectClass>)> {
+/// All frames of `data` as the detector and the refiner see them, and the detector's classes.
+fn two_stage_frames(
+    model: &RefinerModel,
+    detector: &Path,
+    data: &Path,
+) -> Result<(Vec<TwoStageFrame>, Vec<ObjectClass>)> {
     let dataset = open_labelled(data, None)?;
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let engine = EngineOptions::default();
-    let source = Path::new(shipped::NAME);
-    let file = DetectorFile::from_model(&shipped::model()?, EngineKind::default().target(), source)?;
-    let mut detector = smoke_detector(&engine, file, source)?;
-    ensure!(
-        detector.has_error_bars(),
-        "the detector has no error bars; expected a model after `farsight export --fit-on`"
-    );
+    let mut detector = open_detector(&ModelSource::from_word(detector), &engine)?;
     let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
     let mut refiner = refiner(model, &engine)?;
     let bar = progress_bar(dataset.len());
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
-        seen.push(two_stage_frame(&mut detector, &options, &mut refiner, &*dataset, index)?);
+        seen.push(two_stage_frame(&mut *detector, &options, &mut refiner, &*dataset, index)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -120,7 +117,7 @@ fn two_stage_frames(model: &RefinerModel, data: &Path) -> Result<(Vec<TwoStageFr
 }
 
 fn two_stage_frame(
-    detector: &mut SmokeDetector,
+    detector: &mut dyn Detector,
     options: &DecodeOptions,
     refiner: &mut Refiner,
     dataset: &dyn Dataset,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use farsight::model_file::{SHIPPED_PLATES, SHIPPED_REFINER};
-use farsight::shipped;
+use farsight::shipped::{self, Family};
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
 use farsight_methods::plate_reader::{self, PlateReaderConfig, PlateReaderModel};
@@ -26,7 +26,7 @@ impl SecondStageModel {
     /// The model at `path`, or the shipped one by its word; none of anything else.
     pub(super) fn read(path: &Path) -> Result<Option<Self>> {
         Ok(if path == Path::new(SHIPPED_REFINER) {
-            Some(Self::Refiner(shipped::refiner()?))
+            Some(Self::Refiner(shipped::refiner(Family::Smoke)?))
         } else if path == Path::new(SHIPPED_PLATES) {
             Some(Self::PlateReader(shipped::plates()?))
         } else if RefinerModel::is_one(path) {

@@ -3,15 +3,24 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use farsight_methods::detectors::{NetworkForm, from_model_file};
+use farsight::model_file::SHIPPED_WORLD;
+use farsight::shipped;
+use farsight_methods::detectors::{NetworkForm, from_model, from_model_file};
 use farsight_onnx::{OnnxModel, Target, is_safetensors};
+use farsight_runtime::probe;
 
-use super::{ExportArgs, answer, image_probe, keep, reference_engine};
+use super::{ExportArgs, answer, keep, reference_engine};
 use crate::commands::Outcome;
 use crate::printer::Printer;
 
+/// Large enough for the last map of an SSD.
+const PROBE_SIZE: [usize; 2] = [320, 320];
+
 /// The network of the model at `path`, if it is of such a method.
 pub(super) fn read(path: &Path, target: Target) -> Result<Option<OnnxModel>> {
+    if path == Path::new(SHIPPED_WORLD) {
+        return Ok(Some(from_model(&shipped::world()?, NetworkForm::Deployable, target, path)?.onnx));
+    }
     if !is_safetensors(path).unwrap_or(false) {
         return Ok(None);
     }
@@ -27,9 +36,14 @@ pub(super) fn run(args: &ExportArgs, file: &OnnxModel, printer: &mut Printer) ->
         "{path}: not a SMOKE; expected --out and --target alone beside it"
     );
     let engine = reference_engine(file);
-    let whole = from_model_file(&args.model, NetworkForm::AsTrained, engine.target())?;
-    let whole = whole.with_context(|| format!("{path}: changed while it was read"))?.onnx;
-    let input = image_probe();
+    let form = NetworkForm::AsTrained;
+    let whole = if args.model == Path::new(SHIPPED_WORLD) {
+        from_model(&shipped::world()?, form, engine.target(), &args.model)?.onnx
+    } else {
+        let whole = from_model_file(&args.model, form, engine.target())?;
+        whole.with_context(|| format!("{path}: changed while it was read"))?.onnx
+    };
+    let input = probe::tensor(3, PROBE_SIZE);
     let (expected, reference) = answer(engine, whole, &args.model, &input)?;
     keep(file, &input, &expected, &reference, args, printer)
 }

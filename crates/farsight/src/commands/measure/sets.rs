@@ -30,6 +30,9 @@ pub(super) struct MeasuredSet {
     /// Whether cars, vans, trucks and trams are one class; figures are then of vehicles.
     #[serde(default)]
     pub(super) vehicles: bool,
+    /// Whether its labels have boxes in the image alone; there are no figures of distances then.
+    #[serde(default)]
+    pub(super) boxes_only: bool,
     /// Options of `farsight eval` about the stages after the detector.
     #[serde(default)]
     options: Vec<String>,

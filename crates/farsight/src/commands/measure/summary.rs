@@ -48,6 +48,19 @@ pub(super) fn with_baseline(classes: &mut BTreeMap<String, ClassFigures>, name: 
     }
 }
 
+/// Takes away what labels without distances cannot tell.
+pub(super) fn without_distances(figures: &mut ClassFigures) {
+    let Errors { objects, found, .. } = figures.all_scores;
+    figures.all_scores = Errors { objects, found, mae_m: None, bias_m: None, relative: None, signed_relative: None };
+    figures.error_bars = None;
+    figures.by_distance.clear();
+    figures.baselines.clear();
+    for point in &mut figures.operating {
+        (point.mae_m, point.relative_median) = (None, None);
+        (point.frames_with_objects, point.nearest_missed) = (0, 0);
+    }
+}
+
 fn errors(slice: &SliceErrors) -> Errors {
     let value = |metric| slice.metrics.get(metric).map(rounded);
     Errors {
