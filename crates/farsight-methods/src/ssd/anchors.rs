@@ -71,7 +71,7 @@ mod tests {
     #[test]
     fn zeros_stand_for_the_anchor_itself() {
         let found = decoded(0, [2, 3], [60.0, 120.0], [0.0; 4]);
-        assert_eq!([found.x1, found.y1, found.x2, found.y2], [40.0 - 60.0, 56.0 - 30.0, 40.0 + 60.0, 56.0 + 30.0]);
+        assert_eq!(found, Box2d::new(40.0 - 60.0, 56.0 - 30.0, 40.0 + 60.0, 56.0 + 30.0));
         // Ten for the centre is a whole anchor.
         let moved = decoded(0, [2, 3], [60.0, 120.0], [10.0, -10.0, 5.0 * 2.0_f64.ln(), 0.0]);
         assert!((moved.height() - 120.0).abs() < 1e-9 && (moved.width() - 120.0).abs() < 1e-9);

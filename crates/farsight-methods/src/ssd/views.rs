@@ -59,7 +59,7 @@ mod tests {
         let found = window(&view, [1920, 1080], &camera).unwrap();
         assert!((found.scale - 0.5).abs() < 1e-12);
         assert_eq!(found.size, [960, 384]);
-        assert_eq!(found.rows.map(f64::round), [300.0, 1020.0]);
+        assert!((found.rows[0] - 300.0).abs() < 1.0 && (found.rows[1] - 1020.0).abs() < 1.0, "{found:?}");
         // The edges of the part that is shown are those of the input.
         let [x, y] = found.affine.apply([-0.5, found.rows[0] - 0.5]);
         assert!((x + 0.5).abs() < 1e-9 && (y + 0.5).abs() < 1e-9);

@@ -37,6 +37,7 @@ const MOST_RESAMPLES: usize = 100_000;
 #[command(
     after_help = "Memory: about 6 kB a frame is kept. Rules, protocol and how to read the report: docs/evaluation.md"
 )]
+#[allow(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 pub(crate) struct EvalArgs {
     /// Folder of label files (KITTI's `training/label_2`)
     #[arg(long, value_name = "DIR", required_unless_present = "data", conflicts_with = "data")]
