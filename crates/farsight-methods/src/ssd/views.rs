@@ -38,7 +38,9 @@ pub fn window(view: &SsdView, image_size: [usize; 2], camera: &Camera) -> Option
     if !(shown >= 1.0 && width >= 1.0) {
         return None;
     }
-    let largest = (MOST_PIXELS / (width * shown)).sqrt();
+    // A side of the least size may stand for less of the image.
+    let longest = MOST_PIXELS / LEAST_SIDE as f64 / width.max(shown);
+    let largest = (MOST_PIXELS / (width * shown)).sqrt().min(longest);
     let scale = (view.focal_px / focal_px).min(MOST_ENLARGED).min(largest);
     let side = |pixels: f64| ((pixels * scale / SIZE_STEP as f64).ceil() as usize * SIZE_STEP).max(LEAST_SIDE);
     let size = [side(width), side(shown)];
