@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use farsight::detector::open_detector;
 use farsight::second_stage::refiner;
 use farsight::{EngineOptions, ModelSource};
@@ -104,6 +104,10 @@ fn two_stage_frames(
     let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
     let engine = EngineOptions::default();
     let mut detector = open_detector(&ModelSource::from_word(detector), &engine)?;
+    ensure!(
+        detector.has_error_bars(),
+        "the detector has no error bars; expected a model after `farsight export --fit-on`"
+    );
     let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
     let mut refiner = refiner(model, &engine)?;
     let bar = progress_bar(dataset.len());
