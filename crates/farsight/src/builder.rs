@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use farsight_core::Region;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_methods::Detector;
@@ -24,14 +25,11 @@ pub const PLATE_READER: &str = "the plate reader";
 pub const ROAD: &str = "the road plane";
 
 /// Where the detector comes from.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum ModelSource {
-    /// The one that comes with the library.
-    #[default]
-    Shipped,
-    /// The SSD that comes with the library and has seen photographs.
-    ShippedWorld,
+    /// One that comes with the library.
+    Shipped(Family),
     /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
     File(PathBuf),
     /// A network in memory.
@@ -43,24 +41,24 @@ pub enum ModelSource {
     },
 }
 
+impl Default for ModelSource {
+    fn default() -> Self {
+        Self::Shipped(Family::default())
+    }
+}
+
 impl ModelSource {
-    /// A file, or the shipped model by its word ([`model_file::SHIPPED`]).
+    /// A file, or a shipped model by its word: its name, or [`model_file::SHIPPED`] for the one that is used unless
+    /// another is named.
     pub fn from_word(word: impl Into<PathBuf>) -> Self {
         let path = word.into();
-        if model_file::is_shipped_word(&path) {
-            Self::Shipped
-        } else if path == Path::new(model_file::SHIPPED_WORLD) {
-            Self::ShippedWorld
-        } else {
-            Self::File(path)
-        }
+        model_file::detector_of_word(&path).map_or(Self::File(path), Self::Shipped)
     }
 
     /// What errors and records call it.
     pub fn name(&self) -> &Path {
         match self {
-            Self::Shipped => Path::new(shipped::NAME),
-            Self::ShippedWorld => Path::new(shipped::WORLD_NAME),
+            Self::Shipped(family) => Path::new(family.name()),
             Self::File(path) => path,
             Self::Memory { name, .. } => name,
         }
@@ -89,7 +87,7 @@ impl StageSource {
         let path = word.into();
         if path == Path::new("none") {
             Self::Off
-        } else if model_file::is_shipped_word(&path) {
+        } else if path == Path::new(model_file::SHIPPED) {
             Self::Shipped
         } else {
             Self::File(path)
@@ -111,6 +109,7 @@ pub struct PipelineBuilder {
     refiner: StageSource,
     plates: StageSource,
     road: Option<Road>,
+    region: Region,
     decode: DecodeOptions,
     max_overlap: Option<f64>,
     range: RangeKind,
@@ -118,7 +117,7 @@ pub struct PipelineBuilder {
 }
 
 impl PipelineBuilder {
-    /// The detector; the shipped one by default.
+    /// The detector; farsight-w by default.
     #[must_use]
     pub fn model(self, model: ModelSource) -> Self {
         Self { model, ..self }
@@ -183,6 +182,13 @@ impl PipelineBuilder {
         Self { road: Some(road), ..self }
     }
 
+    /// The part of the world that the images are from, by the sizes of its vehicles; anywhere by default. For a refiner
+    /// that was fitted by regions.
+    #[must_use]
+    pub fn region(self, region: Region) -> Self {
+        Self { region, ..self }
+    }
+
     /// What has a lower score is not told; 0.25 by default, 0.5 for a model whose scores are probabilities.
     #[must_use]
     pub fn min_score(mut self, min_score: f64) -> Self {
@@ -228,8 +234,8 @@ impl PipelineBuilder {
     /// Reads the models and starts the engines.
     ///
     /// # Errors
-    /// When a file is no such model, an engine is not there or fails, or plates or road are asked for with a model
-    /// without error bars.
+    /// When a file is no such model, an engine is not there or fails, plates or road are asked for with a model without
+    /// error bars, or a region with a refiner that knows none.
     pub fn open(&self) -> Result<Pipeline, Error> {
         self.assembled(detector::open(&self.model, &self.engine, self.timing)?)
     }
@@ -270,11 +276,16 @@ impl PipelineBuilder {
         {
             return Err(Error::NoErrorBars { model: opened.name, stage });
         }
+        let scale = stages.refiner.as_ref().and_then(|refiner| refiner.scale(self.region));
+        if scale.is_none() && self.region != Region::World {
+            return Err(Error::NoRegions { model: opened.name, region: self.region });
+        }
         let usual_road = if is_shipped { Road::Below } else { Road::Ignored };
         let settings = Settings {
             decode: self.decode,
             max_overlap: self.max_overlap.unwrap_or(MAX_OVERLAP),
             road: self.road.unwrap_or(usual_road),
+            scale: scale.unwrap_or_default(),
             range: self.range,
         };
         let made_for_shipped = [
