@@ -78,6 +78,15 @@ fn one() -> f64 {
 }
 
 impl ClassReference {
+    /// What is wrong with the sizes and factors of these classes, if anything is.
+    pub fn problem_of_sizes(classes: &[Self]) -> Option<String> {
+        let is_usable = |number: &f64| *number > 0.0 && *number <= LARGEST_M;
+        let numbers = |known: &Self| [known.dimensions_lhw.as_slice(), &[known.heatmap_factor]].concat();
+        let bad = classes.iter().find(|known| !numbers(known).iter().all(is_usable))?;
+        let expected = format!("expected positive numbers, at most {LARGEST_M}");
+        Some(format!("has {} with a size or factor out of all proportion; {expected}", bad.class))
+    }
+
     /// What is wrong with the names of these classes, if anything is.
     pub fn problem_of_names(classes: &[Self]) -> Option<String> {
         for (place, Self { class, .. }) in classes.iter().enumerate() {

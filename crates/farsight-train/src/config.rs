@@ -253,7 +253,8 @@ pub enum RunConfigError {
 
 /// What stands in a TOML file.
 fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T, RunConfigError> {
-    let text = farsight_files::read_text(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
+    let text =
+        farsight_files::read_config(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
     toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })
 }
 

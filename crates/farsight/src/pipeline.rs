@@ -119,7 +119,7 @@ impl Pipeline {
         // After an error the networks are as good as before: what they keep from run to run is only memory.
         let answer = stages.detect_batch(images, &self.shared.settings);
         locked(&self.shared.idle).push(stages);
-        let (answers, times) = answer?;
+        let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
         answers.iter().flatten().try_for_each(|found| check_answer(found, &self.shared.info.name))?;
         let (range, sigmas) = (self.shared.settings.range, self.shared.interval_sigmas);
         let object = |one: Detection| DetectedObject::new(one, range, sigmas);

@@ -122,7 +122,8 @@ impl CenterNet3dConfig {
             wrong.then(|| format!("model.classes has {} with a score that no fit gives", class.class))
         };
         let names = ClassReference::problem_of_names(&self.classes).map(|problem| format!("model.classes {problem}"));
-        names.or_else(|| self.classes.iter().find_map(unusable))
+        let sizes = ClassReference::problem_of_sizes(&self.classes).map(|problem| format!("model.classes {problem}"));
+        names.or(sizes).or_else(|| self.classes.iter().find_map(unusable))
     }
 }
 

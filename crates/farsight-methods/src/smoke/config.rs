@@ -258,12 +258,10 @@ impl SmokeConfig {
         if let Some(problem) = ClassReference::problem_of_names(&self.classes) {
             return error(problem);
         }
+        if let Some(problem) = ClassReference::problem_of_sizes(&self.classes) {
+            return error(problem);
+        }
         for class in &self.classes {
-            let sizes = class.dimensions_lhw.iter().chain([&class.heatmap_factor]);
-            if sizes.into_iter().any(|v| !(*v > 0.0 && *v <= LARGEST_M)) {
-                let expected = format!("expected positive numbers, at most {LARGEST_M}");
-                return error(format!("has {} with a size or factor out of all proportion; {expected}", class.class));
-            }
             if class.score.is_some_and(|score| !score.is_usable()) {
                 let expected = "expected finite numbers and heights_px with 0 < smallest <= largest";
                 return error(format!("has {} with a score that no fit gives; {expected}", class.class));
