@@ -7,12 +7,9 @@ use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::references::{LARGEST_FOCAL_PX, LARGEST_M};
 use farsight_core::{Camera, ClassReference, DepthReference, RangeError};
-use farsight_graph::graph::Graph;
-use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
-use farsight_graph::model::NetworkConfig;
+use farsight_graph::layers::{Backbone, Msfe, NeckKind, NormKind, Stem};
 
 use super::codec::Codec;
-use super::network::{Backbone, LOGITS, REGRESSION, network};
 use super::targets::{HeatmapBox, TargetRules};
 use crate::input_spec::{InputSpec, SIZE_STEP};
 
@@ -149,27 +146,6 @@ pub struct ConfigError {
     pub field: &'static str,
     /// What was found and what was expected.
     pub problem: String,
-}
-
-impl NetworkConfig for SmokeConfig {
-    const METHOD: &'static str = "smoke";
-    const NAME: &'static str = "a SMOKE model";
-    const OUTPUTS: &'static [&'static str] = &[LOGITS, REGRESSION];
-    const LOCAL_HEAD: Option<&'static str> = Some(REGRESSION);
-
-    fn problem(&self) -> Option<String> {
-        self.validate().err().map(|error| error.to_string())
-    }
-
-    fn graph(&self) -> Graph {
-        network(self)
-    }
-
-    fn without_fit(mut self) -> Self {
-        self.depth.error = None;
-        self.classes.iter_mut().for_each(|class| class.score = None);
-        self
-    }
 }
 
 impl SmokeConfig {

@@ -8,7 +8,7 @@ use farsight_files::{read_text, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use super::Metric;
-use crate::figures::laid_out;
+use crate::layout::laid_out;
 
 /// All cells that are done, in the order of the plan, and what their comparison says so far.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

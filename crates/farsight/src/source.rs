@@ -1,0 +1,86 @@
+//! Where models come from.
+
+use std::path::{Path, PathBuf};
+
+use farsight_methods::smoke::DetectorFile;
+
+use crate::{model_file, shipped};
+
+/// Where the detector comes from.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub enum ModelSource {
+    /// The one that comes with the library.
+    #[default]
+    Shipped,
+    /// The SSD that comes with the library and has seen photographs.
+    ShippedWorld,
+    /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
+    File(PathBuf),
+    /// A network in memory.
+    Memory {
+        /// The network.
+        file: Box<DetectorFile>,
+        /// What errors call it.
+        name: PathBuf,
+    },
+}
+
+impl ModelSource {
+    /// A file, or the shipped model by its word ([`model_file::SHIPPED`]).
+    pub fn from_word(word: impl Into<PathBuf>) -> Self {
+        let path = word.into();
+        if model_file::is_shipped_word(&path) {
+            Self::Shipped
+        } else if path == Path::new(model_file::SHIPPED_WORLD) {
+            Self::ShippedWorld
+        } else {
+            Self::File(path)
+        }
+    }
+
+    /// What errors and records call it.
+    pub fn name(&self) -> &Path {
+        match self {
+            Self::Shipped => Path::new(shipped::NAME),
+            Self::ShippedWorld => Path::new(shipped::WORLD_NAME),
+            Self::File(path) => path,
+            Self::Memory { name, .. } => name,
+        }
+    }
+}
+
+/// Where a second stage comes from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StageSource {
+    /// The one that comes with the library, with what it was made for: the refiner with the shipped detector's weights,
+    /// the plate reader where the shipped refiner is used with them.
+    #[default]
+    Default,
+    /// None.
+    Off,
+    /// The one that comes with the library.
+    Shipped,
+    /// A file that `farsight train` wrote.
+    File(PathBuf),
+}
+
+impl StageSource {
+    /// A file, or the words `none` and `shipped`.
+    pub fn from_word(word: impl Into<PathBuf>) -> Self {
+        let path = word.into();
+        if path == Path::new("none") {
+            Self::Off
+        } else if model_file::is_shipped_word(&path) {
+            Self::Shipped
+        } else {
+            Self::File(path)
+        }
+    }
+
+    /// Whether there is to be one, whatever the detector is.
+    pub(crate) fn is_asked_for(&self) -> bool {
+        matches!(self, Self::Shipped | Self::File(_))
+    }
+}
