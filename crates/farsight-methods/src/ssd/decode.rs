@@ -58,7 +58,7 @@ impl Boxes {
                     continue;
                 }
                 let encoded: [f64; 4] = std::array::from_fn(|part| plane(boxes, 4 * anchor + part, cell));
-                if let Some(value) = encoded.into_iter().find(|value| !(value.abs() <= LARGEST_ENCODED)) {
+                if let Some(value) = encoded.into_iter().find(|value| value.is_nan() || value.abs() > LARGEST_ENCODED) {
                     let (model, output, limit) = (String::new(), BOXES[level], LARGEST_ENCODED);
                     return Err(DetectError::Value { model, output, value, limit });
                 }
