@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Detection;
 use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::LEAST_EXAMPLES;
 use crate::statistics::{quantile, sorted};
@@ -29,12 +28,6 @@ pub struct MeasuredDepth {
 }
 
 impl MeasuredDepth {
-    /// What a detection says of its depth, if it says how sure it is.
-    pub fn of(detection: &Detection) -> Option<Self> {
-        let depth_m = detection.box3d.depth_m();
-        Some(Self { depth_m, log_sigma: detection.range_sigma_m? / depth_m })
-    }
-
     /// How far this is from the truth, in its own standard deviations.
     fn off(&self, true_m: f64) -> f64 {
         (self.depth_m / true_m).ln() / self.log_sigma

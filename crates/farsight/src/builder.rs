@@ -6,14 +6,14 @@ use farsight_core::Region;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_methods::Detector;
-use farsight_methods::smoke::DetectorFile;
 
 use crate::detector::{self, OpenDetector, Timing};
 use crate::object::RangeKind;
 use crate::pipeline::{ModelInfo, Pipeline};
 use crate::shipped::Family;
+use crate::source::{ModelSource, StageSource};
 use crate::stages::{Settings, Stages};
-use crate::{EngineKind, EngineOptions, Error, Precision, model_file, second_stage, shipped};
+use crate::{EngineKind, EngineOptions, Error, Precision, second_stage, shipped};
 
 /// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
 pub const MAX_OVERLAP: f64 = 0.1;
@@ -23,82 +23,6 @@ pub const PLATE_READER: &str = "the plate reader";
 
 /// What errors call the road plane.
 pub const ROAD: &str = "the road plane";
-
-/// Where the detector comes from.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum ModelSource {
-    /// One that comes with the library.
-    Shipped(Family),
-    /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
-    File(PathBuf),
-    /// A network in memory.
-    Memory {
-        /// The network.
-        file: Box<DetectorFile>,
-        /// What errors call it.
-        name: PathBuf,
-    },
-}
-
-impl Default for ModelSource {
-    fn default() -> Self {
-        Self::Shipped(Family::default())
-    }
-}
-
-impl ModelSource {
-    /// A file, or a shipped model by its word: its name, or [`model_file::SHIPPED`] for the one that is used unless
-    /// another is named.
-    pub fn from_word(word: impl Into<PathBuf>) -> Self {
-        let path = word.into();
-        model_file::detector_of_word(&path).map_or(Self::File(path), Self::Shipped)
-    }
-
-    /// What errors and records call it.
-    pub fn name(&self) -> &Path {
-        match self {
-            Self::Shipped(family) => Path::new(family.name()),
-            Self::File(path) => path,
-            Self::Memory { name, .. } => name,
-        }
-    }
-}
-
-/// Where a second stage comes from.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum StageSource {
-    /// The one that comes with the library, with what it was made for: the refiner with the shipped detector's weights,
-    /// the plate reader where the shipped refiner is used with them.
-    #[default]
-    Default,
-    /// None.
-    Off,
-    /// The one that comes with the library.
-    Shipped,
-    /// A file that `farsight train` wrote.
-    File(PathBuf),
-}
-
-impl StageSource {
-    /// A file, or the words `none` and `shipped`.
-    pub fn from_word(word: impl Into<PathBuf>) -> Self {
-        let path = word.into();
-        if path == Path::new("none") {
-            Self::Off
-        } else if path == Path::new(model_file::SHIPPED) {
-            Self::Shipped
-        } else {
-            Self::File(path)
-        }
-    }
-
-    /// Whether there is to be one, whatever the detector is.
-    fn is_asked_for(&self) -> bool {
-        matches!(self, Self::Shipped | Self::File(_))
-    }
-}
 
 /// Chooses what a [`Pipeline`] is made of; what is not chosen is as `farsight range` has it.
 #[derive(Debug, Clone, Default)]
@@ -114,6 +38,30 @@ pub struct PipelineBuilder {
     max_overlap: Option<f64>,
     range: RangeKind,
     timing: Timing,
+}
+
+impl Pipeline {
+    /// The models that come with the library, on the engine that is always there.
+    ///
+    /// # Errors
+    /// When the engine fails, for want of memory for instance.
+    pub fn shipped() -> Result<Self, Error> {
+        Self::builder().open()
+    }
+
+    /// The detector at `path`, a file that `farsight train`, `farsight import` or `farsight export` wrote. With the
+    /// shipped weights it gets all that [`Pipeline::shipped`] has.
+    ///
+    /// # Errors
+    /// When the file is no detector, or the engine fails.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::builder().model(ModelSource::from_word(path.as_ref())).open()
+    }
+
+    /// Chooses model, engine and stages.
+    pub fn builder() -> PipelineBuilder {
+        PipelineBuilder::default()
+    }
 }
 
 impl PipelineBuilder {

@@ -8,8 +8,8 @@ use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetect
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
 
-use crate::builder::ModelSource;
 use crate::shipped::Family;
+use crate::source::ModelSource;
 use crate::{EngineKind, EngineOptions, Error, libtorch, model_file, shipped};
 
 /// How the network differs from the file when only the time matters.

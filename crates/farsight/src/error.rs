@@ -9,7 +9,7 @@ use farsight_onnx::OnnxError;
 use farsight_runtime::EngineError;
 use thiserror::Error;
 
-use crate::engine::EngineKind;
+use crate::engine_options::EngineKind;
 use crate::libraries::LibraryError;
 
 /// A pipeline that cannot be opened.

@@ -14,7 +14,7 @@ use clap::{Args, ValueEnum};
 use farsight::detector::reference_network;
 use farsight::model_file::read_own;
 use farsight::{EngineKind, EngineOptions, Library};
-use farsight_files::write_atomically;
+use farsight_files::{read_text, write_atomically};
 use farsight_graph::transform::Network;
 use farsight_methods::smoke::{DetectorFile, LOGITS, REGRESSION, SmokeModel};
 use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
@@ -234,9 +234,9 @@ fn told(args: &ExportArgs) -> Result<Vec<(&'static str, String)>> {
     let texts = [(key::TRAINING_DATA, &args.training_data), (key::TRAINING_DATA_LICENCE, &args.training_data_licence)];
     let mut told: Vec<_> = texts.into_iter().filter_map(|(key, text)| Some((key, text.clone()?))).collect();
     if let Some(path) = &args.evaluation {
-        let text = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         let figures: serde_json::Value =
-            serde_json::from_slice(&text).with_context(|| format!("{}: no JSON", path.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{}: no JSON", path.display()))?;
         told.push((key::EVALUATION, figures.to_string()));
     }
     Ok(told)

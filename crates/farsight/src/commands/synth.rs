@@ -194,7 +194,7 @@ fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
 }
 
 fn read_config(path: &Path) -> Result<SceneConfig> {
-    let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = farsight_files::read_config(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let config: SceneConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
     match config.problem() {
         Some(problem) => bail!("{}: {problem}", path.display()),
