@@ -167,6 +167,19 @@ pub struct Weights {
 }
 
 impl Weights {
+    /// The mean of these and other weights of the same network (a model soup): often better on other data than either
+    /// training that it was made of. None when the tensors differ in name or shape.
+    pub fn mean_with(&self, other: &Self) -> Option<Self> {
+        let is_same = self.tensors.len() == other.tensors.len();
+        let mean = |(name, tensor): (&String, &WeightTensor)| {
+            let twin = other.tensors.get(name).filter(|twin| twin.shape == tensor.shape)?;
+            let values = tensor.values.iter().zip(&twin.values).map(|(a, b)| f32::midpoint(*a, *b)).collect();
+            Some((name.clone(), WeightTensor { shape: tensor.shape.clone(), values }))
+        };
+        let tensors = self.tensors.iter().map(mean).collect::<Option<_>>().filter(|_| is_same)?;
+        Some(Self { tensors, metadata: self.metadata.clone() })
+    }
+
     /// Reads a safetensors file. Step counters of batch norm (`num_batches_tracked`) are dropped.
     ///
     /// # Errors

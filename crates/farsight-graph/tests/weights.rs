@@ -194,3 +194,20 @@ fn numbers_that_are_not_finite_are_told_by_tensor_and_place() {
         assert_eq!(told, expected);
     }
 }
+
+#[test]
+fn a_mean_is_that_of_every_number_and_of_one_network_only() {
+    let weights = |values: [f32; 2], name: &str| Weights {
+        tensors: BTreeMap::from([(name.to_owned(), WeightTensor { shape: vec![2], values: values.to_vec() })]),
+        metadata: BTreeMap::from([("of".to_owned(), name.to_owned())]),
+    };
+    let mean = weights([1.0, -3.0], "a").mean_with(&weights([2.0, 3.0], "a")).expect("one network");
+    assert_eq!(mean, weights([1.5, 0.0], "a"));
+    assert!(weights([1.0, 2.0], "a").mean_with(&weights([1.0, 2.0], "b")).is_none());
+    let mut more = weights([1.0, 2.0], "a");
+    more.tensors.insert("b".to_owned(), WeightTensor { shape: vec![1], values: vec![0.0] });
+    assert!(weights([1.0, 2.0], "a").mean_with(&more).is_none());
+    more.tensors.remove("b");
+    more.tensors.insert("a".to_owned(), WeightTensor { shape: vec![1, 2], values: vec![0.0; 2] });
+    assert!(weights([1.0, 2.0], "a").mean_with(&more).is_none());
+}

@@ -58,6 +58,9 @@ pub(crate) struct ExportArgs {
     /// With --fit-on of a refiner or a plate reader: the detector that it is to follow, "farsight-w", "farsight-s" or a file
     #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "fit_on")]
     detector: PathBuf,
+    /// With --fit-on of a refiner: another training of the same network, whose weights and this one's are averaged (a model soup)
+    #[arg(long, value_name = "FILE", requires = "fit_on")]
+    average_with: Option<PathBuf>,
     /// What the model was trained on, for the file's metadata
     #[arg(long, value_name = "TEXT")]
     training_data: Option<String>,
@@ -131,6 +134,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         return whole::run(args, &network, printer);
     }
     let mut model = read_own(&args.model)?;
+    ensure!(args.average_with.is_none(), "{}: a detector; --average-with is of refiners", args.model.display());
     if let Some(size) = args.input {
         resize_input(&mut model, size, args, printer)?;
     }

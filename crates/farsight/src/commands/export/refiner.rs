@@ -27,6 +27,11 @@ use crate::printer::{Printer, progress_bar};
 
 /// Fits the refiner to `data` and writes it.
 pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, data: &Path, printer: &mut Printer) -> Result<Outcome> {
+    if let Some(path) = &args.average_with {
+        let mean = model.weights.mean_with(&RefinerModel::read(path)?.weights);
+        let of_another = || format!("{}: the weights of another network than {}", path.display(), args.model.display());
+        model.weights = mean.with_context(of_another)?;
+    }
     let (seen, classes) = two_stage_frames(&model, &args.detector, data)?;
     let pairs: Vec<Vec<ClassifiedPair>> = seen.iter().map(TwoStageFrame::depth_pairs).collect();
     let flat: Vec<DepthPair> = pairs.iter().flatten().map(|classified| classified.pair).collect();
