@@ -2,7 +2,7 @@
 
 /// Options of a [`crate::Tracker`].
 ///
-/// The noise was set by the shipped models' errors in two real sequences (`docs/video.md`), wider than they were.
+/// The noise was set by hand from the errors of the shipped models in a real sequence, wider than they were.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackerOptions {
     /// From this score on a detection begins a track.
