@@ -55,6 +55,7 @@
 //! | [`explain`] | what became of each object and detection of one frame? |
 //! | [`frame`], [`class`], [`difficulty`] | what is evaluated, and the devkit's rules of what counts |
 //! | [`files`], [`findings`] | folders of label and result files, and what is odd about them |
+//! | [`tracking`] | how good are tracks: HOTA, CLEAR, identity metrics |
 //! | [`text`], `page` | the report for people: tables and notes, HTML and charts |
 
 pub mod ap;
@@ -75,6 +76,7 @@ pub mod paired;
 mod parts;
 pub mod ranging;
 pub mod text;
+pub mod tracking;
 
 pub use bootstrap::{Bootstrap, Interval};
 pub use class::EvaluatedClass;

@@ -15,7 +15,7 @@ use crate::wireframe::Wireframe;
 /// Height of the text on KITTI's images, pixels.
 const TEXT_PX: f64 = 16.0;
 
-/// The same where objects have names: there are two labels an object then.
+/// The same where objects have names or words: labels are more, or longer, then.
 const NAMED_TEXT_PX: f64 = 13.0;
 
 /// Width of the lines of a large box on KITTI's images, pixels.
@@ -29,14 +29,25 @@ const FULL_WIDTH_HEIGHT: f64 = 5.0;
 /// Near boxes are drawn over far ones, ground truth over both, labels over everything. Boxes that cross the camera's
 /// own plane are cut there.
 pub fn annotate(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
-    let annotated = annotated(image, scene, options, None, true);
+    let annotated = annotated(image, scene, options, &Tags::Classes, true);
     annotated.unwrap_or_else(|| image.clone())
+}
+
+/// What labels say.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Tags<'a> {
+    /// Class and distance of each detection.
+    Classes,
+    /// Name and distance of each detection and of each object of the ground truth.
+    Names(&'a Names<'a>),
+    /// These words of each detection.
+    Words(&'a [String]),
 }
 
 /// [`annotate`] with a name and a distance on every detection and every object of the ground truth, so that one can
 /// talk about them.
 pub fn annotate_named(image: &RgbImage, scene: &Scene, options: &DrawOptions, names: &Names) -> RgbImage {
-    let annotated = annotated(image, scene, options, Some(names), true);
+    let annotated = annotated(image, scene, options, &Tags::Names(names), true);
     annotated.unwrap_or_else(|| image.clone())
 }
 
@@ -45,14 +56,14 @@ pub(crate) fn annotated(
     image: &RgbImage,
     scene: &Scene,
     options: &DrawOptions,
-    names: Option<&Names>,
+    says: &Tags,
     with_legend: bool,
 ) -> Option<RgbImage> {
     let mut drawing = Drawing {
         canvas: Canvas::from_image(image)?,
         scene,
         options,
-        names,
+        says,
         scale: drawing_scale([image.width(), image.height()]),
     };
     for detection in far_to_near(scene.detections) {
@@ -79,7 +90,7 @@ struct Drawing<'a> {
     canvas: Canvas,
     scene: &'a Scene<'a>,
     options: &'a DrawOptions,
-    names: Option<&'a Names<'a>>,
+    says: &'a Tags<'a>,
     scale: f64,
 }
 
@@ -131,7 +142,7 @@ impl Drawing<'_> {
         let mut tags = self.tags();
         tags.sort_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
         let objects: Vec<Box2d> = tags.iter().map(|tag| tag.area).collect();
-        let text_px = self.scale * if self.names.is_some() { NAMED_TEXT_PX } else { TEXT_PX };
+        let text_px = self.scale * if matches!(self.says, Tags::Classes) { TEXT_PX } else { NAMED_TEXT_PX };
         let mut layout = LabelLayout::new(self.canvas.bounds(), &objects, 0.15 * text_px);
         let place = |tag: &Tag| layout.place(&tag.area, [text_width(&tag.text, text_px) + text_px, 1.3 * text_px]);
         let places: Vec<_> = tags.iter().map(place).collect();
@@ -150,13 +161,14 @@ impl Drawing<'_> {
         };
         let detections = self.scene.detections.iter().enumerate().filter_map(|(position, detection)| {
             let distance = self.options.distance_text(detection);
-            let text = match self.names.map(|names| names.detections.get(position)) {
-                None => format!("{} {distance}", detection.class),
-                Some(name) => format!("{} {distance}", name?),
+            let text = match self.says {
+                Tags::Classes => format!("{} {distance}", detection.class),
+                Tags::Names(names) => format!("{} {distance}", names.detections.get(position)?),
+                Tags::Words(words) => words.get(position)?.clone(),
             };
             tag(&detection.box3d, self.options.color(detection), text)
         });
-        let truth_names = self.names.map_or(&[][..], |names| names.truth);
+        let truth_names = if let Tags::Names(names) = self.says { names.truth } else { &[] };
         let truth = self.scene.truth.iter().zip(truth_names).filter(|(label, _)| label.class != ObjectClass::DontCare);
         let truth = truth.filter_map(|(label, name)| {
             let text = format!("{name} {:.1} m", self.options.distance_of(&label.box3d));

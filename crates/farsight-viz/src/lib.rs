@@ -24,4 +24,4 @@ pub use annotate::{annotate, annotate_named};
 pub use birds_eye::birds_eye;
 pub use options::{ColorBy, DrawOptions, Names, Scene};
 pub use palette::distance_text;
-pub use picture::{picture, picture_divisor};
+pub use picture::{picture, picture_divisor, picture_with_words};

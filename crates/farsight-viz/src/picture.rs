@@ -4,7 +4,7 @@ use farsight_core::Affine2;
 use image::imageops::{replace, thumbnail};
 use image::{Rgb, RgbImage};
 
-use crate::annotate::annotated;
+use crate::annotate::{Tags, annotated};
 use crate::birds_eye::panel;
 use crate::options::{DrawOptions, Scene};
 use crate::palette::SHADOW;
@@ -33,9 +33,18 @@ const SPARE_PX: u64 = 8_000_000;
 /// A large image is drawn smaller, by the whole number that [`picture_divisor`] tells, and so is a very long one. An image that cannot be
 /// drawn on (no pixels) comes back as it is.
 pub fn picture(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
+    drawn(image, scene, options, &Tags::Classes)
+}
+
+/// [`picture`] with these words on the detections, in their order: identities and speeds for instance.
+pub fn picture_with_words(image: &RgbImage, scene: &Scene, options: &DrawOptions, words: &[String]) -> RgbImage {
+    drawn(image, scene, options, &Tags::Words(words))
+}
+
+fn drawn(image: &RgbImage, scene: &Scene, options: &DrawOptions, says: &Tags) -> RgbImage {
     let divisor = picture_divisor([image.width(), image.height()]);
     if divisor == 1 {
-        return composed(image, scene, options).unwrap_or_else(|| image.clone());
+        return composed(image, scene, options, says).unwrap_or_else(|| image.clone());
     }
     let [width, height] = divided([image.width(), image.height()], divisor);
     let smaller = thumbnail(image, width, height);
@@ -43,7 +52,7 @@ pub fn picture(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbIma
     // A pixel's middle is a whole number.
     let map = Affine2 { matrix: [[x, 0.0, 0.5 * x - 0.5], [0.0, y, 0.5 * y - 0.5]] };
     let scene = Scene { camera: &scene.camera.transformed(&map), ..*scene };
-    composed(&smaller, &scene, options).unwrap_or(smaller)
+    composed(&smaller, &scene, options, says).unwrap_or(smaller)
 }
 
 /// By which whole number the sides of an image of this size are divided in its [`picture`]: 1 below 12 megapixels, unless it is very long.
@@ -82,12 +91,12 @@ impl Layout {
     }
 }
 
-fn composed(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> Option<RgbImage> {
+fn composed(image: &RgbImage, scene: &Scene, options: &DrawOptions, says: &Tags) -> Option<RgbImage> {
     let image_size = [image.width(), image.height()];
     let Layout { panel_size, panel_at, size } = Layout::new(image_size);
     // Text as large as on the image, unless the panel is much smaller.
     let scale = drawing_scale(image_size).min(2.0 * drawing_scale(panel_size));
-    let annotated = annotated(image, scene, options, None, false)?;
+    let annotated = annotated(image, scene, options, says, false)?;
     let view = panel(scene, image_size, panel_size, scale, options)?;
     let mut whole = RgbImage::from_pixel(size[0], size[1], Rgb(SHADOW.rgb));
     replace(&mut whole, &annotated, 0, 0);

@@ -2,7 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, Label, ObjectClass};
-use farsight_viz::{ColorBy, DrawOptions, Names, Scene, annotate, annotate_named, birds_eye, picture, picture_divisor};
+use farsight_viz::{
+    ColorBy, DrawOptions, Names, Scene, annotate, annotate_named, birds_eye, picture, picture_divisor,
+    picture_with_words,
+};
 use image::{Rgb, RgbImage};
 
 const GREY: Rgb<u8> = Rgb([90, 90, 90]);
@@ -147,4 +150,20 @@ fn names_are_written_on_detections_and_on_the_truth() {
     assert_eq!(half(&plain, 621), half(&with_detection, 621));
     assert!(changed(&half(&plain, 621), &half(&with_truth, 621)) > 500);
     assert_ne!(drawn(&["d7"], &["g7"]), drawn(&["d8"], &["g7"]));
+}
+
+#[test]
+fn words_are_written_on_their_detections() {
+    let image = RgbImage::from_pixel(1242, 375, GREY);
+    let detections = [car([-6.0, 1.65, 15.0], 0.4), car([6.0, 1.65, 15.0], 0.4)];
+    let camera = camera();
+    let scene = Scene { camera: &camera, detections: &detections, truth: &[] };
+    let drawn = |words: [&str; 2]| {
+        let words = words.map(str::to_owned);
+        let whole = picture_with_words(&image, &scene, &DrawOptions::default(), &words);
+        [0, 621].map(|x| image::imageops::crop_imm(&whole, x, 0, 621, 375).to_image())
+    };
+    let ([left, right], [other_left, other_right]) = (drawn(["#1 Car", "#2 Car"]), drawn(["#1 Car", "#3 Car"]));
+    assert_eq!(left, other_left);
+    assert_ne!(right, other_right);
 }

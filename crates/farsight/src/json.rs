@@ -1,8 +1,9 @@
-//! What `farsight range --json` writes: one object an image.
+//! What `farsight range --json` writes, one object an image, and `farsight track --json`, one object a frame.
 
 use std::path::Path;
 
 use farsight_core::Camera;
+use farsight_track::{EgoMotion, Track};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
@@ -146,6 +147,106 @@ impl From<&DetectedObject> for DetectionRecord {
             range_interval_m: interval(2),
             range_interval_50_m: interval(0),
             range_interval_68_m: interval(1),
+        }
+    }
+}
+
+/// One frame of a video and the tracks in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct FrameRecord {
+    /// Its number, from 0.
+    pub frame: u64,
+    /// Its time, seconds.
+    pub time_s: f64,
+    /// The tracks by their identities, those that coast included.
+    pub tracks: Vec<TrackRecord>,
+}
+
+/// One track in one frame; pixels, metres, radians, seconds. Velocities are relative to the camera, in its coordinates;
+/// they are null where they are not known yet.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::option_option, reason = "left out without the camera's motion, null where a velocity is not known yet")]
+#[non_exhaustive]
+pub struct TrackRecord {
+    /// Its identity, from 1.
+    pub id: u64,
+    /// What it is, by KITTI's name.
+    pub class: String,
+    /// Of its latest detection, 0 to 1.
+    pub score: f64,
+    /// Frames since its first detection, this one included.
+    pub age: u64,
+    /// Left, top, right, bottom: as detected, or as expected while it coasts.
+    pub box2d: [f64; 4],
+    /// Height, width, length.
+    pub dimensions_hwl: [f64; 3],
+    /// Bottom centre in rectified camera coordinates.
+    pub location: [f64; 3],
+    /// About the y axis; 0 faces x.
+    pub rotation_y: f64,
+    /// Depth: z of the location.
+    pub range_m: f64,
+    /// Its standard deviation.
+    pub range_sigma_m: f64,
+    /// `range_m` lies between these with a probability of 90%.
+    pub range_interval_m: [f64; 2],
+    /// To the right, down and ahead.
+    pub velocity_mps: Option<[f64; 3]>,
+    /// Their standard deviations.
+    pub velocity_sigma_mps: Option<[f64; 3]>,
+    /// By so much `range_m` shrinks in a second.
+    pub closing_mps: Option<f64>,
+    /// Its standard deviation.
+    pub closing_sigma_mps: Option<f64>,
+    /// Until the nearest face reaches the camera at this speed; null unless it surely closes.
+    pub ttc_s: Option<f64>,
+    /// That time is between these with a probability of 90%; the second is null where it may never be, and all of it
+    /// where the object surely does not close.
+    pub ttc_interval_s: Option<(f64, Option<f64>)>,
+    /// Whether nothing was seen of it in this frame.
+    pub coasting: bool,
+    /// Speed over the ground, where the camera's motion is known; null where the velocity is not known yet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<Option<f64>>,
+    /// Its standard deviation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_sigma_mps: Option<Option<f64>>,
+}
+
+impl FrameRecord {
+    /// These tracks in the frame of this number and time, with speeds over the ground if the camera's motion is known.
+    pub fn new(frame: u64, time_s: f64, tracks: &[Track], ego: Option<&EgoMotion>) -> Self {
+        Self { frame, time_s, tracks: tracks.iter().map(|track| TrackRecord::new(track, ego)).collect() }
+    }
+}
+
+impl TrackRecord {
+    fn new(track: &Track, ego: Option<&EgoMotion>) -> Self {
+        let Track { id, class, score, age, box2d, box3d, range_sigma_m, velocity, closing, coasting, .. } = track;
+        let size = box3d.dimensions;
+        let speed = ego.map(|ego| track.speed_mps(ego));
+        Self {
+            id: *id,
+            class: class.to_string(),
+            score: *score,
+            age: *age,
+            box2d: [box2d.x1, box2d.y1, box2d.x2, box2d.y2],
+            dimensions_hwl: [size.height, size.width, size.length],
+            location: box3d.location,
+            rotation_y: box3d.yaw,
+            range_m: track.range_m(),
+            range_sigma_m: *range_sigma_m,
+            range_interval_m: track.range_interval_m(),
+            velocity_mps: velocity.map(|velocity| velocity.mps),
+            velocity_sigma_mps: velocity.map(|velocity| velocity.sigma_mps),
+            closing_mps: closing.map(|closing| closing.mps),
+            closing_sigma_mps: closing.map(|closing| closing.sigma_mps),
+            ttc_s: closing.and_then(|closing| closing.ttc_s),
+            ttc_interval_s: closing.and_then(|closing| closing.ttc_interval_s),
+            coasting: *coasting,
+            speed_mps: speed.map(|speed| speed.map(|[speed, _]| speed)),
+            speed_sigma_mps: speed.map(|speed| speed.map(|[_, sigma]| sigma)),
         }
     }
 }

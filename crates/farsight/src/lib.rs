@@ -18,7 +18,7 @@
 //! that look again at what it found, suppression of what stands in one place, and the road plane under all of it.
 //! [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
 //! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw()`]
-//! draws it.
+//! draws it. A [`Tracker`] follows what the pipeline finds through the frames of a video.
 //!
 //! Frames of reference are KITTI's: camera coordinates are metres with x right, y down, z forward; an object stands at
 //! the centre of its bottom face.
@@ -55,6 +55,7 @@ pub use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
 pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage};
 pub use farsight_methods::{DetectError, UnfamiliarCamera};
 pub use farsight_runtime::{EngineError, StageTimes};
+pub use farsight_track::{EgoMotion, Frame, Track, TrackError, Tracker, TrackerOptions};
 pub use image::RgbImage;
 pub use libraries::{Library, LibraryError};
 pub use object::{DetectedObject, RangeKind};

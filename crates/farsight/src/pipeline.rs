@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use farsight_core::box3d::Dimensions;
+use farsight_core::detection::default_min_score;
 use farsight_core::{Box3d, Camera, Detection, ObjectClass};
 use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::{EngineError, StageTimes};
@@ -130,6 +131,11 @@ impl Pipeline {
     /// The classes that it knows.
     pub fn classes(&self) -> Vec<ObjectClass> {
         locked(&self.shared.template).detector.classes().iter().map(|known| known.class.clone()).collect()
+    }
+
+    /// The score that counts unless another is asked for: 0.5 where scores are probabilities.
+    pub fn default_min_score(&self) -> f64 {
+        default_min_score(locked(&self.shared.template).detector.classes())
     }
 
     /// Width and height, pixels, of the network's input for an image of `image_size` taken by `camera`.

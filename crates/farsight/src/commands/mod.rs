@@ -17,6 +17,7 @@ mod parity;
 mod prune;
 mod range;
 pub(crate) mod synth;
+mod track;
 pub(crate) mod train;
 #[cfg(feature = "train")]
 mod validate;
@@ -35,6 +36,8 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Find vehicles in images and say how far away each is
     Range(range::RangeArgs),
+    /// Follow vehicles through a video: identity, distance, speed and time to collision
+    Track(Box<track::TrackArgs>),
     /// Judge result files as KITTI does, and their errors of distance
     Eval(Box<eval::EvalArgs>),
     /// Render traffic scenes with exact labels
@@ -87,6 +90,7 @@ impl Command {
         match self {
             Self::Demo(args) => demo::run(&args, printer),
             Self::Range(args) => range::run(&args, printer),
+            Self::Track(args) => track::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),
             Self::Synth(args) => synth::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),

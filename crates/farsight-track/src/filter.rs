@@ -1,0 +1,297 @@
+//! One object's filter: what a detection tells of it, and what is then known.
+
+use farsight_core::{Box3d, Camera, Detection, Dimensions};
+
+use crate::options::{Noise, TrackerOptions};
+use crate::state::{BEARING, BEARING_RATE, FACTOR, HEIGHT_ERROR, LOG_DEPTH, LOG_HEIGHT, LOG_RATE, N, State, row};
+
+/// The nearest face is no nearer than this, metres, nor than this share of the depth: of what stands beside the camera
+/// there is none ahead.
+const NEAREST_M: f64 = 0.3;
+const NEAREST_SHARE: f64 = 0.25;
+
+/// An innovation of more standard deviations counts less and less.
+const TOLERANCE: f64 = 3.0;
+
+/// Weight of the latest innovation in what is usual for a track, and the most that it counts.
+const SURPRISE_WEIGHT: f64 = 0.1;
+const MOST_SURPRISE: f64 = 25.0;
+
+/// The mean of a few squared innovations is as large by chance.
+const USUAL_SURPRISE: f64 = 1.5;
+
+/// Standard deviation of the logarithm of an object's height where the image's border cuts it.
+const CUT_HEIGHT_SIGMA: f64 = 0.3;
+
+/// Weight of the latest image for what may change: heading, and height over the ground.
+const LATEST_WEIGHT: f64 = 0.2;
+
+/// Roads are as steep as this beside one another: what is not known of a vertical speed, as a share of the speed.
+const SLOPE: f64 = 0.05;
+
+/// What one detection tells.
+#[derive(Debug, Clone)]
+pub(crate) struct Measured {
+    /// `x / z` and `y / z` of its location.
+    bearing: f64,
+    fall: f64,
+    /// Of the nearest face, metres.
+    log_depth: f64,
+    /// Standard deviation of the logarithm of its distance.
+    log_sigma: f64,
+    /// Of its box in the image, over the focal length; none where the image's border cuts it.
+    log_height: Option<f64>,
+    /// Width and height of its box in the image, pixels.
+    box_px: [f64; 2],
+    /// Horizontal focal length, pixels.
+    focal_px: f64,
+    /// Logarithms of height, width and length.
+    pub(crate) log_size: [f64; 3],
+    yaw: f64,
+    half_depth_m: f64,
+}
+
+impl Measured {
+    pub(crate) fn new(detection: &Detection, camera: &Camera, image_size: [usize; 2], noise: &Noise) -> Self {
+        let Detection { box2d, box3d, range_sigma_m, .. } = detection;
+        let [x, y, z] = box3d.location;
+        let [width, height] = image_size.map(|side| side as f64);
+        let near = (z - half_depth_m(box3d)).max(NEAREST_SHARE * z).max(NEAREST_M.min(z));
+        let is_cut = box2d.reaches_border(width - 1.0, height - 1.0);
+        let Dimensions { height, width, length } = box3d.dimensions;
+        Self {
+            bearing: x / z,
+            fall: y / z,
+            log_depth: near.ln(),
+            log_sigma: range_sigma_m.map_or(noise.unknown_sigma, |sigma| sigma / box3d.depth_m()),
+            log_height: (!is_cut).then(|| (box2d.height() / camera.focal_y()).ln()),
+            box_px: [box2d.width(), box2d.height()],
+            focal_px: camera.focal_x(),
+            log_size: [height, width, length].map(f64::ln),
+            yaw: box3d.yaw,
+            half_depth_m: z - near,
+        }
+    }
+
+    /// Variances of the distance's logarithm: of what lasts and of what is new.
+    fn depth_variances(&self, noise: &Noise) -> [f64; 2] {
+        let all = self.log_sigma * self.log_sigma;
+        let white = (1.0 - noise.persistent_share) * all;
+        [noise.persistent_share * all, white.max(noise.least_white.powi(2))]
+    }
+
+    /// Variances of the height's logarithm: of what lasts and of what is new.
+    fn height_variances(&self, noise: &Noise) -> [f64; 2] {
+        let [_, height] = self.box_px;
+        let variance = |share: f64, px: f64| share * share + (px / height).powi(2);
+        [variance(noise.height_share, noise.height_px), variance(noise.white_height_share, noise.white_height_px)]
+    }
+
+    fn bearing_variance(&self, noise: &Noise) -> f64 {
+        let [width, _] = self.box_px;
+        (noise.place_px.powi(2) + (noise.place_share * width).powi(2)) / (self.focal_px * self.focal_px)
+    }
+}
+
+/// Half the extent of a box along the optical axis, metres.
+fn half_depth_m(object: &Box3d) -> f64 {
+    let (sin, cos) = object.yaw.sin_cos();
+    f64::midpoint(sin.abs() * object.dimensions.length, cos.abs() * object.dimensions.width)
+}
+
+/// What is known of an object.
+#[derive(Debug, Clone)]
+pub(crate) struct Filter {
+    pub(crate) state: State,
+    /// Of the latest measurements: what lasts of the errors of distance and height.
+    lasting: [f64; 2],
+    /// `y / z` of the location.
+    fall: f64,
+    half_depth_m: f64,
+    /// Mean of the logarithms of height, width and length, and the sum of the weights in it.
+    log_size: [f64; 3],
+    weight: f64,
+    /// Mean direction of the heading, not of unit length.
+    heading: [f64; 2],
+    updates: f64,
+    /// Mean of the squared innovations, in their expected variances: about 1 where all is as expected.
+    surprise: f64,
+}
+
+impl Filter {
+    /// After the first measurement.
+    pub(crate) fn new(measured: &Measured, options: &TrackerOptions) -> Self {
+        let noise = &options.noise;
+        let [lasting, white] = measured.depth_variances(noise);
+        let [height_lasting, height_white] = measured.height_variances(noise);
+        let near = measured.log_depth.exp();
+        let centre = near + measured.half_depth_m;
+        let [aside, along] = options.prior_speed_mps;
+        let mut mean = [0.0; N];
+        let mut covariance = [[0.0; N]; N];
+        mean[BEARING] = measured.bearing;
+        covariance[BEARING][BEARING] = measured.bearing_variance(noise);
+        covariance[BEARING_RATE][BEARING_RATE] = (aside / centre).powi(2);
+        covariance[LOG_RATE][LOG_RATE] = (along / near).powi(2);
+        // Nothing was known of the distance; so what is known now is what was measured less its errors.
+        mean[LOG_DEPTH] = measured.log_depth;
+        covariance[LOG_DEPTH][LOG_DEPTH] = lasting + white;
+        covariance[FACTOR][FACTOR] = lasting;
+        covariance[HEIGHT_ERROR][HEIGHT_ERROR] = height_lasting;
+        let mut set = |a: usize, b: usize, value: f64| (covariance[a][b], covariance[b][a]) = (value, value);
+        set(LOG_DEPTH, FACTOR, -lasting);
+        if let Some(log_height) = measured.log_height {
+            mean[LOG_HEIGHT] = log_height + measured.log_depth;
+            set(LOG_HEIGHT, LOG_HEIGHT, lasting + white + height_lasting + height_white);
+            set(LOG_HEIGHT, LOG_DEPTH, lasting + white);
+            set(LOG_HEIGHT, FACTOR, -lasting);
+            set(LOG_HEIGHT, HEIGHT_ERROR, -height_lasting);
+        } else {
+            mean[LOG_HEIGHT] = measured.log_size[0];
+            set(LOG_HEIGHT, LOG_HEIGHT, CUT_HEIGHT_SIGMA.powi(2));
+        }
+        let (sin, cos) = measured.yaw.sin_cos();
+        Self {
+            state: State { mean, covariance },
+            lasting: [lasting, height_lasting],
+            fall: measured.fall,
+            half_depth_m: measured.half_depth_m,
+            log_size: measured.log_size,
+            weight: 1.0 / (lasting + white),
+            heading: [cos, sin],
+            updates: 1.0,
+            surprise: 1.0,
+        }
+    }
+
+    /// Moves on by `dt_s` seconds.
+    pub(crate) fn predict(&mut self, dt_s: f64, options: &TrackerOptions) {
+        let noise = &options.noise;
+        let near = self.near_m();
+        let centre = near + self.half_depth_m;
+        self.state = self.state.moved(dt_s, self.half_depth_m);
+        // A white acceleration.
+        let psd = options.acceleration_psd;
+        let pushed = [psd * dt_s.powi(3) / 3.0, psd * dt_s * dt_s / 2.0, psd * dt_s];
+        for (place, rate, length) in [(BEARING, BEARING_RATE, centre), (LOG_DEPTH, LOG_RATE, near)] {
+            let [place_noise, mixed, rate_noise] = pushed.map(|value| value / (length * length));
+            let covariance = &mut self.state.covariance;
+            covariance[place][place] += place_noise;
+            covariance[place][rate] += mixed;
+            covariance[rate][place] += mixed;
+            covariance[rate][rate] += rate_noise;
+        }
+        self.state.covariance[LOG_HEIGHT][LOG_HEIGHT] += noise.size_drift.powi(2) * dt_s;
+        let errors = [(FACTOR, noise.persistent_s, self.lasting[0]), (HEIGHT_ERROR, noise.height_s, self.lasting[1])];
+        for (place, time_s, variance) in errors {
+            // What is left of an error after so long, and what is new.
+            let left = (-dt_s / time_s).exp();
+            self.state.mean[place] *= left;
+            for i in 0..N {
+                self.state.covariance[place][i] *= left;
+                self.state.covariance[i][place] *= left;
+            }
+            self.state.covariance[place][place] += variance * (1.0 - left * left);
+        }
+    }
+
+    /// Takes in a measurement.
+    pub(crate) fn update(&mut self, measured: &Measured, noise: &Noise) {
+        let [lasting, white] = measured.depth_variances(noise);
+        let [height_lasting, height_white] = measured.height_variances(noise);
+        self.lasting = [lasting, height_lasting];
+        self.updates += 1.0;
+        let latest = (1.0 / self.updates).max(LATEST_WEIGHT);
+        let towards = |value: &mut f64, measured: f64| *value += latest * (measured - *value);
+        towards(&mut self.half_depth_m, measured.half_depth_m);
+        towards(&mut self.fall, measured.fall);
+        let (sin, cos) = measured.yaw.sin_cos();
+        towards(&mut self.heading[0], cos);
+        towards(&mut self.heading[1], sin);
+        let weight = 1.0 / (lasting + white);
+        self.weight += weight;
+        for (mean, latest) in self.log_size.iter_mut().zip(measured.log_size) {
+            *mean += weight / self.weight * (latest - *mean);
+        }
+
+        let Self { state, surprise, .. } = self;
+        let mut surprised = |squared: f64| *surprise += SURPRISE_WEIGHT * (squared.min(MOST_SURPRISE) - *surprise);
+        state.update(&row([(BEARING, 1.0)]), measured.bearing, measured.bearing_variance(noise), TOLERANCE);
+        surprised(state.update(&row([(LOG_DEPTH, 1.0), (FACTOR, 1.0)]), measured.log_depth, white, TOLERANCE));
+        if let Some(log_height) = measured.log_height {
+            let seen = row([(LOG_DEPTH, -1.0), (LOG_HEIGHT, 1.0), (HEIGHT_ERROR, 1.0)]);
+            surprised(state.update(&seen, log_height, height_white, TOLERANCE));
+        }
+    }
+
+    /// How far off, in standard deviations, a detection's distance and its size are.
+    pub(crate) fn misfit(&self, measured: &Measured, noise: &Noise) -> [f64; 2] {
+        let told = row([(LOG_DEPTH, 1.0), (FACTOR, 1.0)]);
+        let [_, white] = measured.depth_variances(noise);
+        let off = measured.log_depth - self.state.mean[LOG_DEPTH] - self.state.mean[FACTOR];
+        let sigma = (self.state.variance(&told) + white).sqrt();
+        let size_off: f64 = measured.log_size.iter().zip(self.log_size).map(|(a, b)| a - b).sum::<f64>() / 3.0;
+        // The longer it is known the better; but an error of distance is one of size.
+        let size_variance = noise.dimension_share.powi(2) + self.lasting[0] + white;
+        [off / sigma, size_off / size_variance.sqrt()]
+    }
+
+    /// What jumps more than expected moves less surely than the filter thinks: the factor on its variances.
+    fn inflation(&self) -> f64 {
+        (self.surprise / USUAL_SURPRISE).max(1.0)
+    }
+
+    /// Depth of the nearest face, metres.
+    pub(crate) fn near_m(&self) -> f64 {
+        self.state.mean[LOG_DEPTH].exp()
+    }
+
+    /// Depth of the centre, metres.
+    pub(crate) fn depth_m(&self) -> f64 {
+        self.near_m() + self.half_depth_m
+    }
+
+    /// Standard deviation of the logarithm of the distance.
+    pub(crate) fn log_sigma(&self) -> f64 {
+        self.state.variance(&row([(LOG_DEPTH, 1.0)])).sqrt()
+    }
+
+    /// Change of the logarithm of the nearest face's depth in a second, and its standard deviation.
+    pub(crate) fn log_rate(&self) -> [f64; 2] {
+        [self.state.mean[LOG_RATE], (self.inflation() * self.state.variance(&row([(LOG_RATE, 1.0)]))).sqrt()]
+    }
+
+    /// The box in the scene.
+    pub(crate) fn box3d(&self) -> Box3d {
+        let z = self.depth_m();
+        let [height, width, length] = self.log_size.map(f64::exp);
+        let [cos, sin] = self.heading;
+        Box3d {
+            dimensions: Dimensions { height, width, length },
+            location: [self.state.mean[BEARING] * z, self.fall * z, z],
+            yaw: sin.atan2(cos),
+        }
+    }
+
+    /// Velocity across and along the optical axis, m/s, with its covariance.
+    pub(crate) fn ground_velocity(&self) -> ([f64; 2], [[f64; 2]; 2]) {
+        let (near, centre) = (self.near_m(), self.depth_m());
+        let mean = &self.state.mean;
+        let (bearing, rate, log_rate) = (mean[BEARING], mean[BEARING_RATE], mean[LOG_RATE]);
+        let along = log_rate * near;
+        let aside = rate * centre + bearing * along;
+        // A factor on all distances is one on both.
+        let of_aside = row([(BEARING, along), (BEARING_RATE, centre), (LOG_DEPTH, aside), (LOG_RATE, bearing * near)]);
+        let of_along = row([(LOG_DEPTH, along), (LOG_RATE, near)]);
+        let both = std::array::from_fn(|i| of_aside[i] + of_along[i]);
+        let [xx, zz, sum] = [of_aside, of_along, both].map(|row| self.inflation() * self.state.variance(&row));
+        let xz = (sum - xx - zz) / 2.0;
+        ([aside, along], [[xx, xz], [xz, zz]])
+    }
+
+    /// Standard deviation of the vertical speed, m/s: the road may rise or fall.
+    pub(crate) fn vertical_sigma_mps(&self) -> f64 {
+        let ([x, z], [[xx, _], [_, zz]]) = self.ground_velocity();
+        SLOPE * (x * x + z * z + xx + zz).sqrt()
+    }
+}

@@ -1,0 +1,204 @@
+//! How the camera moves: KITTI's oxts, or CSV.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use farsight::EgoMotion;
+use farsight_files::read_text;
+
+/// Fields of a row of oxts (KITTI raw, `dataformat.txt`): velocity ahead, m/s, and turn about the axis up, rad/s.
+const OXTS_FIELDS: usize = 30;
+const OXTS_SPEED: usize = 8;
+const OXTS_YAW_RATE: usize = 22;
+
+/// Standard deviations of the readings: what is left when nothing moves, and a share of the reading.
+const SPEED_SIGMA: [f64; 2] = [0.1, 0.01];
+const YAW_RATE_SIGMA: [f64; 2] = [0.003, 0.02];
+
+/// No reading is used for frames that are farther away in time, seconds.
+const LARGEST_GAP_S: f64 = 0.5;
+
+/// Ego motion of a video.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum EgoFile {
+    /// Speed and yaw rate of each frame.
+    Frames(Vec<[f64; 2]>),
+    /// Time, speed, yaw rate; in the order of time.
+    Times(Vec<[f64; 3]>),
+}
+
+impl EgoFile {
+    /// Reads a file, or a folder of oxts.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            return Self::read_folder(path);
+        }
+        let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        if text.lines().next().is_some_and(|line| line.contains(',')) {
+            return Self::from_csv(path, &text);
+        }
+        let lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
+        let rows: Vec<[f64; 2]> = lines.map(|(line, number)| oxts(path, number, line)).collect::<Result<_>>()?;
+        ensure!(!rows.is_empty(), "{}: empty; expected rows of oxts, or CSV", path.display());
+        Ok(Self::Frames(rows))
+    }
+
+    fn read_folder(folder: &Path) -> Result<Self> {
+        let data = folder.join("data");
+        let folder = if data.is_dir() { &data } else { folder };
+        let entries = fs::read_dir(folder).with_context(|| format!("{}: cannot be listed", folder.display()))?;
+        let mut paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+        paths.retain(|path| path.extension().is_some_and(|extension| extension == "txt"));
+        paths.sort();
+        ensure!(!paths.is_empty(), "{}: no .txt in this folder; expected KITTI's oxts", folder.display());
+        let row = |path: &PathBuf| {
+            let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+            oxts(path, 1, text.lines().next().unwrap_or_default())
+        };
+        Ok(Self::Frames(paths.iter().map(row).collect::<Result<_>>()?))
+    }
+
+    fn from_csv(path: &Path, text: &str) -> Result<Self> {
+        let shown = path.display();
+        let mut lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
+        let header: Vec<&str> =
+            lines.next().map(|(line, _)| line.split(',').map(str::trim).collect()).unwrap_or_default();
+        let mut columns = [0; 3];
+        for (column, name) in columns.iter_mut().zip(["time_s", "speed_mps", "yaw_rate"]) {
+            let found = header.iter().position(|known| *known == name);
+            *column = found.with_context(|| {
+                format!("{shown}:1: no column {name}; expected the columns time_s, speed_mps and yaw_rate")
+            })?;
+        }
+        let mut rows: Vec<[f64; 3]> = Vec::new();
+        for (line, number) in lines {
+            let fields: Vec<&str> = line.split(',').collect();
+            let mut row = [0.0; 3];
+            for (value, &column) in row.iter_mut().zip(&columns) {
+                *value = finite(path, number, column, fields.get(column).copied().unwrap_or_default())?;
+            }
+            if let Some([before_s, ..]) = rows.last().filter(|before| before[0] >= row[0]) {
+                bail!("{shown}:{number}: {} s after {} s; expected a later time", row[0], before_s);
+            }
+            rows.push(row);
+        }
+        ensure!(!rows.is_empty(), "{shown}: no rows; expected time_s, speed_mps and yaw_rate in each");
+        Ok(Self::Times(rows))
+    }
+
+    /// The motion at a frame; none where the file tells nothing of that time.
+    pub(super) fn motion(&self, frame: u64, time_s: f64) -> Option<EgoMotion> {
+        let [speed, yaw_rate] = match self {
+            Self::Frames(rows) => *rows.get(usize::try_from(frame).ok()?)?,
+            Self::Times(rows) => {
+                let next = rows.partition_point(|row| row[0] < time_s);
+                let around = [next.checked_sub(1).map(|before| rows[before]), rows.get(next).copied()];
+                interpolated(around, time_s)?
+            }
+        };
+        let sigma = |[still, share]: [f64; 2], value: f64| still + share * value.abs();
+        Some(EgoMotion {
+            speed_mps: speed,
+            speed_sigma_mps: sigma(SPEED_SIGMA, speed),
+            yaw_rate,
+            yaw_rate_sigma: sigma(YAW_RATE_SIGMA, yaw_rate),
+        })
+    }
+}
+
+/// Speed and yaw rate between two rows, or of the one that is near.
+fn interpolated(around: [Option<[f64; 3]>; 2], time_s: f64) -> Option<[f64; 2]> {
+    let is_near = |row: &[f64; 3]| (row[0] - time_s).abs() <= LARGEST_GAP_S;
+    match around {
+        [Some(before), Some(after)] if is_near(&before) && is_near(&after) => {
+            let share = (time_s - before[0]) / (after[0] - before[0]);
+            Some([1, 2].map(|place| before[place] + share * (after[place] - before[place])))
+        }
+        [before, after] => {
+            before.filter(is_near).or(after.filter(is_near)).map(|[_, speed, yaw_rate]| [speed, yaw_rate])
+        }
+    }
+}
+
+fn oxts(path: &Path, line: usize, text: &str) -> Result<[f64; 2]> {
+    let fields: Vec<&str> = text.split_ascii_whitespace().collect();
+    ensure!(
+        fields.len() == OXTS_FIELDS,
+        "{}:{line}: {} fields; expected the {OXTS_FIELDS} of KITTI's oxts, or CSV",
+        path.display(),
+        fields.len()
+    );
+    Ok([finite(path, line, OXTS_SPEED, fields[OXTS_SPEED])?, finite(path, line, OXTS_YAW_RATE, fields[OXTS_YAW_RATE])?])
+}
+
+fn finite(path: &Path, line: usize, column: usize, field: &str) -> Result<f64> {
+    let value = field.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    value.with_context(|| {
+        format!("{}:{line}: field {} is \"{field}\"; expected a finite number", path.display(), column + 1)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::EgoFile;
+
+    fn read(name: &str, text: &str) -> Result<EgoFile, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        fs::write(&path, text).unwrap();
+        let shown = format!("{}/", folder.path().display());
+        EgoFile::read(&path).map_err(|error| format!("{error:#}").replace(&shown, ""))
+    }
+
+    fn row(speed: f64, yaw_rate: f64) -> String {
+        let field = |place: usize| match place {
+            8 => speed.to_string(),
+            22 => yaw_rate.to_string(),
+            _ => format!("{place}.5"),
+        };
+        (0..30).map(field).collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn oxts_go_by_frames() {
+        let found = read("oxts.txt", &format!("{}\n{}\n", row(12.5, 0.1), row(13.0, -0.1))).unwrap();
+        let motion = found.motion(1, 99.0).unwrap();
+        assert_eq!((motion.speed_mps, motion.yaw_rate), (13.0, -0.1));
+        assert_eq!(found.motion(2, 0.2), None);
+
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("data")).unwrap();
+        for (name, speed) in [("0000000001.txt", 2.0), ("0000000000.txt", 1.0)] {
+            fs::write(folder.path().join("data").join(name), row(speed, 0.0)).unwrap();
+        }
+        assert_eq!(EgoFile::read(folder.path()).unwrap(), EgoFile::Frames(vec![[1.0, 0.0], [2.0, 0.0]]));
+    }
+
+    #[test]
+    fn csv_goes_by_time() {
+        let found = read("ego.csv", "yaw_rate, time_s, speed_mps\n0.0,1.0,10\n0.2,1.5,12\n0.2,9,5\n").unwrap();
+        let motion = |time_s| found.motion(0, time_s).map(|motion| [motion.speed_mps, motion.yaw_rate]);
+        assert_eq!(motion(1.25), Some([11.0, 0.1]));
+        assert_eq!(motion(0.75), Some([10.0, 0.0]));
+        assert_eq!(motion(1.7), Some([12.0, 0.2]));
+        assert_eq!([motion(0.2), motion(5.0), motion(10.0)], [None; 3]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_place() {
+        let table = [
+            ("1 2 3\n", "e:1: 3 fields; expected the 30 of KITTI's oxts, or CSV"),
+            ("", "e: empty; expected rows of oxts, or CSV"),
+            ("time_s,speed\n", "e:1: no column speed_mps; expected the columns time_s, speed_mps and yaw_rate"),
+            ("time_s,speed_mps,yaw_rate\n", "e: no rows; expected time_s, speed_mps and yaw_rate in each"),
+            ("time_s,speed_mps,yaw_rate\n0,fast,0\n", "e:2: field 2 is \"fast\"; expected a finite number"),
+            ("time_s,speed_mps,yaw_rate\n0,1,0\n0,1,0\n", "e:3: 0 s after 0 s; expected a later time"),
+        ];
+        for (text, expected) in table {
+            assert_eq!(read("e", text).unwrap_err(), expected);
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! Videos read by the user's ffmpeg, a child process: pixels through a pipe, times from its log.
+
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+
+use anyhow::{Context, Error, Result, anyhow, bail};
+use farsight::{ImageLimits, RgbImage};
+
+/// Complaints of ffmpeg that are told, at most.
+const TOLD_COMPLAINTS: usize = 3;
+
+/// What ffmpeg's log says.
+#[derive(Debug, Clone, PartialEq)]
+enum Said {
+    /// Frames a second of the video.
+    Fps(f64),
+    /// A frame that comes next through the pipe: its time in seconds, if it has one, its width and height.
+    Frame(Option<f64>, [u32; 2]),
+    /// Something went wrong.
+    Complaint(String),
+}
+
+/// Number, time in seconds and pixels of a frame.
+pub(super) type Decoded = (u64, f64, RgbImage);
+
+/// Reads a video.
+pub(super) struct Decoder {
+    path: PathBuf,
+    child: Child,
+    pixels: ChildStdout,
+    log: Receiver<Said>,
+    fps: Option<f64>,
+    next: u64,
+    complaints: Vec<String>,
+    is_over: bool,
+}
+
+impl Decoder {
+    /// Starts `ffmpeg` on a file, an address or a device.
+    pub(super) fn start(ffmpeg: &Path, video: &Path) -> Result<Self> {
+        let mut command = Command::new(ffmpeg);
+        command.args(["-nostdin", "-hide_banner", "-loglevel", "level+info"]).args(input(video));
+        // Its first video stream, as viewers show it: ffmpeg turns it upright before its filters.
+        command.args(["-map", "0:v:0", "-vf", "showinfo", "-fps_mode", "passthrough"]);
+        command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "pipe:1"]);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| unstarted(ffmpeg, &error))?;
+        let (Some(pixels), Some(log)) = (child.stdout.take(), child.stderr.take()) else {
+            bail!("{}: no pipes", ffmpeg.display());
+        };
+        let (say, said) = channel();
+        thread::spawn(move || listen(log, &say));
+        Ok(Self {
+            path: video.to_owned(),
+            child,
+            pixels,
+            log: said,
+            fps: None,
+            next: 0,
+            complaints: Vec::new(),
+            is_over: false,
+        })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Frames a second, known from the first frame on.
+    pub(super) fn fps(&self) -> Option<f64> {
+        self.fps
+    }
+
+    /// The next frame. The last answer of a video that broke off is an error.
+    pub(super) fn next(&mut self) -> Option<Result<Decoded>> {
+        if self.is_over {
+            return None;
+        }
+        loop {
+            match self.log.recv() {
+                Ok(Said::Fps(fps)) => self.fps = self.fps.or(Some(fps)),
+                Ok(Said::Complaint(text)) if self.complaints.len() < TOLD_COMPLAINTS => self.complaints.push(text),
+                Ok(Said::Complaint(_)) => {}
+                Ok(Said::Frame(time_s, size)) => {
+                    let frame = self.frame(time_s, size);
+                    self.is_over = frame.is_err();
+                    return Some(frame);
+                }
+                Err(_) => {
+                    self.is_over = true;
+                    return self.ended().err().map(Err);
+                }
+            }
+        }
+    }
+
+    fn frame(&mut self, time_s: Option<f64>, [width, height]: [u32; 2]) -> Result<Decoded> {
+        let place = format!("{}: frame {}", self.path.display(), self.next);
+        let most = ImageLimits::default().max_pixels;
+        let count = u64::from(width) * u64::from(height);
+        if count > most {
+            bail!("{place}: {width}x{height} pixels; expected at most {most} (--max-pixels)");
+        }
+        let mut pixels = vec![0; 3 * count as usize];
+        if let Err(error) = self.pixels.read_exact(&mut pixels) {
+            let told = self.complaints.join("; ");
+            let told = if told.is_empty() { error.to_string() } else { told };
+            bail!("{place}: broke off: {told}");
+        }
+        let time_s = time_s.with_context(|| format!("{place}: has no time"))?;
+        let image = RgbImage::from_raw(width, height, pixels).with_context(|| format!("{place}: has no pixels"))?;
+        self.next += 1;
+        Ok((self.next - 1, time_s, image))
+    }
+
+    /// Whether ffmpeg came to the end of the video.
+    fn ended(&mut self) -> Result<()> {
+        let shown = self.path.display();
+        let status = self.child.wait().with_context(|| format!("{shown}: ffmpeg was lost"))?;
+        let told = self.complaints.join("; ");
+        if !status.success() || self.next == 0 {
+            let told = if told.is_empty() { format!("ffmpeg ended with {status}") } else { told };
+            bail!("{shown}: cannot be read as a video: {told}");
+        }
+        if told.is_empty() { Ok(()) } else { Err(anyhow!("{shown}: damaged: {told}")) }
+    }
+}
+
+impl Drop for Decoder {
+    fn drop(&mut self) {
+        // It has ended, or nobody wants the rest.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What is to be done where ffmpeg does not start.
+pub(super) fn unstarted(ffmpeg: &Path, error: &std::io::Error) -> Error {
+    let shown = ffmpeg.display();
+    if error.kind() == ErrorKind::NotFound {
+        return anyhow!(
+            "{shown}: no such program; videos need ffmpeg: install it (apt install ffmpeg, brew install ffmpeg), \
+             name it with --ffmpeg FILE, or give the frames as images"
+        );
+    }
+    anyhow!("{shown}: cannot be started: {error}")
+}
+
+/// The arguments by which ffmpeg opens it.
+fn input(video: &Path) -> Vec<OsString> {
+    let text = video.to_string_lossy();
+    let words = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
+    let before = if text.starts_with("rtsp://") || text.starts_with("rtsps://") {
+        words(&["-rtsp_transport", "tcp", "-i"])
+    } else if text.starts_with("/dev/video") {
+        words(&["-f", "v4l2", "-i"])
+    } else {
+        words(&["-i"])
+    };
+    let name = if text.contains("://") || text.starts_with("/dev/video") {
+        video.as_os_str().to_owned()
+    } else {
+        // No name of a file is taken for an option or an address.
+        let mut name = OsString::from("file:");
+        name.push(video);
+        name
+    };
+    before.into_iter().chain([name]).collect()
+}
+
+/// Hands on what is of use in ffmpeg's log, until it ends.
+fn listen(log: impl Read, say: &Sender<Said>) {
+    let mut log = BufReader::new(log);
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        match log.read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return,
+            Ok(_) => {}
+        }
+        // Once nobody listens the pipe is still read, so that ffmpeg can end.
+        if let Some(said) = said(&String::from_utf8_lossy(&line)) {
+            let _ = say.send(said);
+        }
+    }
+}
+
+/// What one line says.
+fn said(line: &str) -> Option<Said> {
+    let is_frame = line.contains("showinfo") && line.contains(" pts_time:");
+    if is_frame {
+        let time_s = after(line, " pts_time:")?.parse().ok();
+        let (width, height) = after(line, " s:")?.split_once('x')?;
+        return Some(Said::Frame(time_s, [width.parse().ok()?, height.parse().ok()?]));
+    }
+    if line.contains("[error]") || line.contains("[fatal]") {
+        let text = line.rsplit_once("[error]").or(line.rsplit_once("[fatal]")).map_or(line, |(_, text)| text);
+        return Some(Said::Complaint(text.trim().to_owned()));
+    }
+    if line.contains("Stream #") && line.contains("Video:") {
+        let before = line.split(" fps").next()?;
+        let fps: f64 = before.rsplit([' ', ',']).next()?.parse().ok()?;
+        return (fps > 0.0).then_some(Said::Fps(fps));
+    }
+    None
+}
+
+/// The word that follows `key`.
+fn after<'a>(line: &'a str, key: &str) -> Option<&'a str> {
+    line.split_once(key)?.1.split_ascii_whitespace().next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Said, said};
+
+    #[test]
+    fn times_and_sizes_are_read_from_the_log() {
+        let table = [
+            (
+                "[Parsed_showinfo_0 @ 0x55d5] [info] n:   3 pts:   1536 pts_time:0.12    duration:    512 \
+                 duration_time:0.04 fmt:yuv420p cl:left sar:1/1 s:640x360 i:P iskey:0 type:P checksum:0BF8E4B5",
+                Some(Said::Frame(Some(0.12), [640, 360])),
+            ),
+            (
+                "[Parsed_showinfo_0 @ 0x55d5] [info] n:   3 pts: NOPTS pts_time:NOPTS fmt:rgb24 sar:0/1 s:64x36 i:P",
+                Some(Said::Frame(None, [64, 36])),
+            ),
+            ("[Parsed_showinfo_0 @ 0x55d5] [info] config in time_base: 1/12800, frame_rate: 25/1", None),
+            (
+                "[info]   Stream #0:0[0x1](und): Video: h264 (High) (avc1 / 0x31637661), yuv420p(progressive), 640x360 \
+                 [SAR 1:1 DAR 16:9], 40 kb/s, 29.97 fps, 30k tbr, 12800 tbn (default)",
+                Some(Said::Fps(29.97)),
+            ),
+            ("[info]   Stream #0:1: Audio: aac, 48000 Hz, stereo", None),
+            (
+                "[mov,mp4,m4a @ 0x5] [error] moov atom not found",
+                Some(Said::Complaint("moov atom not found".to_owned())),
+            ),
+            ("[info] frame=  40 fps= 12", None),
+        ];
+        for (line, expected) in table {
+            assert_eq!(said(line), expected, "{line}");
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! An annotated film, written by the user's ffmpeg.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::{self, JoinHandle};
+
+use anyhow::{Context, Result, anyhow, bail};
+use farsight::RgbImage;
+use image::imageops::{FilterType, resize};
+use tempfile::TempPath;
+
+use super::ffmpeg::unstarted;
+use super::sinks::scratch_beside;
+
+/// Where nothing tells how many frames a second there are.
+const USUAL_FPS: f64 = 25.0;
+
+/// Videos with odd clocks claim more frames a second; no screen shows them.
+const MOST_FPS: f64 = 120.0;
+
+/// A gap in time is shown for at most so long, seconds.
+const LONGEST_STILL_S: f64 = 10.0;
+
+/// A film that grows beside its target, and takes its place when it is whole.
+pub(super) struct Film {
+    target: PathBuf,
+    ffmpeg: PathBuf,
+    encoder: Option<String>,
+    run: Option<Run>,
+}
+
+struct Run {
+    child: Child,
+    log: JoinHandle<String>,
+    scratch: TempPath,
+    size: [u32; 2],
+    fps: f64,
+    begin_s: f64,
+    written: u64,
+}
+
+impl Film {
+    pub(super) fn new(target: &Path, ffmpeg: &Path, encoder: Option<&str>) -> Self {
+        Self { target: target.to_owned(), ffmpeg: ffmpeg.to_owned(), encoder: encoder.map(str::to_owned), run: None }
+    }
+
+    /// Adds the picture of a time, as often as the film's rate asks for.
+    pub(super) fn add(&mut self, time_s: f64, picture: &RgbImage, fps: Option<f64>) -> Result<()> {
+        let size = [picture.width(), picture.height()];
+        let mut run = match self.run.take() {
+            Some(run) => run,
+            None => self.start(size, fps.unwrap_or(USUAL_FPS).min(MOST_FPS), time_s)?,
+        };
+        let place = ((time_s - run.begin_s) * run.fps).round().max(0.0) as u64 + 1;
+        let times = place.saturating_sub(run.written).min((LONGEST_STILL_S * run.fps).ceil() as u64);
+        let resized = (run.size != size).then(|| resize(picture, run.size[0], run.size[1], FilterType::Triangle));
+        let pixels = resized.as_ref().unwrap_or(picture).as_raw();
+        for _ in 0..times {
+            let sent = run.child.stdin.as_mut().map(|pipe| pipe.write_all(pixels));
+            if !matches!(sent, Some(Ok(()))) {
+                return Err(self.failed(run));
+            }
+        }
+        run.written = place.max(run.written);
+        self.run = Some(run);
+        Ok(())
+    }
+
+    fn start(&self, size: [u32; 2], fps: f64, begin_s: f64) -> Result<Run> {
+        let extension = self.target.extension().unwrap_or_default().to_string_lossy();
+        let scratch = scratch_beside(&self.target, &format!(".{extension}"))?.into_temp_path();
+        let [width, height] = size;
+        let mut command = Command::new(&self.ffmpeg);
+        command.args(["-nostdin", "-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
+        command.args(["-video_size", &format!("{width}x{height}"), "-framerate", &fps.to_string(), "-i", "pipe:0"]);
+        // Most codecs want even sides.
+        command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]);
+        if let Some(encoder) = &self.encoder {
+            command.args(["-c:v", encoder]);
+        }
+        command.arg(&scratch).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| unstarted(&self.ffmpeg, &error))?;
+        let errors = child.stderr.take();
+        let log = thread::spawn(move || {
+            let mut bytes = Vec::new();
+            // What cannot be read is not told.
+            let _ = errors.map(|mut errors| errors.read_to_end(&mut bytes));
+            String::from_utf8_lossy(&bytes).trim().replace('\n', "; ")
+        });
+        Ok(Run { child, log, scratch, size, fps, begin_s, written: 0 })
+    }
+
+    fn failed(&self, mut run: Run) -> anyhow::Error {
+        drop(run.child.stdin.take());
+        let status = run.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
+        let told = run.log.join().unwrap_or_default();
+        anyhow!("{}: could not be written: ffmpeg ended with {status}: {told}", self.target.display())
+    }
+
+    /// Ends the film and puts it into its place.
+    pub(super) fn finish(mut self) -> Result<()> {
+        let Some(mut run) = self.run.take() else {
+            bail!("{}: no frame to write", self.target.display());
+        };
+        drop(run.child.stdin.take());
+        let status = run.child.wait().with_context(|| format!("{}: ffmpeg was lost", self.target.display()))?;
+        if !status.success() {
+            return Err(self.failed(run));
+        }
+        run.scratch.persist(&self.target).with_context(|| format!("{}: cannot be written", self.target.display()))
+    }
+}

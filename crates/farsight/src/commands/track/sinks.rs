@@ -1,0 +1,318 @@
+//! What is written of each frame, and at the end.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use farsight::RgbImage;
+use farsight::json::{FrameRecord, TrackRecord};
+use farsight_core::Detection;
+use farsight_data::Foreign;
+use farsight_data::kitti::text_from_results;
+use farsight_files::write_atomically;
+use farsight_viz::{DrawOptions, Scene, picture_with_words};
+use image::codecs::png::PngEncoder;
+use tempfile::NamedTempFile;
+
+use super::film::Film;
+use super::source::{Source, VideoFrame};
+use super::{Told, TrackArgs};
+use crate::inputs::identity;
+use crate::outputs;
+use crate::printer::Printer;
+
+/// The outputs of one call.
+pub(super) struct Sinks {
+    json: Option<(PathBuf, Option<File>)>,
+    prints_json: bool,
+    tracks: Option<PathBuf>,
+    kitti: Option<(PathBuf, NamedTempFile)>,
+    pictures: Option<Pictures>,
+    summary: BTreeMap<u64, Summary>,
+}
+
+enum Pictures {
+    Folder(PathBuf),
+    Film(Box<Film>),
+}
+
+/// What is told of a track at the end.
+struct Summary {
+    class: String,
+    first: (u64, f64),
+    last: (u64, f64),
+    seen: u64,
+    coasting: u64,
+    first_range_m: f64,
+    least_range_m: f64,
+    least_ttc_s: Option<f64>,
+    latest: TrackRecord,
+}
+
+/// Kinds of files that films are written to.
+const FILMS: [&str; 5] = ["mp4", "mkv", "mov", "avi", "webm"];
+
+/// Columns of the table of tracks.
+const COLUMNS: &str = "id,class,first_frame,last_frame,first_s,last_s,frames_seen,frames_coasting,\
+height_m,width_m,length_m,\
+first_range_m,last_range_m,last_range_sigma_m,least_range_m,last_closing_mps,last_closing_sigma_mps,least_ttc_s,\
+last_speed_mps,last_speed_sigma_mps";
+
+impl Sinks {
+    /// Checks what can be checked before the first frame.
+    pub(super) fn check(args: &TrackArgs, source: &Source) -> Result<Self> {
+        let TrackArgs { json, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
+        let inputs = || {
+            let camera = args.camera.calib.iter().chain(&args.ego).cloned();
+            source.files().iter().cloned().chain(camera).chain(args.pipeline.files())
+        };
+        let prints_json = json.as_deref() == Some(Path::new("-"));
+        let json = json.clone().filter(|_| !prints_json);
+        if let Some(json) = &json {
+            outputs::check_json(json, inputs())?;
+        }
+        for file in [tracks, kitti_tracking].into_iter().flatten() {
+            outputs::check_file(file)?;
+            let is_input = file.exists() && inputs().any(|input| identity(&input) == identity(file));
+            ensure!(!is_input, "{}: an input; expected another file", file.display());
+        }
+        let kitti =
+            kitti_tracking.as_ref().map(|path| Ok::<_, anyhow::Error>((path.clone(), scratch_beside(path, "")?)));
+        let pictures = out.as_ref().map(|out| {
+            let extension = out.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+            if extension.is_some_and(|extension| FILMS.contains(&extension.as_str())) && !out.is_dir() {
+                outputs::check_file(out)?;
+                let is_input = inputs().any(|input| identity(&input) == identity(out));
+                ensure!(!is_input, "{}: an input; expected another file for the film", out.display());
+                return Ok(Pictures::Film(Box::new(Film::new(out, ffmpeg, encoder.as_deref()))));
+            }
+            ensure!(
+                Foreign::from_name(out).is_none(),
+                "{}: no film of this kind is written; expected a folder, or one of .{}",
+                out.display(),
+                FILMS.join(", .")
+            );
+            let folders: Vec<PathBuf> =
+                source.files().iter().filter_map(|file| file.parent()).map(Path::to_owned).collect();
+            outputs::check_no_input(out, &folders)?;
+            outputs::make_folder(out)?;
+            Ok::<_, anyhow::Error>(Pictures::Folder(out.clone()))
+        });
+        Ok(Self {
+            json: json.map(|json| (json, None)),
+            prints_json,
+            tracks: tracks.clone(),
+            kitti: kitti.transpose()?,
+            pictures: pictures.transpose()?,
+            summary: BTreeMap::new(),
+        })
+    }
+
+    /// Whether anything is left of the work when nobody reads what is printed.
+    pub(super) fn write_files(&self) -> bool {
+        self.json.is_some() || self.tracks.is_some() || self.kitti.is_some() || self.pictures.is_some()
+    }
+
+    /// Writes a frame.
+    pub(super) fn add(
+        &mut self,
+        frame: &VideoFrame,
+        record: &FrameRecord,
+        told: &Told,
+        fps: Option<f64>,
+        printer: &mut Printer,
+    ) -> Result<()> {
+        let line = serde_json::to_string(record)?;
+        if self.prints_json {
+            printer.line(&line);
+            printer.flush();
+        }
+        if let Some((path, file)) = &mut self.json {
+            let file = match file {
+                Some(file) => file,
+                None => file.insert(File::create(&*path).with_context(|| unwritable(path))?),
+            };
+            // In one write, so that a reader sees whole lines.
+            file.write_all((line + "\n").as_bytes()).with_context(|| unwritable(path))?;
+        }
+        if let Some((path, file)) = &mut self.kitti {
+            file.write_all(kitti_rows(record, &told.detections).as_bytes()).with_context(|| unwritable(path))?;
+        }
+        for track in &record.tracks {
+            Summary::add(&mut self.summary, record, track);
+        }
+        match &mut self.pictures {
+            Some(Pictures::Folder(folder)) => {
+                let picture = drawn(frame, record, told);
+                let target = folder.join(format!("{:06}.png", record.frame));
+                write_atomically(&target, |out| {
+                    picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other)
+                })?;
+            }
+            Some(Pictures::Film(film)) => film.add(record.time_s, &drawn(frame, record, told), fps)?,
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// Writes what comes at the end, and returns how many tracks there were.
+    pub(super) fn finish(self, printer: &mut Printer) -> Result<usize> {
+        let Self { prints_json, tracks, kitti, pictures, summary, .. } = self;
+        if !prints_json {
+            print_table(&summary, printer);
+        }
+        if let Some(path) = tracks {
+            let text = csv(&summary);
+            write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        }
+        if let Some((path, file)) = kitti {
+            file.persist(&path).with_context(|| unwritable(&path))?;
+        }
+        if let Some(Pictures::Film(film)) = pictures {
+            film.finish()?;
+        }
+        Ok(summary.len())
+    }
+}
+
+impl Summary {
+    fn add(all: &mut BTreeMap<u64, Self>, record: &FrameRecord, track: &TrackRecord) {
+        let now = (record.frame, record.time_s);
+        let range_m = track.range_m;
+        let summary = all.entry(track.id).or_insert_with(|| Self {
+            class: track.class.clone(),
+            first: now,
+            last: now,
+            seen: 0,
+            coasting: 0,
+            first_range_m: range_m,
+            least_range_m: range_m,
+            least_ttc_s: None,
+            latest: track.clone(),
+        });
+        if track.coasting {
+            summary.coasting += 1;
+            return;
+        }
+        summary.seen += 1;
+        summary.last = now;
+        summary.class.clone_from(&track.class);
+        summary.least_range_m = summary.least_range_m.min(range_m);
+        let least = [summary.least_ttc_s, track.ttc_s].into_iter().flatten().reduce(f64::min);
+        summary.least_ttc_s = least;
+        summary.latest = track.clone();
+    }
+}
+
+/// The table of tracks, CSV; what is not known is empty.
+fn csv(summary: &BTreeMap<u64, Summary>) -> String {
+    let mut text = COLUMNS.to_owned() + "\n";
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
+    for (id, one) in summary {
+        let Summary { class, first, last, seen, coasting, latest, .. } = one;
+        let class =
+            if class.contains([',', '"']) { format!("\"{}\"", class.replace('"', "\"\"")) } else { class.clone() };
+        let [height, width, length] = latest.dimensions_hwl;
+        let numbers = [
+            Some(height),
+            Some(width),
+            Some(length),
+            Some(one.first_range_m),
+            Some(latest.range_m),
+            Some(latest.range_sigma_m),
+            Some(one.least_range_m),
+            latest.closing_mps,
+            latest.closing_sigma_mps,
+            one.least_ttc_s,
+            latest.speed_mps.flatten(),
+            latest.speed_sigma_mps.flatten(),
+        ];
+        let numbers = numbers.map(number).join(",");
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{id},{class},{},{},{:.3},{:.3},{seen},{coasting},{numbers}",
+            first.0, last.0, first.1, last.1
+        );
+    }
+    text
+}
+
+/// The table for people: one row a track.
+fn print_table(summary: &BTreeMap<u64, Summary>, printer: &mut Printer) {
+    let row = |cells: [&str; 8]| {
+        let [id, class, from, to, frames, distance, closing, ttc] = cells;
+        let row =
+            format!("{id:>5}  {class:10}  {from:>8}  {to:>8}  {frames:>6}  {distance:>13}  {closing:>15}  {ttc:>9}");
+        row.trim_end().to_owned()
+    };
+    let heading = ["id", "class", "from", "to", "frames", "last distance", "closing", "least ttc"];
+    printer.heading(&row(heading));
+    for (id, one) in summary {
+        let latest = &one.latest;
+        let closing = latest.closing_mps.zip(latest.closing_sigma_mps);
+        printer.line(&row([
+            &id.to_string(),
+            &one.class,
+            &format!("{:.2} s", one.first.1),
+            &format!("{:.2} s", one.last.1),
+            &one.seen.to_string(),
+            &format!("{:.1} ±{:.1} m", latest.range_m, latest.range_sigma_m),
+            &closing.map_or_else(String::new, |(mps, sigma)| format!("{mps:.1} ±{sigma:.1} m/s")),
+            &one.least_ttc_s.map_or_else(String::new, |ttc| format!("{ttc:.1} s")),
+        ]));
+    }
+}
+
+/// Rows of the tracking benchmark: frame and identity, then a result's 16 columns.
+fn kitti_rows(record: &FrameRecord, detections: &[Detection]) -> String {
+    let without_sigma: Vec<Detection> =
+        detections.iter().map(|detection| Detection { range_sigma_m: None, ..detection.clone() }).collect();
+    let rows = text_from_results(&without_sigma);
+    let mut text = String::new();
+    for (row, track) in rows.lines().zip(&record.tracks) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{} {} {row}", record.frame, track.id);
+    }
+    text
+}
+
+/// The frame with its tracks.
+fn drawn(frame: &VideoFrame, record: &FrameRecord, told: &Told) -> RgbImage {
+    let scene = Scene { camera: &told.camera, detections: &told.detections, truth: &[] };
+    let words: Vec<String> = record.tracks.iter().map(words).collect();
+    picture_with_words(&frame.image, &scene, &DrawOptions::default(), &words)
+}
+
+/// `#7 Car 23.4 ±1.2 m  closing 3.1 ±0.4 m/s  ttc 6.9 s`.
+fn words(track: &TrackRecord) -> String {
+    let TrackRecord { id, class, range_m, range_sigma_m, .. } = track;
+    let mut words = format!("#{id} {class} {range_m:.1} ±{range_sigma_m:.1} m");
+    if let (Some(mps), Some(sigma)) = (track.closing_mps, track.closing_sigma_mps) {
+        // Writing to a string cannot fail.
+        let _ = write!(words, "  {mps:+.1} ±{sigma:.1} m/s");
+    }
+    if let Some(ttc_s) = track.ttc_s {
+        let _ = write!(words, "  {ttc_s:.1} s");
+    }
+    if track.coasting {
+        words.push_str("  hidden");
+    }
+    words
+}
+
+/// A file beside its target, whose place it takes when it is whole, with the rights that new files have.
+pub(super) fn scratch_beside(target: &Path, suffix: &str) -> Result<NamedTempFile> {
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.prefix(".track").suffix(suffix).tempfile_in(folder).with_context(|| unwritable(target))
+}
+
+fn unwritable(path: &Path) -> String {
+    format!("{}: cannot be written", path.display())
+}
