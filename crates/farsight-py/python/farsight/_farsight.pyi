@@ -4,7 +4,8 @@ import os
 from collections.abc import Sequence
 from typing import Any, final
 
-__all__: list[str]
+__all__ = ["Pipeline", "__version__", "draw", "evaluate", "png", "render", "write_results"]
+
 __version__: str
 
 _Camera = float | Sequence[Sequence[float]]
