@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Detection;
 use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::LEAST_EXAMPLES;
 use crate::statistics::{quantile, sorted};
@@ -12,6 +11,12 @@ const INTERVAL_SHARES: [f64; 2] = [0.5, 0.9];
 
 /// Half the width of those intervals in standard deviations of a normal distribution.
 pub const NORMAL_INTERVAL_SIGMAS: [f64; 2] = [0.674_489_750_196_081_7, 1.644_853_626_951_472_2];
+
+/// Between these lies the factor on error bars that leave out what an image's objects share.
+const JOINT_FACTORS: [f64; 2] = [0.1, 10.0];
+
+/// A factor is known to a billionth after so many halvings.
+const HALVINGS: usize = 40;
 
 /// A depth and how sure it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,12 +28,6 @@ pub struct MeasuredDepth {
 }
 
 impl MeasuredDepth {
-    /// What a detection says of its depth, if it says how sure it is.
-    pub fn of(detection: &Detection) -> Option<Self> {
-        let depth_m = detection.box3d.depth_m();
-        Some(Self { depth_m, log_sigma: detection.range_sigma_m? / depth_m })
-    }
-
     /// How far this is from the truth, in its own standard deviations.
     fn off(&self, true_m: f64) -> f64 {
         (self.depth_m / true_m).ln() / self.log_sigma
@@ -98,6 +97,40 @@ impl DepthFusion {
         let offs = sorted(pairs.iter().map(joint));
         let fitted = Self { interval_sigmas: INTERVAL_SHARES.map(|share| quantile(&offs, share)), ..fitted };
         fitted.is_usable().then_some(fitted)
+    }
+
+    /// The same with error bars of what each object errs by itself: `shared` are the standard deviations of what the
+    /// logarithms of the depths of `pairs` have in common with others in their images. Both together hold two thirds of
+    /// the errors. The intervals are multiples of both together.
+    #[must_use]
+    pub fn beside_shared(self, pairs: &[DepthPair], shared: &[f64]) -> Self {
+        let plain = Self { joint_error_factor: 1.0, ..self };
+        let errors: Vec<[f64; 3]> = pairs
+            .iter()
+            .zip(shared)
+            .map(|(pair, shared)| {
+                let joint = plain.joint(Some(pair.first), pair.second);
+                [(joint.depth_m / pair.true_m).ln().abs(), joint.log_sigma, *shared]
+            })
+            .collect();
+        let offs = |factor: f64| {
+            sorted(errors.iter().map(|[error, own, shared]| error / (own * factor).hypot(shared.max(f64::EPSILON))))
+        };
+        // The larger the error bars, the smaller are the errors in them: the factor is looked for by halves.
+        let [mut least, mut most] = JOINT_FACTORS;
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(least, most);
+            let is_large = quantile(&offs(middle), WITHIN_ONE_SIGMA) < 1.0;
+            if is_large { most = middle } else { least = middle }
+        }
+        let factor = f64::midpoint(least, most);
+        let offs = offs(factor);
+        let fitted = Self {
+            joint_error_factor: factor,
+            interval_sigmas: INTERVAL_SHARES.map(|share| quantile(&offs, share)),
+            ..self
+        };
+        if fitted.is_usable() { fitted } else { self }
     }
 
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
@@ -195,5 +228,29 @@ mod tests {
         assert!((found.correlation - truth.correlation).abs() < 0.04, "{found:?}");
         assert!((found.joint_error_factor - 1.0).abs() < 0.05, "{found:?}");
         assert_eq!(DepthFusion::fit(&pairs[..3]), None);
+    }
+
+    #[test]
+    fn error_bars_beside_a_shared_error_leave_it_out() {
+        let pairs: Vec<DepthPair> = (0..4000)
+            .map(|k| {
+                let [shared, own, other] = normals(k);
+                let true_m = 20.0;
+                let second_m = true_m * (0.06 * shared + 0.05 * own).exp();
+                let second = MeasuredDepth { depth_m: second_m, log_sigma: 0.05 };
+                let first = MeasuredDepth { depth_m: true_m * (0.9 * other).exp(), log_sigma: 0.9 };
+                DepthPair { true_m, first, second }
+            })
+            .collect();
+        let fitted = DepthFusion::fit(&pairs).expect("enough pairs");
+        let sigma = |fusion: &DepthFusion| fusion.joint(Some(pairs[0].first), pairs[0].second).log_sigma;
+        assert!((sigma(&fitted) - 0.06_f64.hypot(0.05)).abs() < 0.003, "{fitted:?}");
+        let own = fitted.beside_shared(&pairs, &vec![0.06; pairs.len()]);
+        assert!((sigma(&own) - 0.05).abs() < 0.004, "{own:?}");
+        for (found, normal) in own.interval_sigmas.iter().zip(NORMAL_INTERVAL_SIGMAS) {
+            assert!((found - normal).abs() < 0.06, "{own:?}");
+        }
+        let alone = fitted.beside_shared(&pairs, &vec![0.0; pairs.len()]);
+        assert!((alone.joint_error_factor - fitted.joint_error_factor).abs() < 1e-6, "{alone:?} and {fitted:?}");
     }
 }

@@ -46,6 +46,14 @@ impl Detection {
     }
 }
 
+impl MeasuredDepth {
+    /// What a detection says of its depth, if it says how sure it is.
+    pub fn of(detection: &Detection) -> Option<Self> {
+        let depth_m = detection.box3d.depth_m();
+        Some(Self { depth_m, log_sigma: detection.range_sigma_m? / depth_m })
+    }
+}
+
 /// The overlap from which on a car is in its place, as KITTI judges.
 pub const PLACE_OVERLAP: f64 = 0.7;
 

@@ -27,6 +27,7 @@ pub mod references;
 pub mod road;
 pub mod samplers;
 pub mod scalar;
+pub mod scale;
 pub mod score;
 pub mod statistics;
 
@@ -41,6 +42,7 @@ pub use label::Label;
 pub use pose::Pose;
 pub use range_error::RangeError;
 pub use references::{ClassReference, DepthReference};
+pub use scale::{Region, ScalePrior};
 pub use score::ScoreCalibration;
 
 /// The angle equal to `angle_rad` up to whole turns, in `(-pi, pi]`.

@@ -3,15 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::linear::{dot, solved};
-use crate::references::DepthReference;
 use crate::score::{LEAST_EXAMPLES, logit};
 use crate::statistics::{quantile, sorted};
-
-/// Slopes are taken between pairs of so many objects at most.
-const MOST_PAIRED: usize = 1500;
-
-/// Pairs that are closer than this, metres, say little about the slope.
-const LEAST_APART_M: f64 = 1.0;
 
 /// Errors smaller than this, metres, count as so large: labels are no better, and their logarithm would rule the fit.
 const LEAST_ERROR_M: f64 = 0.02;
@@ -19,7 +12,7 @@ const LEAST_ERROR_M: f64 = 0.02;
 /// Share of the errors that lie within one standard deviation of a normal distribution.
 pub(crate) const WITHIN_ONE_SIGMA: f64 = 0.6827;
 
-/// A found object of which the distance is known. Depths are virtual ones ([`DepthReference::virtual_depth_m`]).
+/// A found object of which the distance is known. Depths are virtual ones ([`crate::DepthReference::virtual_depth_m`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthExample {
     /// What the model said, metres.
@@ -97,33 +90,10 @@ fn log_error(example: &DepthExample) -> f64 {
     (example.found_m - example.true_m).abs().max(LEAST_ERROR_M).ln()
 }
 
-impl DepthReference {
-    /// This reference moved and stretched, so that depths come out right in the median for near and for far objects: Theil and Sen's line through what was found
-    /// (by a model of this reference) and what is right. None with fewer than [`LEAST_EXAMPLES`], or where the line does not rise.
-    pub fn refitted(&self, examples: &[DepthExample]) -> Option<Self> {
-        if examples.len() < LEAST_EXAMPLES {
-            return None;
-        }
-        let step = examples.len().div_ceil(MOST_PAIRED);
-        let paired: Vec<_> = examples.iter().step_by(step).collect();
-        let mut slopes = Vec::new();
-        for (i, a) in paired.iter().enumerate() {
-            let apart = paired[i + 1..].iter().filter(|b| (a.found_m - b.found_m).abs() >= LEAST_APART_M);
-            slopes.extend(apart.map(|b| (a.true_m - b.true_m) / (a.found_m - b.found_m)));
-        }
-        if slopes.is_empty() {
-            return None;
-        }
-        let slope = quantile(&sorted(slopes), 0.5);
-        let offset_m = quantile(&sorted(examples.iter().map(|e| e.true_m - slope * e.found_m)), 0.5);
-        let refitted = Self { mean_m: offset_m + slope * self.mean_m, std_m: slope * self.std_m, ..*self };
-        (refitted.std_m > 0.0 && refitted.mean_m.is_finite()).then_some(refitted)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::DepthReference;
 
     /// A number in `[-1, 1)`, the same for the same `i`.
     fn noise(i: usize) -> f64 {

@@ -3,8 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use crate::ObjectClass;
-use crate::range_error::RangeError;
-use crate::score::ScoreCalibration;
+use crate::range_error::{DepthExample, RangeError};
+use crate::score::{LEAST_EXAMPLES, ScoreCalibration};
+use crate::statistics::{quantile, sorted};
+
+/// Slopes are taken between pairs of so many objects at most.
+const MOST_PAIRED: usize = 1500;
+
+/// Pairs that are closer than this, metres, say little about the slope.
+const LEAST_APART_M: f64 = 1.0;
 
 /// Mean and standard deviation of the depth of objects; centres the depth channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -51,6 +58,28 @@ impl DepthReference {
         sigma_m.is_finite().then_some(sigma_m)
     }
 
+    /// This reference moved and stretched, so that depths come out right in the median for near and for far objects: Theil and Sen's line through what was found
+    /// (by a model of this reference) and what is right. None with fewer than [`LEAST_EXAMPLES`], or where the line does not rise.
+    pub fn refitted(&self, examples: &[DepthExample]) -> Option<Self> {
+        if examples.len() < LEAST_EXAMPLES {
+            return None;
+        }
+        let step = examples.len().div_ceil(MOST_PAIRED);
+        let paired: Vec<_> = examples.iter().step_by(step).collect();
+        let mut slopes = Vec::new();
+        for (i, a) in paired.iter().enumerate() {
+            let apart = paired[i + 1..].iter().filter(|b| (a.found_m - b.found_m).abs() >= LEAST_APART_M);
+            slopes.extend(apart.map(|b| (a.true_m - b.true_m) / (a.found_m - b.found_m)));
+        }
+        if slopes.is_empty() {
+            return None;
+        }
+        let slope = quantile(&sorted(slopes), 0.5);
+        let offset_m = quantile(&sorted(examples.iter().map(|e| e.true_m - slope * e.found_m)), 0.5);
+        let refitted = Self { mean_m: offset_m + slope * self.mean_m, std_m: slope * self.std_m, ..*self };
+        (refitted.std_m > 0.0 && refitted.mean_m.is_finite()).then_some(refitted)
+    }
+
     /// True depth over virtual depth through an input of this focal length, pixels.
     pub fn scale(&self, input_focal_px: f64) -> f64 {
         self.focal_px.map_or(1.0, |focal_px| input_focal_px / focal_px)
@@ -78,6 +107,15 @@ fn one() -> f64 {
 }
 
 impl ClassReference {
+    /// What is wrong with the sizes and factors of these classes, if anything is.
+    pub fn problem_of_sizes(classes: &[Self]) -> Option<String> {
+        let is_usable = |number: &f64| *number > 0.0 && *number <= LARGEST_M;
+        let numbers = |known: &Self| [known.dimensions_lhw.as_slice(), &[known.heatmap_factor]].concat();
+        let bad = classes.iter().find(|known| !numbers(known).iter().all(is_usable))?;
+        let expected = format!("expected positive numbers, at most {LARGEST_M}");
+        Some(format!("has {} with a size or factor out of all proportion; {expected}", bad.class))
+    }
+
     /// What is wrong with the names of these classes, if anything is.
     pub fn problem_of_names(classes: &[Self]) -> Option<String> {
         for (place, Self { class, .. }) in classes.iter().enumerate() {

@@ -1,10 +1,13 @@
 //! One road under all: from where things stand a camera sees how far away they are.
 //!
-//! An image shows a car's direction and shape, not its size, so each object's distance is unsure by a factor of its own. But objects of one image stand on
-//! one road, roughly a plane, so each has a say in where the others are; and where the camera's height above the road is known, that has, too. Plane and
-//! factors are looked for together: the likeliest ones by the error bars of the distances, by where the boxes end below, and by how roads lie.
+//! An image shows a car's direction and shape, not its size, so each object's distance is unsure by a factor of its own,
+//! and by one that all vehicles of the image share ([`crate::scale`]). But objects of one image stand on one road, roughly
+//! a plane, so each has a say in where the others are; and where the camera's height above the road is known, that has,
+//! too. Plane and factors are looked for together: the likeliest ones by the error bars of the distances, by where the
+//! boxes end below, and by how roads lie.
 
 use crate::linear::{dot, solved};
+use crate::scale::{ScalePrior, is_scaled};
 use crate::{Detection, MeasuredDepth};
 
 /// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they end below is a guess.
@@ -19,6 +22,9 @@ const BENT: f64 = 0.003;
 
 /// How well a height that somebody measured is known, metres.
 const HEIGHT_ERROR_M: f64 = 0.05;
+
+/// Standard deviation of the logarithm of a common factor that is known.
+const LEAST_SCALE_SIGMA: f64 = 1e-9;
 
 /// How high cameras are that nobody measured, and how far from that they may be, metres: in a car, on a truck, over a road.
 const ANY_HEIGHT_M: f64 = 2.0;
@@ -57,52 +63,61 @@ impl Road {
     }
 }
 
-/// The plane `y + slope z + tilt x = height` in camera coordinates, metres: slope, height, tilt.
-type Plane = [f64; 3];
+/// What the objects of an image have in common: the plane `y + slope z + tilt x = height` in camera coordinates, metres,
+/// as slope, height and tilt; and the logarithm of the factor of all vehicles' distances.
+type Common = [f64; 4];
 
 /// What is known of one object.
 #[derive(Debug, Clone, Copy)]
-struct Stand {
+struct GroundContact {
     /// The middle of its lower face, camera coordinates, metres.
     foot: [f64; 3],
-    /// Standard deviation of the logarithm of its distance.
+    /// Standard deviation of the logarithm of its distance, but for what it shares with others.
     sigma: f64,
+    /// Whether it shares the common factor.
+    is_scaled: bool,
 }
 
-impl Stand {
+impl GroundContact {
     /// Of a sure detection with an error bar.
-    fn of(detection: &Detection) -> Option<Self> {
+    fn of(detection: &Detection, scale: &ScalePrior) -> Option<Self> {
         let foot = detection.box3d.location;
         let sigma = detection.range_sigma_m? / detection.box3d.depth_m();
         let is_usable = detection.score > SURE_SCORE && sigma.is_finite() && sigma > 0.0;
-        is_usable.then_some(Self { foot, sigma })
+        is_usable.then_some(Self { foot, sigma, is_scaled: scale.log_sigma > 0.0 && is_scaled(&detection.class) })
     }
 
     /// How far, metres, it stands off the plane when it is `factor` times as far away, and how much that may be by boxes and roads.
-    fn off(&self, plane: &Plane, factor: f64) -> (f64, f64) {
+    fn off(&self, common: &Common, factor: f64) -> (f64, f64) {
         let [x, y, z] = self.foot;
-        let [slope, height, tilt] = *plane;
+        let [slope, height, tilt, _] = *common;
         let off = factor * (y + slope * z + tilt * x) - height;
         let variance = (EDGE_ERROR * z).powi(2) + UNEVEN_M.powi(2) + (BENT * z).powi(2);
         (off, variance.sqrt())
     }
 
-    /// What it asks for: gradient and curvature of the misfit by the logarithm of its factor and by the plane, at these.
-    fn demand(&self, plane: &Plane, log: f64) -> Demand {
+    /// What it asks for: gradient and curvature of the misfit by the logarithm of its factor and by what is common.
+    fn demand(&self, common: &Common, log: f64) -> Demand {
         let factor = log.exp();
-        let (off, sigma) = self.off(plane, factor);
+        let (off, sigma) = self.off(common, factor);
         let weight = 1.0 / (sigma * sigma * (1.0 + (off / sigma / ODD).powi(2)));
         let [x, _, z] = self.foot;
-        let by_log = off + plane[1];
-        let by_plane = [factor * z, -1.0, factor * x];
+        let by_log = off + common[1];
+        let by_plane = [factor * z, -1.0, factor * x, 0.0];
         let precision = 1.0 / (self.sigma * self.sigma);
-        Demand {
-            gradient: weight * off * by_log + precision * log,
+        let share = if self.is_scaled { 1.0 } else { 0.0 };
+        let own = log - share * common[3];
+        let mut demand = Demand {
+            gradient: weight * off * by_log + precision * own,
             curvature: weight * by_log * by_log + precision,
             mixed: by_plane.map(|v| weight * v * by_log),
-            plane_gradient: by_plane.map(|v| weight * v * off),
-            plane_curvature: by_plane.map(|a| by_plane.map(|b| weight * a * b)),
-        }
+            common_gradient: by_plane.map(|v| weight * v * off),
+            common_curvature: by_plane.map(|a| by_plane.map(|b| weight * a * b)),
+        };
+        demand.mixed[3] -= share * precision;
+        demand.common_gradient[3] -= share * precision * own;
+        demand.common_curvature[3][3] += share * precision;
+        demand
     }
 }
 
@@ -110,78 +125,132 @@ impl Stand {
 struct Demand {
     gradient: f64,
     curvature: f64,
-    mixed: [f64; 3],
-    plane_gradient: [f64; 3],
-    plane_curvature: [[f64; 3]; 3],
+    mixed: Common,
+    common_gradient: Common,
+    common_curvature: [Common; 4],
 }
 
-/// `detections` of one image where they stand on one `road` best; unsure ones and those without error bars stay.
+/// `detections` of one image where they stand on one `road` best, with error bars that hold what all share by `scale`.
 ///
-/// Each box is moved along its rays and grows with the distance, so the picture stays the same. Error bars shrink by what the plane tells.
-pub fn on_one_road(mut detections: Vec<Detection>, road: Road) -> Vec<Detection> {
-    let Some(height) = road.height() else { return detections };
-    let stands: Vec<Option<Stand>> = detections.iter().map(Stand::of).collect();
-    let known: Vec<Stand> = stands.iter().copied().flatten().collect();
-    let Some(found) = settled(&known, height) else { return detections };
-    let moved = detections.iter_mut().zip(&stands).filter(|(_, stand)| stand.is_some());
-    for ((detection, _), [log, sigma]) in moved.zip(found) {
-        let depth_m = detection.box3d.depth_m() * log.exp();
-        detection.move_to(MeasuredDepth { depth_m, log_sigma: sigma });
+/// Each box is moved along its rays and grows with the distance, so the picture stays the same. Error bars shrink by
+/// what the plane tells. Unsure detections say nothing about the road; of it, they only follow the common factor. Those
+/// without error bars stay where `scale` has them.
+pub fn on_one_road(mut detections: Vec<Detection>, road: Road, scale: &ScalePrior) -> Vec<Detection> {
+    for detection in &mut detections {
+        scale.apply(detection);
+    }
+    let contacts: Vec<Option<GroundContact>> =
+        detections.iter().map(|detection| GroundContact::of(detection, scale)).collect();
+    let known: Vec<GroundContact> = contacts.iter().copied().flatten().collect();
+    let found = road.height().and_then(|height| settled(&known, &Prior::new(height, scale)));
+    let Some(Settled { objects, common_factor }) = found else {
+        for detection in &mut detections {
+            widen(detection, MeasuredDepth { depth_m: 1.0, log_sigma: scale.log_sigma });
+        }
+        return detections;
+    };
+    let mut objects = objects.into_iter();
+    for (detection, contact) in detections.iter_mut().zip(&contacts) {
+        match contact.and_then(|_| objects.next()) {
+            Some(MeasuredDepth { depth_m, log_sigma }) => {
+                let depth_m = detection.box3d.depth_m() * depth_m;
+                detection.move_to(MeasuredDepth { depth_m, log_sigma });
+            }
+            None => widen(detection, common_factor),
+        }
     }
     detections
 }
 
-/// Logarithm of the factor of each object's distance and its standard deviation; none when the numbers are none.
-fn settled(stands: &[Stand], height: [f64; 2]) -> Option<Vec<[f64; 2]>> {
-    let fit = Fit::of(stands, height)?;
-    let demands = fit.demands(stands);
-    let (curvature, _) = fit.plane_demand(&demands, height);
-    let sigma = |demand: &Demand| {
-        let by_plane = dot(&demand.mixed, &solved(curvature, demand.mixed)?);
-        Some((1.0 / demand.curvature + by_plane / (demand.curvature * demand.curvature)).sqrt())
+/// Moves what shares the common factor by it, and adds its error.
+fn widen(detection: &mut Detection, factor: MeasuredDepth) {
+    if factor.log_sigma > 0.0
+        && is_scaled(&detection.class)
+        && let Some(own) = MeasuredDepth::of(detection)
+    {
+        let log_sigma = own.log_sigma.hypot(factor.log_sigma);
+        detection.move_to(MeasuredDepth { depth_m: own.depth_m * factor.depth_m, log_sigma });
+    }
+}
+
+/// What is known before anything is seen: the likeliest values of what is common, and their precisions.
+struct Prior {
+    expected: Common,
+    precision: Common,
+}
+
+impl Prior {
+    fn new(height: [f64; 2], scale: &ScalePrior) -> Self {
+        // Nobody asks for a factor that is known, so any precision will do.
+        let sigmas = [SLOPE, height[1], TILT, scale.log_sigma.max(LEAST_SCALE_SIGMA)];
+        Self { expected: [0.0, height[0], 0.0, 0.0], precision: sigmas.map(|sigma| 1.0 / (sigma * sigma)) }
+    }
+}
+
+/// What was found out about an image.
+struct Settled {
+    /// Factor of the distance of each object.
+    objects: Vec<MeasuredDepth>,
+    /// Of all that share the common one.
+    common_factor: MeasuredDepth,
+}
+
+/// The factors of the distances and how sure they are; none when the numbers are none.
+fn settled(contacts: &[GroundContact], prior: &Prior) -> Option<Settled> {
+    let fit = Fit::of(contacts, prior)?;
+    let demands = fit.demands(contacts);
+    let (curvature, _) = fit.common_demand(&demands, prior);
+    let variance = |direction: Common| Some(dot(&direction, &solved(curvature, direction)?));
+    let factor = |log: f64, variance: f64| {
+        let found = MeasuredDepth { depth_m: log.exp(), log_sigma: variance.sqrt() };
+        (found.depth_m.is_finite() && found.log_sigma.is_finite()).then_some(found)
     };
-    let found = fit.logs.iter().zip(&demands).map(|(log, demand)| Some([*log, sigma(demand)?]));
-    let found: Vec<[f64; 2]> = found.collect::<Option<_>>()?;
-    found.iter().flatten().all(|number| number.is_finite()).then_some(found)
+    let object = |(log, demand): (&f64, &Demand)| {
+        let by_common = variance(demand.mixed)? / (demand.curvature * demand.curvature);
+        factor(*log, 1.0 / demand.curvature + by_common)
+    };
+    let objects = fit.logs.iter().zip(&demands).map(object).collect::<Option<_>>()?;
+    let common_factor = factor(fit.common[3], variance([0.0, 0.0, 0.0, 1.0])?)?;
+    Some(Settled { objects, common_factor })
 }
 
 /// What is looked for.
 struct Fit {
-    plane: Plane,
+    common: Common,
     /// Logarithms of the factors of the distances.
     logs: Vec<f64>,
 }
 
 impl Fit {
     /// The likeliest plane and factors.
-    fn of(stands: &[Stand], height: [f64; 2]) -> Option<Self> {
-        let mut fit = Self { plane: [0.0, height[0], 0.0], logs: vec![0.0; stands.len()] };
+    fn of(contacts: &[GroundContact], prior: &Prior) -> Option<Self> {
+        let mut fit = Self { common: prior.expected, logs: vec![0.0; contacts.len()] };
         for _ in 0..STEPS {
-            let demands = fit.demands(stands);
-            let (curvature, downhill) = fit.plane_demand(&demands, height);
+            let demands = fit.demands(contacts);
+            let (curvature, downhill) = fit.common_demand(&demands, prior);
             fit.descend(&demands, &solved(curvature, downhill)?);
         }
         Some(fit)
     }
 
-    fn demands(&self, stands: &[Stand]) -> Vec<Demand> {
-        stands.iter().zip(&self.logs).map(|(stand, log)| stand.demand(&self.plane, *log)).collect()
+    fn demands(&self, contacts: &[GroundContact]) -> Vec<Demand> {
+        contacts.iter().zip(&self.logs).map(|(contact, log)| contact.demand(&self.common, *log)).collect()
     }
 
-    /// Curvature and negative gradient of the misfit by the plane, where each object's own factor follows (Schur's complement).
-    fn plane_demand(&self, demands: &[Demand], height: [f64; 2]) -> ([[f64; 3]; 3], [f64; 3]) {
-        let expected = [0.0, height[0], 0.0];
-        let precision = [SLOPE, height[1], TILT].map(|sigma| 1.0 / (sigma * sigma));
-        let mut downhill: [f64; 3] = std::array::from_fn(|i| -precision[i] * (self.plane[i] - expected[i]));
-        let mut curvature = [[0.0; 3]; 3];
+    /// Curvature and negative gradient of the misfit by what is common, where each object's own factor follows (Schur's
+    /// complement).
+    fn common_demand(&self, demands: &[Demand], prior: &Prior) -> ([Common; 4], Common) {
+        let Prior { expected, precision } = prior;
+        let mut downhill: Common = std::array::from_fn(|i| -precision[i] * (self.common[i] - expected[i]));
+        let mut curvature = [[0.0; 4]; 4];
         for (i, row) in curvature.iter_mut().enumerate() {
             row[i] = precision[i];
         }
         for demand in demands {
             let share = demand.mixed.map(|mixed| mixed / demand.curvature);
             for (i, row) in curvature.iter_mut().enumerate() {
-                downhill[i] -= demand.plane_gradient[i] - share[i] * demand.gradient;
-                for (cell, (asked, mixed)) in row.iter_mut().zip(demand.plane_curvature[i].iter().zip(demand.mixed)) {
+                downhill[i] -= demand.common_gradient[i] - share[i] * demand.gradient;
+                for (cell, (asked, mixed)) in row.iter_mut().zip(demand.common_curvature[i].iter().zip(demand.mixed)) {
                     *cell += asked - share[i] * mixed;
                 }
             }
@@ -189,8 +258,8 @@ impl Fit {
         (curvature, downhill)
     }
 
-    fn descend(&mut self, demands: &[Demand], step: &[f64; 3]) {
-        for (value, step) in self.plane.iter_mut().zip(step) {
+    fn descend(&mut self, demands: &[Demand], step: &Common) {
+        for (value, step) in self.common.iter_mut().zip(step) {
             *value += step;
         }
         for (log, demand) in self.logs.iter_mut().zip(demands) {
@@ -203,6 +272,9 @@ impl Fit {
 mod tests {
     use super::*;
     use crate::{Box2d, Box3d, Dimensions, ObjectClass};
+
+    /// Nothing is shared.
+    const ALONE: ScalePrior = ScalePrior { factor: 1.0, log_sigma: 0.0 };
 
     /// A car whose distance is told `factor` times too large, give or take `sigma`, on a road that falls by `slope`, 1.6 m below the camera.
     fn car(x: f64, z: f64, slope: f64, factor: f64, sigma: f64) -> Detection {
@@ -222,7 +294,7 @@ mod tests {
             let error = |detection: &Detection, z: f64| (detection.box3d.depth_m() / z).ln().abs();
             let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
             for (road, most) in [(Road::BelowBy(1.6), 0.7), (Road::Below, 0.85)] {
-                let found = on_one_road(told(), road);
+                let found = on_one_road(told(), road, &ALONE);
                 let after: f64 = found.iter().zip(places).map(|(detection, [_, z])| error(detection, z)).sum();
                 assert!(after < most * before, "errors of {before} became {after} with a slope of {slope} by {road:?}");
                 for (detection, [x, z]) in found.iter().zip(places) {
@@ -232,17 +304,20 @@ mod tests {
                     assert!(sigma > 0.005 && sigma < 0.05, "{sigma} at {z} m");
                 }
             }
-            assert_eq!(on_one_road(told(), Road::Ignored), told());
+            assert_eq!(on_one_road(told(), Road::Ignored, &ALONE), told());
         }
     }
 
-    /// What the fit makes small: squares of the errors in standard deviations, but for those off the plane, which spread as Cauchy's distribution does.
-    fn misfit(fit: &Fit, stands: &[Stand], height: [f64; 2]) -> f64 {
-        let [slope, above, tilt] = fit.plane;
-        let usual = (slope / SLOPE).powi(2) + ((above - height[0]) / height[1]).powi(2) + (tilt / TILT).powi(2);
-        let each = stands.iter().zip(&fit.logs).map(|(stand, log)| {
-            let (off, sigma) = stand.off(&fit.plane, log.exp());
-            (log / stand.sigma).powi(2) + ODD.powi(2) * (off / sigma / ODD).powi(2).ln_1p()
+    /// What the fit makes small: squares of the errors in standard deviations, but for those off the plane, which spread
+    /// as Cauchy's distribution does.
+    fn misfit(fit: &Fit, contacts: &[GroundContact], height: [f64; 2], scale: &ScalePrior) -> f64 {
+        let [slope, above, tilt, shared] = fit.common;
+        let plane = (slope / SLOPE).powi(2) + ((above - height[0]) / height[1]).powi(2) + (tilt / TILT).powi(2);
+        let usual = plane + (shared / scale.log_sigma).powi(2);
+        let each = contacts.iter().zip(&fit.logs).map(|(contact, log)| {
+            let (off, sigma) = contact.off(&fit.common, log.exp());
+            let own = log - if contact.is_scaled { shared } else { 0.0 };
+            (own / contact.sigma).powi(2) + ODD.powi(2) * (off / sigma / ODD).powi(2).ln_1p()
         });
         usual + each.sum::<f64>()
     }
@@ -252,19 +327,79 @@ mod tests {
         let factors = [1.06, 0.95, 1.04, 0.97, 1.3];
         let places = [[-3.0, 9.0], [3.2, 12.0], [-3.1, 17.0], [0.1, 22.0], [3.0, 28.0]];
         let cars = places.iter().zip(factors).map(|(&[x, z], factor)| car(x, z, 0.01, factor, 0.05));
-        let stands: Vec<Stand> = cars.filter_map(|car| Stand::of(&car)).collect();
+        let mut objects: Vec<Detection> = cars.collect();
+        objects[1].class = ObjectClass::Pedestrian;
+        let scale = ScalePrior { factor: 1.0, log_sigma: 0.06 };
+        let contacts: Vec<GroundContact> =
+            objects.iter().filter_map(|object| GroundContact::of(object, &scale)).collect();
         for height in [Road::Below, Road::BelowBy(1.6)].map(|road| road.height().unwrap()) {
-            let fit = Fit::of(&stands, height).unwrap();
-            let least = misfit(&fit, &stands, height);
+            let fit = Fit::of(&contacts, &Prior::new(height, &scale)).unwrap();
+            let least = misfit(&fit, &contacts, height, &scale);
             for step in [-1e-3, 1e-3] {
-                for place in 0..3 + stands.len() {
-                    let mut other = Fit { plane: fit.plane, logs: fit.logs.clone() };
-                    *other.plane.iter_mut().chain(&mut other.logs).nth(place).unwrap() += step;
-                    let worse = misfit(&other, &stands, height);
+                for place in 0..4 + contacts.len() {
+                    let mut other = Fit { common: fit.common, logs: fit.logs.clone() };
+                    *other.common.iter_mut().chain(&mut other.logs).nth(place).unwrap() += step;
+                    let worse = misfit(&other, &contacts, height, &scale);
                     assert!(worse > least, "{worse} is less than {least} when {place} moves by {step}");
                 }
             }
         }
+    }
+
+    /// Ten cars in two rows, all told `factor` times too far, each with an error bar of its own of 5%.
+    fn ten_cars(factor: f64) -> Vec<Detection> {
+        let places = (0..10).map(|place| [if place % 2 == 0 { -3.0 } else { 3.0 }, 8.0 + 4.0 * f64::from(place)]);
+        places.map(|[x, z]| car(x, z, 0.0, factor, 0.05)).collect()
+    }
+
+    /// Mean error of [`ten_cars`] after the fit, and mean error bar: both of the logarithm.
+    fn ten_after(factor: f64, road: Road, scale: &ScalePrior) -> [f64; 2] {
+        let found = on_one_road(ten_cars(factor), road, scale);
+        let mean = |value: &dyn Fn(usize) -> f64| (0..10).map(value).sum::<f64>() / 10.0;
+        let error = |place: usize| (found[place].box3d.depth_m() / (8.0 + 4.0 * place as f64)).ln();
+        let sigma = |place: usize| found[place].range_sigma_m.unwrap() / found[place].box3d.depth_m();
+        [mean(&error), mean(&sigma)]
+    }
+
+    #[test]
+    fn ten_cars_that_agree_do_not_outvote_a_tape_measure() {
+        let shared = ScalePrior { factor: 1.0, log_sigma: 0.06 };
+        let [alone, _] = ten_after(0.88, Road::BelowBy(1.6), &ALONE);
+        let [error, sigma] = ten_after(0.88, Road::BelowBy(1.6), &shared);
+        assert!(error.abs() < 0.6 * alone.abs(), "{error}, independent {alone}");
+        assert!(error.abs() < 2.0 * sigma && sigma < 0.065, "{error} give or take {sigma}");
+    }
+
+    #[test]
+    fn ten_cars_that_agree_are_as_unsure_of_what_they_share_as_one() {
+        let shared = ScalePrior { factor: 1.0, log_sigma: 0.06 };
+        for road in [Road::Ignored, Road::Below] {
+            let [error, sigma] = ten_after(1.0, road, &shared);
+            assert!(error.abs() < 0.01, "{error} by {road:?}");
+            assert!(sigma > 0.055 && sigma < 0.0785, "{sigma} by {road:?}");
+        }
+        let [_, alone] = ten_after(1.0, Road::Below, &ALONE);
+        assert!(alone < 0.05, "{alone}");
+    }
+
+    #[test]
+    fn a_factor_that_is_known_moves_vehicles_only() {
+        let smaller = ScalePrior { factor: 0.95, log_sigma: 0.0 };
+        let mut seen = vec![car(2.0, 15.0, 0.0, 1.0, 0.05); 2];
+        seen[1].class = ObjectClass::Pedestrian;
+        let found = on_one_road(seen.clone(), Road::Ignored, &smaller);
+        assert!((found[0].box3d.depth_m() - 0.95 * 15.0).abs() < 1e-9);
+        assert!((found[0].range_sigma_m.unwrap() - 0.05 * 0.95 * 15.0).abs() < 1e-9);
+        assert_eq!(found[1], seen[1]);
+    }
+
+    #[test]
+    fn unsure_vehicles_follow_what_the_sure_ones_tell_of_the_common_factor() {
+        let shared = ScalePrior { factor: 1.0, log_sigma: 0.06 };
+        let guess = Detection { score: 0.2, ..car(1.0, 30.0, 0.0, 0.88, 0.05) };
+        let found = on_one_road([ten_cars(0.88), vec![guess]].concat(), Road::BelowBy(1.6), &shared);
+        let error = (found[10].box3d.depth_m() / 30.0).ln();
+        assert!(error.abs() < 0.6 * 0.88_f64.ln().abs(), "{error}");
     }
 
     #[test]
@@ -277,7 +412,7 @@ mod tests {
             seen.box3d.location[1] += factor * (height_m - 1.6);
             seen
         };
-        let found = on_one_road(depths.into_iter().zip(factors).map(seen).collect(), Road::Below);
+        let found = on_one_road(depths.into_iter().zip(factors).map(seen).collect(), Road::Below, &ALONE);
         let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
         let after: f64 = found.iter().zip(depths).map(|(object, z)| (object.box3d.depth_m() / z).ln().abs()).sum();
         assert!(after < 0.85 * before, "errors of {before} became {after}");
@@ -288,7 +423,7 @@ mod tests {
         for height_m in [1.2, 2.5, 6.0] {
             let mut alone = car(2.0, 15.0, 0.0, 1.0, 0.05);
             alone.box3d.location[1] = height_m;
-            let found = on_one_road(vec![alone], Road::Below);
+            let found = on_one_road(vec![alone], Road::Below, &ALONE);
             assert!((found[0].box3d.depth_m() / 15.0).ln().abs() < 0.005, "{height_m}: {:?}", found[0].box3d);
         }
     }
@@ -296,11 +431,11 @@ mod tests {
     #[test]
     fn what_is_right_stays_and_what_is_sure_moves_least() {
         let right = vec![car(-3.0, 9.0, 0.0, 1.0, 0.05), car(3.0, 20.0, 0.0, 1.0, 0.05)];
-        for (before, after) in right.iter().zip(on_one_road(right.clone(), Road::BelowBy(1.6))) {
+        for (before, after) in right.iter().zip(on_one_road(right.clone(), Road::BelowBy(1.6), &ALONE)) {
             assert!((before.box3d.depth_m() - after.box3d.depth_m()).abs() < 1e-6);
         }
         let moved = |sigma: f64| {
-            let found = on_one_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], Road::BelowBy(1.6));
+            let found = on_one_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], Road::BelowBy(1.6), &ALONE);
             (found[0].box3d.depth_m() / 16.5).ln().abs()
         };
         assert!(moved(0.01) < 0.3 * moved(0.1), "{} and {}", moved(0.01), moved(0.1));
@@ -315,7 +450,7 @@ mod tests {
         let mut guess = car(4.0, 20.0, 0.0, 1.4, 0.05);
         guess.score = 0.2;
         for (odd, most) in [(on_a_bridge, 0.02), (guess, 1e-6)] {
-            let found = on_one_road([street(), vec![odd]].concat(), Road::BelowBy(1.6));
+            let found = on_one_road([street(), vec![odd]].concat(), Road::BelowBy(1.6), &ALONE);
             for (detection, z) in found.iter().zip([9.0, 15.0, 25.0]) {
                 let off = (detection.box3d.depth_m() / z).ln().abs();
                 assert!(off < most, "{off} at {z} m");
@@ -326,7 +461,7 @@ mod tests {
     #[test]
     fn without_error_bars_nothing_moves() {
         let unsure = Detection { range_sigma_m: None, ..car(2.0, 15.0, 0.0, 1.1, 0.05) };
-        assert_eq!(on_one_road(vec![unsure.clone()], Road::BelowBy(1.6)), vec![unsure]);
-        assert_eq!(on_one_road(Vec::new(), Road::BelowBy(1.6)), Vec::new());
+        assert_eq!(on_one_road(vec![unsure.clone()], Road::BelowBy(1.6), &ALONE), vec![unsure]);
+        assert_eq!(on_one_road(Vec::new(), Road::BelowBy(1.6), &ALONE), Vec::new());
     }
 }

@@ -3,6 +3,7 @@
 mod antialias;
 mod paint;
 mod resample;
+mod row_planes;
 mod taps;
 
 use farsight_core::Affine2;

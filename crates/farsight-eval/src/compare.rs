@@ -62,6 +62,13 @@ impl Comparison {
     }
 }
 
+impl Evaluation {
+    /// These results beside `others` on the same frames; `None` when the labels differ.
+    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<Comparison> {
+        Comparison::new(self, others, bootstrap)
+    }
+}
+
 /// AP of two evaluations by each of these curves that either is evaluated on and that has objects; `None` when they are
 /// of other labels.
 pub(crate) fn ap_rows(

@@ -6,7 +6,6 @@ use serde::{Serialize, Serializer};
 use crate::Frame;
 use crate::ap::{ApAccumulator, ApIntervals, ApReport, CurveOutcomes, CurveSpec, OverlapSet};
 use crate::bootstrap::{Bootstrap, Interval};
-use crate::compare::Comparison;
 use crate::ranging::{FalseAlarm, OperatingPoints, RangingOptions, RangingReport, Target, match_frame};
 
 /// An evaluation under way: hand in frames one by one, then ask for the [`Report`].
@@ -93,11 +92,6 @@ impl Evaluation {
         bootstrap: &Bootstrap,
     ) -> Vec<Option<ApIntervals<Option<Interval>>>> {
         CurveOutcomes::intervals(&self.ap.outcomes(curves), self.frames, bootstrap)
-    }
-
-    /// These results beside `others` on the same frames; `None` when the labels differ.
-    pub fn compared_with(&self, others: &Self, bootstrap: &Bootstrap) -> Option<Comparison> {
-        Comparison::new(self, others, bootstrap)
     }
 
     /// Whether everything that figures are made of is the same, but for the targets.

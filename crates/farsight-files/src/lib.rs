@@ -17,7 +17,7 @@ use thiserror::Error;
 use folder::SCRATCH_SUFFIX;
 
 pub use folder::{FolderLock, remove_stale_scratch};
-pub use read::{LARGEST_TEXT, read_file, read_text};
+pub use read::{LARGEST_CONFIG, LARGEST_TEXT, read_config, read_file, read_text};
 
 /// How often another scratch name is tried when the first one is taken by what a killed process left behind.
 const NAME_ATTEMPTS: u32 = 64;

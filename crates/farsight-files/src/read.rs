@@ -4,8 +4,11 @@ use std::fs::{self, File, FileType};
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Labels, results, calibrations, splits and configs are shorter than this, bytes: a hundred thousand objects in one image.
+/// Labels, results, calibrations and splits are shorter than this, bytes: a hundred thousand objects in one image.
 pub const LARGEST_TEXT: u64 = 10 << 20;
+
+/// Configs are shorter than this, bytes. TOML takes 70 times its length in memory.
+pub const LARGEST_CONFIG: u64 = 1 << 20;
 
 /// The bytes of a regular file of at most `limit` bytes.
 ///
@@ -30,7 +33,19 @@ pub fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read_file`], and when it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    let bytes = read_file(path, LARGEST_TEXT)?;
+    text_of(path, LARGEST_TEXT)
+}
+
+/// The text in a regular file of at most [`LARGEST_CONFIG`] bytes.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_config(path: &Path) -> io::Result<String> {
+    text_of(path, LARGEST_CONFIG)
+}
+
+fn text_of(path: &Path, limit: u64) -> io::Result<String> {
+    let bytes = read_file(path, limit)?;
     String::from_utf8(bytes)
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8"))
 }
@@ -68,6 +83,12 @@ mod tests {
         assert_eq!(read_file(folder.path(), 12).unwrap_err().kind(), io::ErrorKind::IsADirectory);
         fs::write(&path, [0xff]).unwrap();
         assert!(read_text(&path).is_err());
+        fs::write(&path, vec![b' '; 1 << 20]).unwrap();
+        assert!(read_config(&path).is_ok());
+        fs::write(&path, vec![b' '; (1 << 20) + 1]).unwrap();
+        let told = read_config(&path).unwrap_err().to_string();
+        assert_eq!(told, "1048577 bytes or more; expected at most 1048576");
+        assert!(read_text(&path).is_ok());
     }
 
     #[cfg(unix)]

@@ -9,6 +9,7 @@ pub mod count;
 pub mod graph;
 pub mod init;
 pub mod layers;
+mod live;
 pub mod model;
 pub mod prune;
 pub mod quantize;

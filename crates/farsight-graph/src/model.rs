@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::graph::{Graph, Misfit, Role};
-use crate::transform::without_dead_parameters;
+use crate::live::without_dead_parameters;
 use crate::weights::{WeightTensor, Weights, WeightsError};
 
 /// Key of the header under which the method's tag stands.

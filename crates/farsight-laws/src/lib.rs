@@ -13,6 +13,7 @@ mod onnx;
 #[path = "../../farsight-eval/tests/laws/mod.rs"]
 mod rows;
 
+mod experiment;
 pub mod mutate;
 mod seeds;
 mod text;
@@ -45,6 +46,7 @@ pub const TARGETS: &[Target] = &[
     target("plates_rows", text::plates, seeds::plates_rows),
     target("scene_config", text::scene_config, seeds::scene_config),
     target("model_config", text::model_config, seeds::model_config),
+    target("experiment", experiment::experiment, seeds::experiment),
     target("answers", text::answers, seeds::answers),
     target("detector", weights::detector, seeds::detector),
     target("refiner", weights::refiner, seeds::refiner),

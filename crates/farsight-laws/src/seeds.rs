@@ -11,6 +11,7 @@ use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::{DetectorFile, SmokeConfig};
+use farsight_methods::ssd::SsdConfig;
 use farsight_onnx::Target;
 use farsight_synth::SceneConfig;
 
@@ -44,6 +45,7 @@ pub(crate) fn model_config() -> Vec<Vec<u8>> {
     vec![
         toml_of(&SmokeConfig::default()),
         toml_of(&CenterNet3dConfig::default()),
+        toml_of(&SsdConfig::default()),
         toml_of(&RefinerConfig::default()),
         toml_of(&PlateReaderConfig::default()),
     ]
@@ -115,7 +117,11 @@ pub(crate) fn onnx() -> Vec<Vec<u8>> {
 
 /// The fixtures of the methods' tests with this ending.
 fn fixtures(ending: &str) -> Vec<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../farsight-methods/tests/fixtures");
+    files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../farsight-methods/tests/fixtures"), ending)
+}
+
+/// The files in a folder with this ending, by name.
+fn files(folder: &Path, ending: &str) -> Vec<Vec<u8>> {
     let mut paths: Vec<PathBuf> =
         fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
@@ -131,18 +137,20 @@ pub(crate) fn tflite() -> Vec<Vec<u8>> {
     fixtures("tflite")
 }
 
-/// The configs that come with the project.
+/// The plans that come with the project.
+pub(crate) fn experiment() -> Vec<Vec<u8>> {
+    configs("experiments")
+}
+
+/// The training configs that come with the project.
 #[cfg(feature = "train")]
 pub(crate) fn train_config() -> Vec<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
-    let mut paths: Vec<PathBuf> =
-        fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
-    paths.sort();
-    paths
-        .iter()
-        .filter(|path| path.extension().is_some_and(|found| found == "toml"))
-        .filter_map(|path| fs::read(path).ok())
-        .collect()
+    configs("")
+}
+
+/// The TOML files in a folder of `configs`.
+fn configs(folder: &str) -> Vec<Vec<u8>> {
+    files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(folder), "toml")
 }
 
 /// A checkpoint of two tensors.

@@ -11,6 +11,7 @@ use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::ssd::SsdConfig;
 use farsight_synth::SceneConfig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -61,6 +62,7 @@ pub(crate) fn scene_config(bytes: &[u8]) {
 pub(crate) fn model_config(bytes: &[u8]) {
     network::<SmokeConfig>(bytes);
     network::<CenterNet3dConfig>(bytes);
+    network::<SsdConfig>(bytes);
     network::<RefinerConfig>(bytes);
     network::<PlateReaderConfig>(bytes);
 }

@@ -10,11 +10,13 @@ use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::ssd::SsdConfig;
 
 /// A model file of a detector.
 pub(crate) fn detector(bytes: &[u8]) {
     model::<SmokeConfig>(bytes);
     model::<CenterNet3dConfig>(bytes);
+    model::<SsdConfig>(bytes);
 }
 
 /// A model file of a refiner.

@@ -86,6 +86,18 @@ pub enum DetectError {
         /// The largest number that is believed, metres.
         limit: f64,
     },
+    /// A number where something is found is larger than any that a sound network says.
+    #[error("{model}: output \"{output}\" has {value}; expected at most {limit}: are the weights broken?")]
+    Value {
+        /// The model.
+        model: String,
+        /// The output.
+        output: &'static str,
+        /// The number.
+        value: f64,
+        /// The largest that is believed.
+        limit: f64,
+    },
     /// The engine's answer does not fit the model's description.
     #[error("the engine {engine} gave \"{map}\" of the shape {found:?}; expected {expected:?}")]
     Maps {
@@ -98,6 +110,17 @@ pub enum DetectError {
         /// The shape that the model has: images, channels, rows, columns.
         expected: [usize; 4],
     },
+}
+
+impl DetectError {
+    /// The same error, which calls the model so.
+    #[must_use]
+    pub fn of_model(mut self, name: &str) -> Self {
+        if let Self::Absurd { model, .. } | Self::Value { model, .. } = &mut self {
+            name.clone_into(model);
+        }
+        self
+    }
 }
 
 /// A camera unlike those that a model was trained with: its distances are not to be trusted.

@@ -12,6 +12,8 @@ use crate::Detector;
 use crate::centernet3d::{CenterNet3dConfig, CenterNet3dDetector};
 use crate::ssd::{SsdConfig, SsdDetector};
 
+pub use crate::file::{ReadError, config_of};
+
 /// A method that detects with one network and no part of it left to the decoder.
 pub trait WholeNetwork: NetworkConfig {
     /// The detector of this config, whose network `runner` runs.
@@ -67,17 +69,6 @@ const METHODS: [(&str, FromWeights, Make); 2] = [
     (CenterNet3dConfig::METHOD, onnx_of::<CenterNet3dConfig>, detector_of::<CenterNet3dConfig>),
     (SsdConfig::METHOD, onnx_of::<SsdConfig>, detector_of::<SsdConfig>),
 ];
-
-/// A file that is no detector of a method that is known here.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// It is no model file of ours.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// It is no ONNX file of ours.
-    #[error(transparent)]
-    Onnx(#[from] OnnxError),
-}
 
 /// The network of a model file (safetensors) of ours, if it is of a method that is listed here.
 ///
@@ -150,28 +141,4 @@ fn detector_of<C: WholeNetwork>(
     source: &Path,
 ) -> Result<Box<dyn Detector>, OnnxError> {
     Ok(config_of::<C>(onnx, source)?.detector(runner))
-}
-
-/// The config that an ONNX file says it has; `source` is only what errors call it.
-///
-/// # Errors
-/// When it says none, one of another method or one that cannot be used, or lacks an output of it.
-pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
-    let failed = |problem| OnnxError::new(source, problem);
-    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
-    if let Some(found) = onnx.facts().get(key::METHOD).filter(|found| *found != C::METHOD) {
-        return Err(failed(OnnxProblem::Method { found: found.to_owned(), expected: C::NAME, method: C::METHOD }));
-    }
-    let config: C =
-        serde_json::from_str(text).map_err(|error| failed(OnnxProblem::Config { problem: error.to_string() }))?;
-    if let Some(problem) = config.problem() {
-        return Err(failed(OnnxProblem::Config { problem }));
-    }
-    for &name in C::OUTPUTS {
-        if !onnx.outputs().iter().any(|output| output.name == name) {
-            let found = onnx.outputs().iter().take(8).map(|output| output.name.clone()).collect();
-            return Err(failed(OnnxProblem::Value { kind: "output", name, found }));
-        }
-    }
-    Ok(config)
 }

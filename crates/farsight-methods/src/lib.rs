@@ -8,6 +8,7 @@ mod batch;
 pub mod centernet3d;
 pub mod detector;
 pub mod detectors;
+mod file;
 pub mod input_spec;
 pub mod plate_reader;
 pub mod refiner;

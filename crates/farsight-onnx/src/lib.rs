@@ -3,10 +3,12 @@
 //! A file holds the network of a model in its deployable form, and in its metadata all that is needed to use it. Only files of this kind are
 //! read; see [`OnnxModel`] for what a file from a stranger cannot do.
 
+mod bounded;
 mod deform;
 mod error;
 mod facts;
 mod field;
+mod head_names;
 mod limits;
 mod local_head;
 mod parts;

@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
+use crate::bounded::{counted, shortened, text_in};
 use crate::error::OnnxProblem;
 use crate::field;
-use crate::read::{counted, shortened, text_in};
 use crate::wire::{Message, Value};
 
 /// No window of a network of ours is wider, and nothing is moved, spread or enlarged by more.

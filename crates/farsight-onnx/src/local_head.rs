@@ -5,33 +5,15 @@ use std::path::Path;
 
 use prost::Message as _;
 use prost::encoding::{WireType, encode_key, encode_varint};
-use serde::{Deserialize, Serialize};
 
+use crate::bounded::{counted, shortened, text_in};
 use crate::error::{OnnxError, OnnxProblem};
+use crate::head_names::HeadNames;
+use crate::parts::map_info;
 use crate::proto::{FLOAT, GraphProto};
-use crate::read::{counted, shortened, text_in};
 use crate::wire::{Message, Value, WireError};
-use crate::write::map_info;
 use crate::{OnnxModel, field, key};
 use farsight_graph::weights::WeightTensor;
-
-/// Where a head lies in a file, by name, as its metadata say.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct HeadNames {
-    /// The value that the head reads.
-    pub(super) features: String,
-    /// Weight and bias of its first convolution.
-    pub(super) hidden: [String; 2],
-    /// Weight and bias of its second.
-    pub(super) output: [String; 2],
-}
-
-impl HeadNames {
-    pub(super) fn to_json(&self) -> String {
-        serde_json::json!(self).to_string()
-    }
-}
 
 /// A convolution of a head.
 #[derive(Debug, Clone, PartialEq)]

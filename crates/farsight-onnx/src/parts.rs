@@ -2,7 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::proto::{AttributeProto, FLOAT, GraphProto, INT8, INT32, INT64, NodeProto, TensorProto, UINT8};
+use crate::proto::{
+    AttributeProto, Dimension, DimensionProto, FLOAT, GraphProto, INT8, INT32, INT64, NodeProto, TensorProto,
+    TensorShapeProto, TensorTypeProto, TypeProto, UINT8, ValueInfoProto,
+};
+use farsight_graph::graph::Window;
 
 /// A graph in the making: values are known by their names.
 #[derive(Default)]
@@ -106,4 +110,34 @@ pub(super) fn float(name: &str, value: f32) -> AttributeProto {
 /// A word as a setting.
 pub(super) fn word(name: &str, value: &str) -> AttributeProto {
     AttributeProto { name: name.to_owned(), s: Some(value.as_bytes().to_vec()), kind: 3, ..AttributeProto::default() }
+}
+
+/// An output at a quarter of the input's size.
+pub(super) fn map_info(name: &str, channels: usize) -> ValueInfoProto {
+    value_info(name, ["batch", "", "map_height", "map_width"], channels)
+}
+
+/// A tensor whose channels are known and whose other axes are called `axes`.
+pub(super) fn value_info(name: &str, axes: [&str; 4], channels: usize) -> ValueInfoProto {
+    let dimension = |axis: &str| match axis {
+        "" => Dimension::Size(channels as i64),
+        name => Dimension::Name(name.to_owned()),
+    };
+    let dim = axes.iter().map(|axis| DimensionProto { value: Some(dimension(axis)) }).collect();
+    let tensor_type = Some(TensorTypeProto { elem_type: FLOAT, shape: Some(TensorShapeProto { dim }) });
+    ValueInfoProto { name: name.to_owned(), kind: Some(TypeProto { tensor_type }) }
+}
+
+/// The settings of a convolution, transposed or not.
+pub(super) fn convolution(window: Window, groups: usize) -> Vec<AttributeProto> {
+    let Window { kernel, stride, padding, end_padding, dilation } = window;
+    let [kernel, stride, padding, dilation] = [kernel, stride, padding, dilation].map(|value| value as i64);
+    let end = padding + end_padding as i64;
+    vec![
+        ints("dilations", &[dilation; 2]),
+        int("group", groups as i64),
+        ints("kernel_shape", &[kernel; 2]),
+        ints("pads", &[padding, padding, end, end]),
+        ints("strides", &[stride; 2]),
+    ]
 }

@@ -1,7 +1,6 @@
 //! Numbers in 8 bits, as ONNX writes them (QDQ form).
 
-use crate::parts::{Parts, int, word};
-use crate::write::convolution;
+use crate::parts::{Parts, convolution, int, word};
 use farsight_graph::graph::Window;
 use farsight_graph::quantize::{QuantizedWeights, Range};
 

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use crate::bounded::{counted, shortened, text_in};
 use crate::error::{OnnxError, OnnxProblem};
 use crate::wire::{Message, WireError};
 use crate::{Facts, INPUT, Target, field, key, limits, seal, write};
@@ -49,14 +50,8 @@ const DEFORM_CONV: &str = "DeformConv";
 /// The largest file that is read: several times the largest network of ours.
 const LARGEST_FILE: u64 = 1 << 30;
 
-/// More nodes, constants or facts than this has no network of ours.
-const LARGEST_COUNT: usize = 100_000;
-
 /// Bytes of a safetensors file up to the first brace of its header.
 const SAFETENSORS_START: usize = 9;
-
-/// How much of a stranger's name goes into a message.
-const SHOWN: usize = 60;
 
 /// An input or output of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -284,25 +279,4 @@ fn channels(value: Message<'_>) -> Result<Option<u64>, WireError> {
     let axis = shape.and_then(|shape| shape.all(field::SHAPE_AXIS).nth(1)).transpose()?;
     let size = axis.map(|axis| axis.number(field::AXIS_SIZE)).transpose()?;
     Ok(size.filter(|&size| size > 0))
-}
-
-pub(super) fn text_in(message: Message<'_>, number: u64) -> Result<&str, WireError> {
-    Ok(message.last(number)?.map(Message::text).transpose()?.unwrap_or_default())
-}
-
-/// The items up to the largest count that makes sense, then an error.
-pub(super) fn counted<'a>(
-    items: impl Iterator<Item = Result<Message<'a>, WireError>>,
-    what: &'static str,
-) -> impl Iterator<Item = Result<Message<'a>, OnnxProblem>> {
-    items.enumerate().map(move |(count, item)| {
-        if count >= LARGEST_COUNT {
-            return Err(OnnxProblem::Count { what, limit: LARGEST_COUNT });
-        }
-        Ok(item?)
-    })
-}
-
-pub(super) fn shortened(name: &str) -> String {
-    name.chars().take(SHOWN).collect()
 }

@@ -6,10 +6,10 @@ use farsight_graph::weights::{FILE_SHA256_KEY, hexadecimal};
 use prost::Message as _;
 use prost::encoding::{WireType, encode_key, encode_varint};
 
+use crate::bounded::{shortened, text_in};
 use crate::error::OnnxProblem;
 use crate::field;
 use crate::proto::{FLOAT, StringStringEntryProto};
-use crate::read::{shortened, text_in};
 use crate::wire::{Field, Message, Value};
 
 /// The file with the hash of everything before it as its last fact.

@@ -3,12 +3,9 @@
 use prost::Message;
 
 use crate::deform::{self, Operands, Sizes};
-use crate::local_head::HeadNames;
-use crate::parts::{Parts, float, int, ints, word};
-use crate::proto::{
-    Dimension, DimensionProto, FLOAT, GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto,
-    TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
-};
+use crate::head_names::HeadNames;
+use crate::parts::{Parts, convolution, float, int, ints, map_info, value_info, word};
+use crate::proto::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto, ValueInfoProto};
 use crate::seal::sealed;
 use crate::{Facts, INPUT, Target, key, quantized};
 use farsight_graph::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
@@ -98,22 +95,6 @@ fn graph(
 fn image_info(network: &Network) -> ValueInfoProto {
     let channels = network.graph.nodes.first().map_or(0, |node| node.channels);
     value_info(INPUT, ["batch", "", "height", "width"], channels)
-}
-
-/// An output at a quarter of the input's size.
-pub(super) fn map_info(name: &str, channels: usize) -> ValueInfoProto {
-    value_info(name, ["batch", "", "map_height", "map_width"], channels)
-}
-
-/// A tensor whose channels are known and whose other axes are called `axes`.
-fn value_info(name: &str, axes: [&str; 4], channels: usize) -> ValueInfoProto {
-    let dimension = |axis: &str| match axis {
-        "" => Dimension::Size(channels as i64),
-        name => Dimension::Name(name.to_owned()),
-    };
-    let dim = axes.iter().map(|axis| DimensionProto { value: Some(dimension(axis)) }).collect();
-    let tensor_type = Some(TensorTypeProto { elem_type: FLOAT, shape: Some(TensorShapeProto { dim }) });
-    ValueInfoProto { name: name.to_owned(), kind: Some(TypeProto { tensor_type }) }
 }
 
 struct Writer<'a> {
@@ -303,18 +284,4 @@ impl Writer<'_> {
         }
         Ok(total.unwrap_or_default())
     }
-}
-
-/// The settings of a convolution, transposed or not.
-pub(super) fn convolution(window: Window, groups: usize) -> Vec<crate::proto::AttributeProto> {
-    let Window { kernel, stride, padding, end_padding, dilation } = window;
-    let [kernel, stride, padding, dilation] = [kernel, stride, padding, dilation].map(|value| value as i64);
-    let end = padding + end_padding as i64;
-    vec![
-        ints("dilations", &[dilation; 2]),
-        int("group", groups as i64),
-        ints("kernel_shape", &[kernel; 2]),
-        ints("pads", &[padding, padding, end, end]),
-        ints("strides", &[stride; 2]),
-    ]
 }

@@ -14,6 +14,7 @@ use crate::objects::ObjectState;
 use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
 use crate::sensor::Device;
+use crate::stream::LAYOUT_STREAM;
 
 /// A camera that no label says anything about stands this high, metres (KITTI's).
 const CAMERA_HEIGHT_M: f64 = 1.65;
@@ -35,7 +36,7 @@ pub fn scene_from_labels(
     seed: u64,
 ) -> LabelledScene {
     let objects: Vec<&Label> = labels.iter().filter(|label| label.class != ObjectClass::DontCare).collect();
-    let mut rng = SceneRng::new(seed, 0, 1);
+    let mut rng = SceneRng::new(seed, 0, LAYOUT_STREAM);
     let region = config.regions.sample(&mut rng);
     let ground = fitted_ground(&objects);
     let device = config.cameras.first().map_or(Device::Any, |camera| camera.device);

@@ -22,6 +22,7 @@
 //! | `dataset` | these frames as a data set |
 
 mod dataset;
+mod device;
 pub mod generator;
 pub mod labels;
 pub mod layout;

@@ -3,6 +3,25 @@
 use crate::rng::SceneRng;
 use crate::scene::{Color, Material, MaterialId, Pattern};
 
+/// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen
+/// by eye, not counted.
+pub(crate) const CAR_COLORS: [(Color, f64); 14] = [
+    ([0.018, 0.018, 0.02], 24.0),
+    ([0.40, 0.41, 0.42], 17.0),
+    ([0.20, 0.21, 0.22], 12.0),
+    ([0.075, 0.08, 0.09], 9.0),
+    ([0.78, 0.78, 0.76], 15.0),
+    ([0.015, 0.04, 0.15], 6.0),
+    ([0.05, 0.14, 0.36], 3.5),
+    ([0.36, 0.02, 0.02], 4.5),
+    ([0.16, 0.015, 0.02], 2.0),
+    ([0.02, 0.09, 0.05], 2.0),
+    ([0.14, 0.10, 0.06], 2.0),
+    ([0.50, 0.44, 0.32], 2.0),
+    ([0.75, 0.52, 0.03], 1.0),
+    ([0.60, 0.18, 0.02], 0.7),
+];
+
 /// The materials of a scene in the making.
 #[derive(Debug, Default)]
 pub(crate) struct Palette {

@@ -6,7 +6,7 @@
 
 use farsight_core::{Box3d, Camera, ObjectClass};
 
-use crate::sensor::Device;
+use crate::device::Device;
 
 /// A colour, linear light, red, green, blue; 1 is a white surface in full light.
 pub type Color = [f32; 3];

@@ -13,7 +13,9 @@ use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
 use crate::sensor::SensorModel;
 
-/// The stream of draws that decides about the sensor; scenes and layouts have 0 and 1.
+/// The streams of draws that decide about scenes, layouts and the sensor.
+pub(crate) const SCENE_STREAM: u64 = 0;
+pub(crate) const LAYOUT_STREAM: u64 = 1;
 const SENSOR_STREAM: u64 = 2;
 
 /// Fowler, Noll and Vo's prime, for 64 bits.
@@ -34,6 +36,21 @@ impl SceneStream {
         format!("{index:06}")
     }
 
+    /// The region of scene number `index`; none for KITTI's city.
+    pub fn region(&self, index: u64) -> Option<&'static str> {
+        // What is drawn first of a scene.
+        self.config.regions.sample_name(&mut SceneRng::new(self.seed, index, SCENE_STREAM))
+    }
+
+    /// The region of the [`twin`](SceneStream::twin) of the frame of this name; none for KITTI's city.
+    pub fn twin_region(&self, id: &str) -> Option<&'static str> {
+        self.config.regions.sample_name(&mut SceneRng::new(self.twin_seed(id), 0, LAYOUT_STREAM))
+    }
+
+    fn twin_seed(&self, id: &str) -> u64 {
+        id.bytes().fold(self.seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME))
+    }
+
     /// Scene number `index`, rendered and captured: the same bytes for any number of threads.
     pub fn frame(&self, index: u64) -> Frame {
         let labelled = generate_scene(&self.config, self.seed, index);
@@ -46,7 +63,7 @@ impl SceneStream {
     /// The scene follows from the seed and the frame's name `id`. Truncation and occlusion are those of the picture,
     /// which need not be those of `labels`.
     pub fn twin(&self, labels: &[Label], camera: &Camera, image_size: [usize; 2], id: &str) -> Frame {
-        let seed = id.bytes().fold(self.seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
+        let seed = self.twin_seed(id);
         let labelled = scene_from_labels(&self.config, labels, camera, image_size, seed);
         captured(&labelled, id.to_owned(), &mut SceneRng::new(seed, 0, SENSOR_STREAM))
     }

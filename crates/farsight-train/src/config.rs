@@ -9,9 +9,9 @@ use farsight_graph::model::NetworkConfig;
 use farsight_synth::SceneConfig;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::adam::AdamSettings;
+pub use crate::error::RunConfigError;
 use crate::executor::Precision;
 use crate::learner::LearnerSettings;
 use crate::parts::Parts;
@@ -222,38 +222,10 @@ impl Default for TrainConfig {
     }
 }
 
-/// A run that cannot be started as described.
-#[derive(Debug, Error)]
-pub enum RunConfigError {
-    /// The file could not be read.
-    #[error("{}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The system's answer.
-        source: std::io::Error,
-    },
-    /// The file is no valid config; the text says line and column.
-    #[error("{}: {source}", path.display())]
-    Parse {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and where.
-        source: toml::de::Error,
-    },
-    /// A value cannot be used.
-    #[error("{}: {problem}", path.display())]
-    Value {
-        /// The file.
-        path: PathBuf,
-        /// The field, what was found and what was expected.
-        problem: String,
-    },
-}
-
 /// What stands in a TOML file.
 fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T, RunConfigError> {
-    let text = farsight_files::read_text(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
+    let text =
+        farsight_files::read_config(path).map_err(|source| RunConfigError::Read { path: path.into(), source })?;
     toml::from_str(&text).map_err(|source| RunConfigError::Parse { path: path.into(), source })
 }
 

@@ -12,10 +12,10 @@ use tch::{Device, Tensor};
 use crate::adam::{Adam, AdamSettings, BadGradient};
 use crate::average::Averages;
 use crate::checkpoint::{self, CheckpointError, Progress};
+use crate::error::TrainError;
 use crate::executor::{Network, Precision};
 use crate::fingerprint::Fingerprint;
-use crate::parts::Parts;
-use crate::training::TrainError;
+use crate::parts::{Loaded, Parts};
 
 /// How a network starts and learns.
 #[derive(Debug, Clone)]
@@ -48,15 +48,6 @@ pub struct Learner {
     attribution: Option<String>,
     /// What it started from, when that was a file.
     pub loaded: Option<Loaded>,
-}
-
-/// How much of a network came from the file that it started from; the rest starts at random.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Loaded {
-    /// Tensors that had a place in the network.
-    pub tensors: usize,
-    /// Tensors that the network has.
-    pub of: usize,
 }
 
 impl Learner {

@@ -8,6 +8,7 @@ mod average;
 pub mod checkpoint;
 pub mod config;
 pub mod deform;
+pub mod error;
 pub mod executor;
 pub mod fingerprint;
 pub mod learner;

@@ -6,8 +6,16 @@ use std::path::Path;
 use farsight_graph::graph::{Graph, Parameter, Role};
 use farsight_graph::weights::Weights;
 
-use crate::learner::Loaded;
-use crate::training::TrainError;
+use crate::error::TrainError;
+
+/// How much of a network came from the file that it started from; the rest starts at random.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Loaded {
+    /// Tensors that had a place in the network.
+    pub tensors: usize,
+    /// Tensors that the network has.
+    pub of: usize,
+}
 
 /// What is to become of the parts of a network. By default all of it learns alike.
 #[derive(Debug, Clone, Default)]

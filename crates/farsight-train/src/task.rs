@@ -9,8 +9,8 @@ use farsight_graph::weights::Weights;
 use tch::{Device, Tensor};
 
 use crate::config::{RunConfig, TaskConfig};
+use crate::error::TrainError;
 use crate::metrics::Metrics;
-use crate::training::TrainError;
 
 /// Makes what a task learns from of the frame that a key stands for; shared by the loader's threads. The same key gives the same sample, always.
 pub type Sampler<S> = Box<dyn Fn(ItemKey) -> Result<S, DatasetError> + Send + Sync>;

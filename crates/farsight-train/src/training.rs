@@ -1,32 +1,31 @@
 //! The training loop, whatever the method: data in order, steps, metrics, checkpoints, validation, going on where a run was killed.
 
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use farsight_data::loader::{ItemError, LoaderError};
+use farsight_data::loader::LoaderError;
 use farsight_data::{
     Batch, CachedDataset, Dataset, DatasetError, ItemKey, Loader, LoaderConfig, Position, open_labelled,
 };
-use farsight_files::{DurableError, FolderLock, remove_stale_scratch, write_atomically};
+use farsight_files::{FolderLock, remove_stale_scratch, write_atomically};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::{Model, ModelError};
-use farsight_graph::weights::{Weights, WeightsError};
+use farsight_graph::weights::Weights;
 use farsight_onnx::key;
 use farsight_synth::{SceneDataset, SceneStream};
 use tch::{Device, no_grad};
-use thiserror::Error;
 
-use crate::checkpoint::{self, CheckpointError, Progress};
-use crate::config::{DataConfig, RunConfig, RunConfigError, ValidateConfig};
-use crate::executor::{ExecutorError, Mode};
+use crate::checkpoint::{self, Progress};
+use crate::config::{DataConfig, RunConfig, ValidateConfig};
+use crate::executor::Mode;
 use crate::fingerprint::Fingerprint;
 use crate::learner::Learner;
 use crate::metrics::{Metrics, MetricsWriter, Step, StepSummary, Window};
 use crate::task::{RunOf, Sampler, StepOutput, Task};
 
-pub use crate::learner::Loaded;
+pub use crate::error::TrainError;
+pub use crate::parts::Loaded;
 
 /// Name of the checkpoint in a run's folder.
 pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
@@ -36,137 +35,6 @@ pub const VALIDATED_FILE: &str = "validated.safetensors";
 
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "config.toml";
-
-/// Why a training ended before its time.
-#[derive(Debug, Error)]
-pub enum TrainError {
-    /// The config cannot be used.
-    #[error(transparent)]
-    RunConfig(#[from] RunConfigError),
-    /// No data was named.
-    #[error("no data; expected --data DIR, or data.root or [data.rendered] in the config")]
-    NoData,
-    /// The data could not be opened.
-    #[error(transparent)]
-    Data(#[from] DatasetError),
-    /// The loader could not start.
-    #[error(transparent)]
-    Loader(#[from] LoaderError),
-    /// A sample could not be prepared.
-    #[error("step {step}: {source}")]
-    Sample {
-        /// The step that needed it.
-        step: u64,
-        /// Why.
-        source: ItemError<DatasetError>,
-    },
-    /// The split has no frames.
-    #[error("split {} has no frames; expected at least one", .0.display())]
-    NoFrames(PathBuf),
-    /// The data set does not list the number plates that its images show.
-    #[error(
-        "no plates in the data set; expected data that `farsight synth` rendered, which a plate reader learns from"
-    )]
-    NoPlates,
-    /// The start weights could not be read.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// The start weights are those of another network.
-    #[error("{}: train.start_from: none of its tensors has a place in the network; expected weights of the same kind of network", .0.display())]
-    NothingFits(PathBuf),
-    /// The start weights lack a tensor that is not to start anew.
-    #[error(
-        "{}: tensor \"{name}\" {found}; expected shape {expected:?}, or the start of its name in train.start_without",
-        path.display()
-    )]
-    StartTensor {
-        /// The file.
-        path: PathBuf,
-        /// The tensor.
-        name: String,
-        /// What was found.
-        found: String,
-        /// Its shape in the network.
-        expected: Vec<usize>,
-    },
-    /// A part of the network is named that it does not have.
-    #[error("train.{field} names \"{prefix}\"; expected how the name of a tensor of the network starts")]
-    Prefix {
-        /// The field of the config.
-        field: &'static str,
-        /// What it names.
-        prefix: String,
-    },
-    /// Every tensor is frozen.
-    #[error("train.freeze names the whole network; expected something left to learn")]
-    AllFrozen,
-    /// The weights do not fit the network.
-    #[error(transparent)]
-    Network(#[from] ExecutorError),
-    /// The model could not be written.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// The checkpoint could not be read or written.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// A file of the run could not be written.
-    #[error("{}: {source}", path.display())]
-    Write {
-        /// The file or folder.
-        path: PathBuf,
-        /// The system's answer.
-        source: io::Error,
-    },
-    /// A file of the run could not be written whole.
-    #[error(transparent)]
-    Durable(#[from] DurableError),
-    /// The config cannot be written as TOML.
-    #[error("the resolved config: {0}")]
-    Config(#[from] toml::ser::Error),
-    /// There is a run in the folder already.
-    #[error("{}: there is a run here already; use --resume to go on with it, or another --out", .0.display())]
-    Occupied(PathBuf),
-    /// The callback asked to stop. The checkpoint is of this step; the run goes on from there.
-    #[error("stopped after step {step}; a run that resumes goes on from there")]
-    Stopped {
-        /// Steps that are done.
-        step: u64,
-    },
-    /// Another training writes to the folder.
-    #[error("{}: another training is going on in this folder; expected another --out", .0.display())]
-    Locked(PathBuf),
-    /// The run would go on with other data than it began with.
-    #[error(
-        "{}: the run would go on with other data: {}; expected the same data, or --accept-other-data, or another --out for a new run",
-        path.display(), differences.join(", ")
-    )]
-    OtherData {
-        /// The checkpoint.
-        path: PathBuf,
-        /// What differs, in words.
-        differences: Vec<String>,
-    },
-    /// The model so far could not be measured.
-    #[error("validation: {0}")]
-    Validate(String),
-    /// The run's task cannot be done with this network.
-    #[error("{0}")]
-    Task(String),
-    /// A number is not finite. The last checkpoint is older than this and intact.
-    #[error(
-        "step {step}: {what} is {value}; the batch was {frames:?}. The last checkpoint is from before this step and intact"
-    )]
-    NotFinite {
-        /// The step.
-        step: u64,
-        /// The loss term or the gradient.
-        what: String,
-        /// What it is.
-        value: f64,
-        /// Names of the frames in the batch.
-        frames: Vec<String>,
-    },
-}
 
 /// A run about to happen.
 #[derive(Debug)]

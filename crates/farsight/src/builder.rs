@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use farsight_core::Region;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_methods::Detector;
-use farsight_methods::smoke::DetectorFile;
 
 use crate::detector::{self, OpenDetector, Timing};
 use crate::object::RangeKind;
 use crate::pipeline::{ModelInfo, Pipeline};
 use crate::shipped::Family;
+use crate::source::{ModelSource, StageSource};
 use crate::stages::{Settings, Stages};
-use crate::{EngineKind, EngineOptions, Error, Precision, model_file, second_stage, shipped};
+use crate::{EngineKind, EngineOptions, Error, Precision, second_stage, shipped};
 
 /// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
 pub const MAX_OVERLAP: f64 = 0.1;
@@ -23,85 +24,6 @@ pub const PLATE_READER: &str = "the plate reader";
 /// What errors call the road plane.
 pub const ROAD: &str = "the road plane";
 
-/// Where the detector comes from.
-#[derive(Debug, Clone, Default, PartialEq)]
-#[non_exhaustive]
-pub enum ModelSource {
-    /// The one that comes with the library.
-    #[default]
-    Shipped,
-    /// The SSD that comes with the library and has seen photographs.
-    ShippedWorld,
-    /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
-    File(PathBuf),
-    /// A network in memory.
-    Memory {
-        /// The network.
-        file: Box<DetectorFile>,
-        /// What errors call it.
-        name: PathBuf,
-    },
-}
-
-impl ModelSource {
-    /// A file, or the shipped model by its word ([`model_file::SHIPPED`]).
-    pub fn from_word(word: impl Into<PathBuf>) -> Self {
-        let path = word.into();
-        if model_file::is_shipped_word(&path) {
-            Self::Shipped
-        } else if path == Path::new(model_file::SHIPPED_WORLD) {
-            Self::ShippedWorld
-        } else {
-            Self::File(path)
-        }
-    }
-
-    /// What errors and records call it.
-    pub fn name(&self) -> &Path {
-        match self {
-            Self::Shipped => Path::new(shipped::NAME),
-            Self::ShippedWorld => Path::new(shipped::WORLD_NAME),
-            Self::File(path) => path,
-            Self::Memory { name, .. } => name,
-        }
-    }
-}
-
-/// Where a second stage comes from.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum StageSource {
-    /// The one that comes with the library, with what it was made for: the refiner with the shipped detector's weights,
-    /// the plate reader where the shipped refiner is used with them.
-    #[default]
-    Default,
-    /// None.
-    Off,
-    /// The one that comes with the library.
-    Shipped,
-    /// A file that `farsight train` wrote.
-    File(PathBuf),
-}
-
-impl StageSource {
-    /// A file, or the words `none` and `shipped`.
-    pub fn from_word(word: impl Into<PathBuf>) -> Self {
-        let path = word.into();
-        if path == Path::new("none") {
-            Self::Off
-        } else if model_file::is_shipped_word(&path) {
-            Self::Shipped
-        } else {
-            Self::File(path)
-        }
-    }
-
-    /// Whether there is to be one, whatever the detector is.
-    fn is_asked_for(&self) -> bool {
-        matches!(self, Self::Shipped | Self::File(_))
-    }
-}
-
 /// Chooses what a [`Pipeline`] is made of; what is not chosen is as `farsight range` has it.
 #[derive(Debug, Clone, Default)]
 pub struct PipelineBuilder {
@@ -111,14 +33,39 @@ pub struct PipelineBuilder {
     refiner: StageSource,
     plates: StageSource,
     road: Option<Road>,
+    region: Region,
     decode: DecodeOptions,
     max_overlap: Option<f64>,
     range: RangeKind,
     timing: Timing,
 }
 
+impl Pipeline {
+    /// The models that come with the library, on the engine that is always there.
+    ///
+    /// # Errors
+    /// When the engine fails, for want of memory for instance.
+    pub fn shipped() -> Result<Self, Error> {
+        Self::builder().open()
+    }
+
+    /// The detector at `path`, a file that `farsight train`, `farsight import` or `farsight export` wrote. With the
+    /// shipped weights it gets all that [`Pipeline::shipped`] has.
+    ///
+    /// # Errors
+    /// When the file is no detector, or the engine fails.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::builder().model(ModelSource::from_word(path.as_ref())).open()
+    }
+
+    /// Chooses model, engine and stages.
+    pub fn builder() -> PipelineBuilder {
+        PipelineBuilder::default()
+    }
+}
+
 impl PipelineBuilder {
-    /// The detector; the shipped one by default.
+    /// The detector; farsight-w by default.
     #[must_use]
     pub fn model(self, model: ModelSource) -> Self {
         Self { model, ..self }
@@ -183,6 +130,13 @@ impl PipelineBuilder {
         Self { road: Some(road), ..self }
     }
 
+    /// The part of the world that the images are from, by the sizes of its vehicles; anywhere by default. For a refiner
+    /// that was fitted by regions.
+    #[must_use]
+    pub fn region(self, region: Region) -> Self {
+        Self { region, ..self }
+    }
+
     /// What has a lower score is not told; 0.25 by default, 0.5 for a model whose scores are probabilities.
     #[must_use]
     pub fn min_score(mut self, min_score: f64) -> Self {
@@ -228,8 +182,8 @@ impl PipelineBuilder {
     /// Reads the models and starts the engines.
     ///
     /// # Errors
-    /// When a file is no such model, an engine is not there or fails, or plates or road are asked for with a model
-    /// without error bars.
+    /// When a file is no such model, an engine is not there or fails, plates or road are asked for with a model without
+    /// error bars, or a region with a refiner that knows none.
     pub fn open(&self) -> Result<Pipeline, Error> {
         self.assembled(detector::open(&self.model, &self.engine, self.timing)?)
     }
@@ -270,11 +224,16 @@ impl PipelineBuilder {
         {
             return Err(Error::NoErrorBars { model: opened.name, stage });
         }
+        let scale = stages.refiner.as_ref().and_then(|refiner| refiner.scale(self.region));
+        if scale.is_none() && self.region != Region::World {
+            return Err(Error::NoRegions { model: opened.name, region: self.region });
+        }
         let usual_road = if is_shipped { Road::Below } else { Road::Ignored };
         let settings = Settings {
             decode: self.decode,
             max_overlap: self.max_overlap.unwrap_or(MAX_OVERLAP),
             road: self.road.unwrap_or(usual_road),
+            scale: scale.unwrap_or_default(),
             range: self.range,
         };
         let made_for_shipped = [

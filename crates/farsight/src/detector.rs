@@ -8,8 +8,8 @@ use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetect
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
 
-use crate::builder::ModelSource;
 use crate::shipped::Family;
+use crate::source::ModelSource;
 use crate::{EngineKind, EngineOptions, Error, libtorch, model_file, shipped};
 
 /// How the network differs from the file when only the time matters.
@@ -129,12 +129,12 @@ fn smoke(engine: &EngineOptions, onnx: OnnxModel, config: &SmokeConfig, source: 
 /// The network of a file whose method is not SMOKE.
 fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<DetectorNetwork>, Error> {
     let path = match source {
-        ModelSource::ShippedWorld => {
+        ModelSource::Shipped(Family::World) => {
             let model = shipped::world()?;
             return Ok(Some(detectors::from_model(&model, NetworkForm::Deployable, engine.target(), source.name())?));
         }
         ModelSource::File(path) => path,
-        ModelSource::Shipped | ModelSource::Memory { .. } => return Ok(None),
+        ModelSource::Shipped(Family::Smoke) | ModelSource::Memory { .. } => return Ok(None),
     };
     model_file::check_detector(path)?;
     if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
@@ -147,8 +147,8 @@ fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<Detec
 fn read(source: &ModelSource, engine: EngineKind) -> Result<DetectorFile, Error> {
     let target = engine.target();
     match source {
-        ModelSource::Shipped => Ok(DetectorFile::from_model(&shipped::smoke()?, target, source.name())?),
-        ModelSource::ShippedWorld => Err(not_smoke()),
+        ModelSource::Shipped(Family::Smoke) => Ok(DetectorFile::from_model(&shipped::smoke()?, target, source.name())?),
+        ModelSource::Shipped(Family::World) => Err(model_file::not_smoke(source.name())),
         ModelSource::File(path) => {
             model_file::check_detector(path)?;
             Ok(DetectorFile::read(path, target)?)
@@ -160,16 +160,12 @@ fn read(source: &ModelSource, engine: EngineKind) -> Result<DetectorFile, Error>
 /// A model file of our own, or the shipped model.
 fn own_model(source: &ModelSource) -> Result<SmokeModel, Error> {
     match source {
-        ModelSource::Shipped => Ok(shipped::smoke()?),
-        ModelSource::ShippedWorld => Err(not_smoke()),
+        ModelSource::Shipped(Family::Smoke) => Ok(shipped::smoke()?),
+        ModelSource::Shipped(Family::World) => Err(model_file::not_smoke(source.name())),
         ModelSource::File(path) => {
             model_file::check_detector(path)?;
             Ok(SmokeModel::read(path)?)
         }
         ModelSource::Memory { .. } => Err(libtorch::no_onnx().into()),
     }
-}
-
-fn not_smoke() -> Error {
-    model_file::kind_error(Path::new(model_file::SHIPPED_WORLD), "an SSD", "a SMOKE, \"shipped\" for instance")
 }

@@ -1,98 +1,17 @@
 //! Engines by name, and networks started on them: the one place where a network becomes one that runs.
 
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread::available_parallelism;
 
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_methods::roi::{self, RoiRunner};
-use farsight_onnx::{OnnxModel, Target};
+use farsight_onnx::OnnxModel;
 use farsight_runtime::{FiniteRunner, OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
 
 use crate::Error;
+use crate::engine_options::{EngineKind, EngineOptions, Precision};
 use crate::libraries::Library;
 use crate::libtorch;
-
-/// What runs a network.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum EngineKind {
-    /// Pure Rust, always there.
-    #[default]
-    Rten,
-    /// Microsoft's library.
-    OnnxRuntime,
-    /// Intel's library.
-    OpenVino,
-    /// PyTorch's library, on the GPU when there is one; needs the feature `train`.
-    Libtorch,
-}
-
-impl EngineKind {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Rten, Self::OnnxRuntime, Self::OpenVino, Self::Libtorch];
-
-    /// As users write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Rten => "rten",
-            Self::OnnxRuntime => "onnxruntime",
-            Self::OpenVino => "openvino",
-            Self::Libtorch => "libtorch",
-        }
-    }
-
-    /// The shared library that it needs, where it needs one.
-    pub fn library(self) -> Option<Library> {
-        match self {
-            Self::OnnxRuntime => Some(Library::OnnxRuntime),
-            Self::OpenVino => Some(Library::OpenVino),
-            Self::Rten | Self::Libtorch => None,
-        }
-    }
-
-    /// The form of ONNX files that suits it.
-    pub fn target(self) -> Target {
-        match self {
-            Self::OnnxRuntime => Target::OnnxRuntime,
-            _ => Target::Portable,
-        }
-    }
-}
-
-impl fmt::Display for EngineKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-/// In which numbers the engine computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Precision {
-    /// Single precision.
-    #[default]
-    F32,
-    /// bfloat16 where the CPU has it: faster, two to three digits. Only OpenVINO has it.
-    Bf16,
-}
-
-/// Which engine, and how it is to run.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct EngineOptions {
-    /// What runs the network.
-    pub kind: EngineKind,
-    /// Its shared library, or the folder that it is in; looked for when it is not named ([`Library::find`]).
-    pub library: Option<PathBuf>,
-    /// Threads of the network; one for each core by default, and at most that.
-    pub threads: Option<usize>,
-    /// In which numbers it computes.
-    pub precision: Precision,
-}
-
-impl From<EngineKind> for EngineOptions {
-    fn from(kind: EngineKind) -> Self {
-        Self { kind, ..Self::default() }
-    }
-}
 
 impl EngineOptions {
     /// Threads of the network that are started: more than the machine runs at once make nothing faster. None is one for

@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
+use farsight_core::Region;
 use farsight_graph::model::ModelError;
 use farsight_methods::detectors::ReadError;
 use farsight_onnx::OnnxError;
 use farsight_runtime::EngineError;
 use thiserror::Error;
 
-use crate::engine::EngineKind;
+use crate::engine_options::EngineKind;
 use crate::libraries::LibraryError;
 
 /// A pipeline that cannot be opened.
@@ -65,6 +66,14 @@ pub enum Error {
         engine: EngineKind,
         /// The engines that have it.
         expected: &'static str,
+    },
+    /// A region, with a refiner that was not fitted by regions.
+    #[error("{}: the region {region} is asked for, with a refiner that was not fitted by regions; \"farsight-w\" has one that was", model.display())]
+    NoRegions {
+        /// The model.
+        model: PathBuf,
+        /// The region.
+        region: Region,
     },
     /// What needs error bars, with a model that has none.
     #[error("{}: a model without error bars, which {stage} goes by; `farsight export --fit-on` fits them", model.display())]

@@ -28,6 +28,7 @@ pub mod camera_source;
 pub mod detector;
 pub mod draw;
 pub mod engine;
+mod engine_options;
 mod error;
 pub mod file_kind;
 pub mod json;
@@ -38,14 +39,15 @@ pub mod object;
 pub mod pipeline;
 pub mod second_stage;
 pub mod shipped;
+pub mod source;
 mod stages;
 
 use std::path::Path;
 
-pub use builder::{ModelSource, PipelineBuilder, StageSource};
+pub use builder::PipelineBuilder;
 pub use camera_source::{CameraSource, CameraSourceError};
 pub use draw::draw;
-pub use engine::{EngineKind, EngineOptions, Precision};
+pub use engine_options::{EngineKind, EngineOptions, Precision};
 pub use error::Error;
 pub use farsight_core::camera::CameraError;
 pub use farsight_core::road::Road;
@@ -57,6 +59,7 @@ pub use image::RgbImage;
 pub use libraries::{Library, LibraryError};
 pub use object::{DetectedObject, RangeKind};
 pub use pipeline::{ModelInfo, Pipeline};
+pub use source::{ModelSource, StageSource};
 
 /// Version of this library and of the program on it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -8,6 +8,7 @@ mod commands;
 mod experiment;
 mod figures;
 mod inputs;
+mod layout;
 mod names;
 mod one_dash;
 mod outputs;

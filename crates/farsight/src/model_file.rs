@@ -13,24 +13,26 @@ use farsight_onnx::{OnnxModel, is_safetensors};
 
 use crate::Error;
 use crate::file_kind::{signature, start_of};
-use crate::shipped;
+use crate::shipped::{self, Family};
 
-/// The word for the models that come with the library, where the name of a file is expected; a file that is called so
-/// is named with its folder, `./shipped`.
+/// The word for what comes with the library and is used unless something else is named, where the name of a file is
+/// expected. A file that is called so is named with its folder, `./shipped`.
 pub const SHIPPED: &str = "shipped";
-
-/// The word for the SSD that comes with the program.
-pub const SHIPPED_WORLD: &str = "shipped-world";
-
-/// The word for the shipped refiner, where a model of any kind is expected.
-pub const SHIPPED_REFINER: &str = "shipped-refiner";
 
 /// The word for the shipped plate reader, where a model of any kind is expected.
 pub const SHIPPED_PLATES: &str = "shipped-plates";
 
-/// Whether `path` is the word for the shipped model.
-pub fn is_shipped_word(path: &Path) -> bool {
-    path == Path::new(SHIPPED)
+/// The family whose detector `path` is the word for.
+pub fn detector_of_word(path: &Path) -> Option<Family> {
+    match path.to_str()? {
+        SHIPPED => Some(Family::default()),
+        word => Family::ALL.into_iter().find(|family| family.name() == word),
+    }
+}
+
+/// The family whose refiner `path` is the word for, where a model of any kind is expected.
+pub fn refiner_of_word(path: &Path) -> Option<Family> {
+    detector_of_word(Path::new(path.to_str()?.strip_suffix("-refiner")?))
 }
 
 /// Whether the file may be what is `expected`.
@@ -74,17 +76,21 @@ pub fn check_detector(path: &Path) -> Result<(), Error> {
 /// # Errors
 /// When the file is none; what `farsight export` made of one is told.
 pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
-    if is_shipped_word(path) {
-        return Ok(shipped::smoke()?);
-    }
-    if path == Path::new(SHIPPED_WORLD) || SsdModel::is_one(path) {
-        return Err(kind_error(path, "an SSD", "a SMOKE, \"shipped\" for the one that comes with the program"));
+    match detector_of_word(path) {
+        Some(Family::Smoke) => return Ok(shipped::smoke()?),
+        Some(Family::World) => return Err(not_smoke(path)),
+        None if SsdModel::is_one(path) => return Err(not_smoke(path)),
+        None => {}
     }
     check(path, "a model that `farsight train` or `farsight import` wrote")?;
     SmokeModel::read(path).map_err(|error| match OnnxModel::read(path) {
         Ok(_) => kind_error(path, "an ONNX file already", "the model that it was made from (.safetensors)"),
         Err(_) => error.into(),
     })
+}
+
+pub(crate) fn not_smoke(path: &Path) -> Error {
+    kind_error(path, "an SSD", "a SMOKE, \"farsight-s\" for the one that comes with the program")
 }
 
 fn found_instead(path: &Path) -> Option<String> {

@@ -1,6 +1,5 @@
 //! From an image and its camera to what is told.
 
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use farsight_core::box3d::Dimensions;
@@ -9,8 +8,6 @@ use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 
-use crate::Error;
-use crate::builder::{ModelSource, PipelineBuilder};
 use crate::object::{DetectedObject, RangeKind};
 use crate::stages::{Settings, Stages};
 
@@ -51,28 +48,6 @@ struct Shared {
 }
 
 impl Pipeline {
-    /// The models that come with the library, on the engine that is always there.
-    ///
-    /// # Errors
-    /// When the engine fails, for want of memory for instance.
-    pub fn shipped() -> Result<Self, Error> {
-        Self::builder().open()
-    }
-
-    /// The detector at `path`, a file that `farsight train`, `farsight import` or `farsight export` wrote. With the
-    /// shipped weights it gets all that [`Pipeline::shipped`] has.
-    ///
-    /// # Errors
-    /// When the file is no detector, or the engine fails.
-    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
-        Self::builder().model(ModelSource::from_word(path.as_ref())).open()
-    }
-
-    /// Chooses model, engine and stages.
-    pub fn builder() -> PipelineBuilder {
-        PipelineBuilder::default()
-    }
-
     pub(crate) fn new(
         stages: Stages,
         settings: Settings,
@@ -119,7 +94,7 @@ impl Pipeline {
         // After an error the networks are as good as before: what they keep from run to run is only memory.
         let answer = stages.detect_batch(images, &self.shared.settings);
         locked(&self.shared.idle).push(stages);
-        let (answers, times) = answer?;
+        let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
         answers.iter().flatten().try_for_each(|found| check_answer(found, &self.shared.info.name))?;
         let (range, sigmas) = (self.shared.settings.range, self.shared.interval_sigmas);
         let object = |one: Detection| DetectedObject::new(one, range, sigmas);

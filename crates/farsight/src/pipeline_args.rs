@@ -10,6 +10,7 @@ use farsight::{
     EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder, Precision, Road,
     StageSource, model_file,
 };
+use farsight_core::Region;
 
 use crate::printer::Printer;
 
@@ -140,6 +141,16 @@ pub(crate) struct RoadArgs {
     /// by itself [default: any for the weights that come with the program, none for others]
     #[arg(long, value_name = "METRES|any|none", value_parser = road, allow_negative_numbers = true)]
     above_road: Option<Road>,
+    /// Part of the world that the images are from, by the sizes of its vehicles: world, europe, north-america, china, japan or india; for farsight-w
+    #[arg(long, value_name = "REGION", default_value_t)]
+    region: Region,
+}
+
+impl RoadArgs {
+    /// `builder` with what is known.
+    pub(crate) fn choose(&self, builder: PipelineBuilder) -> PipelineBuilder {
+        self.above_road.into_iter().fold(builder.region(self.region), PipelineBuilder::road)
+    }
 }
 
 /// Cameras are neither in the road nor on satellites.
@@ -158,7 +169,7 @@ fn road(text: &str) -> Result<Road, String> {
 /// What a pipeline is made of.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub(crate) struct PipelineArgs {
-    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, "shipped" (farsight-s) or "shipped-world" (farsight-w), which come with the program [default: shipped]
+    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, or one that comes with the program: farsight-w, which has seen photographs, or farsight-s, a SMOKE [default: farsight-w]
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
@@ -184,7 +195,7 @@ pub(crate) fn overlap_from_text(text: &str) -> Result<f64, String> {
 impl PipelineArgs {
     /// The detector.
     pub(crate) fn source(&self) -> ModelSource {
-        self.model.as_ref().map_or(ModelSource::Shipped, ModelSource::from_word)
+        self.model.as_ref().map_or_else(ModelSource::default, ModelSource::from_word)
     }
 
     /// The files that are named.
@@ -201,7 +212,7 @@ impl PipelineArgs {
         let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
         let builder = self.second_stage.choose(builder);
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
-        Ok(self.road.above_road.into_iter().fold(builder, PipelineBuilder::road))
+        Ok(self.road.choose(builder))
     }
 }
 

@@ -146,7 +146,7 @@ impl Printer {
 
     fn labelled(&mut self, label: &str, style: Style, text: &str) {
         let label = self.err.styled(&format!("{label}:"), style);
-        self.err.line(&format!("{label} {text}"));
+        self.err.line(&format!("{label} {}", shortened(text)));
     }
 }
 
@@ -175,6 +175,25 @@ impl Stream {
         };
         if self.styled { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() }
     }
+}
+
+/// No line of a message is longer, characters, whatever word of a stranger's file it tells; where it is cut it keeps so
+/// many at its end.
+const LONGEST_LINE: usize = 1000;
+const KEPT_AT_END: usize = 300;
+
+/// A message whose long lines are cut in the middle.
+fn shortened(text: &str) -> String {
+    let short = |line: &str| {
+        let count = line.chars().count();
+        if count <= LONGEST_LINE {
+            return line.to_owned();
+        }
+        let start: String = line.chars().take(LONGEST_LINE - KEPT_AT_END).collect();
+        let end: String = line.chars().skip(count - KEPT_AT_END).collect();
+        format!("{start} [{} characters] {end}", count - LONGEST_LINE)
+    };
+    text.split('\n').map(short).collect::<Vec<_>>().join("\n")
 }
 
 /// `1 image`, `2 images`.
@@ -210,7 +229,7 @@ mod tests {
 
     use anyhow::{Context, Error};
 
-    use super::{Printer, grouped, with_causes};
+    use super::{Printer, grouped, shortened, with_causes};
 
     /// Takes the first so many writes.
     struct Full(usize, ErrorKind);
@@ -238,6 +257,16 @@ mod tests {
         assert_eq!(ended(1, ErrorKind::BrokenPipe), (true, Ok(())));
         let told = "standard output: cannot be written: no storage space".to_owned();
         assert_eq!(ended(1, ErrorKind::StorageFull), (false, Err(told)));
+    }
+
+    #[test]
+    fn a_message_is_no_longer_than_anybody_reads() {
+        let usual = "a.txt:3: \"ä\"; expected a number\n  of metres";
+        assert_eq!(shortened(usual), usual);
+        let told = shortened(&format!("a.txt:3: \"{}\"; expected a number\nhint", "ä".repeat(10_000_000)));
+        assert_eq!(told.lines().count(), 2);
+        assert!(told.starts_with("a.txt:3: \"ä") && told.ends_with("ä\"; expected a number\nhint"), "{told}");
+        assert!(told.contains(" [9999030 characters] ") && told.chars().count() < 1100, "{told}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
 use farsight_methods::refiner::{Refiner, RefinerModel};
 use farsight_onnx::OnnxModel;
 
-use crate::builder::StageSource;
+use crate::source::StageSource;
 use crate::{EngineOptions, Error, model_file};
 
 /// The model of a second stage, if there is to be one: `shipped` where that is the default.

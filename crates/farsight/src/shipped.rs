@@ -11,21 +11,30 @@ use farsight_methods::smoke::SmokeModel;
 use farsight_methods::ssd::SsdModel;
 
 /// What comes with the library: a detector, and a refiner that is fitted to it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Family {
-    /// An SSD that learnt from photographs, and a refiner that learnt from rendered scenes of the world; the card is `models/farsight-w.md`.
+    /// An SSD that learnt from photographs, and a refiner that learnt from rendered scenes of the world: what is used
+    /// unless another is named. The card is `models/farsight-w.md`.
+    #[default]
     World,
-    /// SMOKE that learnt from rendered scenes of one city, and its refiner; the card is `models/farsight-s.md`.
+    /// SMOKE that learnt from rendered scenes of one city, and its refiner. The card is `models/farsight-s.md`.
     Smoke,
 }
 
-/// Name of the SSD that comes with the library.
-pub const WORLD_NAME: &str = "farsight-w";
+impl Family {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::World, Self::Smoke];
+
+    /// The name of its detector, which is its word in options.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::World => "farsight-w",
+            Self::Smoke => "farsight-s",
+        }
+    }
+}
 
 const WORLD: &[u8] = include_bytes!("../../../models/farsight-w.safetensors");
-
-/// Name of the SMOKE that comes with the library: the detector that is used unless another is named.
-pub const NAME: &str = "farsight-s";
 
 const SMOKE: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
 
@@ -58,7 +67,7 @@ const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), sc
 /// # Errors
 /// Never of a library that was built whole.
 pub fn world() -> Result<SsdModel, ModelError> {
-    SsdModel::from_safetensors(WORLD, Path::new(WORLD_NAME))
+    SsdModel::from_safetensors(WORLD, Path::new(Family::World.name()))
 }
 
 /// The SMOKE that comes with the library: trained on rendered scenes alone, and the start of a fine-tuning.
@@ -66,7 +75,7 @@ pub fn world() -> Result<SsdModel, ModelError> {
 /// # Errors
 /// Never of a library that was built whole.
 pub fn smoke() -> Result<SmokeModel, ModelError> {
-    SmokeModel::from_safetensors(SMOKE, Path::new(NAME))
+    SmokeModel::from_safetensors(SMOKE, Path::new(Family::Smoke.name()))
 }
 
 /// The family of a detector with these weights (SHA-256), if it comes with the library.

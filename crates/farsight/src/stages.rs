@@ -4,7 +4,7 @@ use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
 use farsight_core::road::{Road, SURE_SCORE, on_one_road};
-use farsight_core::{Camera, Detection};
+use farsight_core::{Camera, Detection, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::{DetectError, Detector};
@@ -22,6 +22,8 @@ pub(crate) struct Settings {
     pub(crate) max_overlap: f64,
     /// What is known of the road under the camera.
     pub(crate) road: Road,
+    /// What is known of the scale of all distances in an image.
+    pub(crate) scale: ScalePrior,
     pub(crate) range: RangeKind,
 }
 
@@ -111,7 +113,7 @@ impl Stages {
 
 /// `found` on its road, as far as it was asked for, each place taken once.
 fn told(found: Vec<Detection>, min_score: f64, settings: &Settings) -> Vec<Detection> {
-    let mut told = on_one_road(found, settings.road);
+    let mut told = on_one_road(found, settings.road, &settings.scale);
     told.retain(|detection| detection.score > min_score);
     bev_nms(told, settings.max_overlap)
 }

@@ -36,7 +36,7 @@ struct RunFile {
 
 impl RunFile {
     fn read(path: &Path) -> Result<Self> {
-        let text = farsight_files::read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = farsight_files::read_config(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         toml::from_str(&text).with_context(|| format!("{}: not the config of a training", path.display()))
     }
 }

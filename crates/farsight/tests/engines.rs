@@ -198,7 +198,7 @@ fn the_example_without_farsight_finds_the_same() {
     let Some(_) = python_with("onnxruntime, numpy") else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    done(folder, &["export", "--model", "shipped", "--out", "shipped.onnx"]);
+    done(folder, &["export", "--model", "farsight-s", "--out", "shipped.onnx"]);
     for scene in ["000000", "000001", "000002", "000003"] {
         let scenes = root().join("assets/scenes");
         let [image, calib] = [format!("{scene}.ppm"), format!("{scene}.txt")];
@@ -242,7 +242,7 @@ fn second_stages_become_onnx_files_too() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     for (word, option, name) in
-        [("shipped-refiner", "--refiner", "a refiner"), ("shipped-plates", "--plates", "a plate reader")]
+        [("farsight-w-refiner", "--refiner", "a refiner"), ("shipped-plates", "--plates", "a plate reader")]
     {
         let told = done(folder, &["export", "--model", word, "--out", "part.onnx"]);
         assert!(told.contains("answer") && told.contains("part.onnx"), "{told}");

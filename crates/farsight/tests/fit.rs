@@ -88,7 +88,7 @@ fn a_model_is_fine_tuned_in_one_command() {
     rendered(folder, "10");
     done(folder, &["synth", "--out", "held-out", "--frames", "48", "--seed", "6"]);
     // Half the shipped size, for time.
-    done(folder, &["export", "--half", "--model", "shipped", "--input", "480x160", "--out", "small.safetensors"]);
+    done(folder, &["export", "--half", "--model", "farsight-s", "--input", "480x160", "--out", "small.safetensors"]);
     let start = ["fine-tune", "--data", "scenes", "--model", "small.safetensors", "--epochs", "1"];
     let arguments = [&start[..], &["--fit-on", "held-out", "--out", "mine.safetensors"]].concat();
     let told = farsight(folder, &arguments);

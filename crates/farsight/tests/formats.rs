@@ -123,8 +123,8 @@ fn shells_and_manuals_know_every_command() {
 fn the_shipped_model_can_be_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let info = done(folder, &["info", "shipped"]);
+    let info = done(folder, &["info", "farsight-s"]);
     assert!(info.contains("weights SHA-256"), "{info}");
-    done(folder, &["export", "--model", "shipped", "--out", "s.onnx"]);
+    done(folder, &["export", "--model", "farsight-s", "--out", "s.onnx"]);
     assert!(done(folder, &["info", "s.onnx"]).contains("weights SHA-256"));
 }

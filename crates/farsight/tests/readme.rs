@@ -86,7 +86,13 @@ fn every_config_is_there_and_has_the_parameters_that_are_claimed() {
 /// A stranger reads these to the end.
 #[test]
 fn the_first_pages_are_short() {
-    for (name, most) in [("README.md", 100), ("models/farsight-s.md", 150)] {
+    let pages = [
+        ("README.md", 100),
+        ("models/farsight-s.md", 150),
+        ("models/farsight-w.md", 150),
+        ("crates/farsight/examples/quickstart.rs", 24),
+    ];
+    for (name, most) in pages {
         let lines = document(name).lines().count();
         assert!(lines <= most, "{name} has {lines} lines; expected at most {most}");
     }
@@ -109,6 +115,21 @@ fn every_file_that_the_documents_point_to_is_there() {
             let target = path.parent().unwrap().join(link);
             assert!(link.starts_with("https://") || target.exists(), "{} points to {link}", path.display());
         }
+    }
+}
+
+/// What one touches for an addition, as CONTRIBUTING says: every file that it names is there.
+#[test]
+fn every_file_that_contributors_are_sent_to_is_there() {
+    let text = document("CONTRIBUTING.md");
+    let quoted = text.split('`').skip(1).step_by(2);
+    let starts = ["crates/", "fuzz/", "configs/", "docs/"];
+    let named: Vec<&str> = quoted.filter(|name| starts.iter().any(|start| name.starts_with(start))).collect();
+    assert!(named.len() > 15, "{named:?}");
+    for name in named {
+        // What is to be added is not there.
+        let path = name.split("NAME").next().unwrap();
+        assert!(root().join(path).exists(), "CONTRIBUTING.md names {name}");
     }
 }
 

@@ -45,7 +45,7 @@ fn the_refiner_moves_boxes_and_says_how_sure_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let all = ["--max-overlap", "1"];
-    let smoke = ["--max-overlap", "1", "--model", "shipped"];
+    let smoke = ["--max-overlap", "1", "--model", "farsight-s"];
     let first = found(folder, &[&smoke[..], &["--refiner", "none"]].concat());
     let both = found(folder, &smoke);
     assert!(first.len() > 2 && both.len() > 2, "{first:?}\n{both:?}");
@@ -111,7 +111,8 @@ fn one_road_under_all_moves_distances_and_nothing_else() {
 fn plates_move_distances_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let with = |plates: &[&str]| found(folder, &[&["--max-overlap", "1", "--above-road", "none"], plates].concat());
+    let alone = ["--model", "farsight-s", "--max-overlap", "1", "--above-road", "none"];
+    let with = |plates: &[&str]| found(folder, &[&alone, plates].concat());
     let (without, read) = (with(&["--plates", "none"]), with(&[]));
     assert_eq!(without.len(), read.len());
     for ([before_m, sigma_m, score], [after_m, after_sigma_m, after_score]) in without.iter().zip(&read) {
@@ -121,6 +122,51 @@ fn plates_move_distances_and_nothing_else() {
     }
     let surer = without.iter().zip(&read).filter(|(a, b)| b[1] / b[0] < 0.8 * a[1] / a[0]).count();
     assert!(surer > 0, "no plate was read: {read:?}");
+}
+
+#[test]
+fn a_region_moves_all_vehicles_by_one_factor() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let alone = ["--max-overlap", "1", "--above-road", "none"];
+    let of = |region: &str| found(folder, &[&alone[..], &["--region", region]].concat());
+    let world = of("world");
+    assert_eq!(world, found(folder, &alone));
+    assert!(world.len() > 2);
+    let ratios = |region: &str| -> Vec<f64> { of(region).iter().zip(&world).map(|(a, b)| a[0] / b[0]).collect() };
+    for [smaller, larger] in [["europe", "north-america"]] {
+        let [smaller, larger] = [smaller, larger].map(ratios);
+        assert!(smaller[0] < larger[0], "{smaller:?} and {larger:?}");
+        for ratios in [smaller, larger] {
+            let odd = ratios.iter().filter(|ratio| (*ratio - ratios[0]).abs() > 1e-9 && (*ratio - 1.0).abs() > 1e-9);
+            assert_eq!(odd.count(), 0, "neither the region's factor nor 1: {ratios:?}");
+        }
+    }
+    let scene = root().join(SCENE).display().to_string();
+    let range = |more: &[&str]| told(folder, &[&["range", &scene, "--hfov", "81"], more].concat());
+    let unfitted = range(&["--model", "farsight-s", "--region", "japan"]);
+    assert!(unfitted.contains("farsight-s: the region japan is asked for"), "{unfitted}");
+    let unknown = range(&["--region", "texas"]);
+    assert!(unknown.contains("expected world, europe, north-america, china, japan, india"), "{unknown}");
+}
+
+#[test]
+fn a_refiner_learns_the_scale_of_regions_from_their_splits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("japan.toml"), "regions = { japan = 1.0 }\ndensity = [1.5, 2.0]\n").unwrap();
+    done(folder, &["synth", "--world", "japan.toml", "--out", "scenes", "--frames", "24", "--seed", "5"]);
+    assert_eq!(fs::read_to_string(folder.join("scenes/ImageSets/japan.txt")).unwrap().lines().count(), 24);
+    let shipped = root().join("models/farsight-w-refiner.safetensors").display().to_string();
+    let export = ["export", "--half", "--model", &shipped, "--fit-on", "scenes", "--detector", "farsight-w"];
+    let output = farsight(folder, &[&export[..], &["--out", "fitted.safetensors"]].concat());
+    let status = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && status.contains("japan: distances of vehicles times"), "{status}");
+    let refiner = ["--refiner", "fitted.safetensors"];
+    assert!(!found(folder, &[&refiner[..], &["--region", "japan"]].concat()).is_empty());
+    let scene = root().join(SCENE).display().to_string();
+    let other = told(folder, &[&["range", &scene, "--hfov", "81", "--region", "india"][..], &refiner].concat());
+    assert!(other.contains("the region india is asked for"), "{other}");
 }
 
 #[test]
@@ -135,7 +181,7 @@ fn refiner_and_plate_reader_are_fitted_to_the_shipped_model() {
         let output = farsight(folder, &export);
         let status = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success() && status.contains("errors correlated by"), "{status}");
-        assert!(!found(folder, &[&format!("--{part}"), &fitted]).is_empty());
+        assert!(!found(folder, &["--model", "farsight-s", &format!("--{part}"), &fitted]).is_empty());
     }
 }
 

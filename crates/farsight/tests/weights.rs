@@ -12,6 +12,7 @@ use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_graph::model::{CONFIG_KEY, NetworkConfig};
 use farsight_graph::weights::Weights;
 use farsight_methods::smoke::{SmokeConfig, SmokeModel};
+use farsight_methods::ssd::SsdModel;
 use program::{done, farsight, root};
 
 /// A small network with fresh weights.
@@ -120,6 +121,89 @@ fn headers_with_absurd_numbers_are_refused() {
             told.contains("m.safetensors: \"farsight.model\" in the header: ") && told.contains(expected),
             "{told}"
         );
+    }
+}
+
+/// The SSD that comes with the program.
+fn ssd() -> SsdModel {
+    SsdModel::read(&root().join("models/farsight-w.safetensors")).unwrap()
+}
+
+#[test]
+fn an_ssd_with_weights_that_are_not_finite_is_told_by_every_engine() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for value in [f32::NAN, f32::NEG_INFINITY] {
+        let mut bad = ssd();
+        bad.weights.tensors.get_mut("heads.2.classes.bias").unwrap().values[3] = value;
+        bad.write(&folder.join("w.safetensors")).unwrap();
+        for engine in ["rten", "onnxruntime", "openvino"] {
+            let told = refusal(folder, "w.safetensors", &["--engine", engine]);
+            let expected = format!("w.safetensors: tensor \"heads.2.classes.bias\" has {value} at place 3; expected");
+            assert!(told.contains(&expected), "{told}");
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_of_an_ssd_is_told_in_both_kinds_of_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    done(folder, &["export", "--model", "farsight-w", "--out", "w.onnx"]);
+    fs::copy(root().join("models/farsight-w.safetensors"), folder.join("w.safetensors")).unwrap();
+    for name in ["w.safetensors", "w.onnx"] {
+        let whole = fs::read(folder.join(name)).unwrap();
+        for share in [2, 6, 9] {
+            let mut flipped = whole.clone();
+            flipped[whole.len() / 10 * share] ^= 0x40;
+            fs::write(folder.join(format!("flipped-{name}")), flipped).unwrap();
+            let told = refusal(folder, &format!("flipped-{name}"), &[]);
+            assert!(told.contains(&format!("flipped-{name}: its contents have the hash ")), "{told}");
+        }
+    }
+}
+
+#[test]
+fn an_ssd_whose_boxes_are_out_of_this_world_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // The last overflows within the network.
+    let rows = [(1e4, "\"boxes0\" has 10000; expected at most 1000: "), (3.4e38, "expected finite numbers")];
+    for (value, expected) in rows {
+        let mut bad = ssd();
+        // Something is found everywhere.
+        bad.weights.tensors.get_mut("heads.0.classes.bias").unwrap().values.fill(50.0);
+        bad.weights.tensors.get_mut("heads.0.boxes.weight").unwrap().values.fill(if value > 1e5 { value } else { 0.0 });
+        bad.weights.tensors.get_mut("heads.0.boxes.bias").unwrap().values.fill(value);
+        bad.write(&folder.join("w.safetensors")).unwrap();
+        let told = refusal(folder, "w.safetensors", &[]);
+        assert!(told.contains("w.safetensors: output ") && told.contains(expected), "{told}");
+        assert!(told.contains("are the weights broken?"), "{told}");
+    }
+}
+
+#[test]
+fn headers_of_an_ssd_with_absurd_numbers_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let view = "{\"focal_px\":400.0}";
+    let views = [view; 2000].join(",");
+    let absurd = [
+        ("\"focal_px\":400.0", "\"focal_px\":1e-300", "model.views has focal_px 0.000"),
+        (view, &views, "model.views has 2001 views; expected 1 to 8"),
+        ("\"relative_error\":0.2", "\"relative_error\":1e300", "model.relative_error is 1000"),
+        ("\"max_overlap\":0.45", "\"max_overlap\":0.0", "model.max_overlap is 0; expected above 0"),
+        ("[3.88,1.63,1.53]", "[3.88,1e300,1.53]", "model.classes has Car with a size or factor out of all proportion"),
+    ];
+    for (found, replaced, expected) in absurd {
+        let mut weights = ssd().weights;
+        let config = serde_json::to_string(&ssd().config).unwrap();
+        assert!(config.contains(found), "{config}");
+        weights.metadata.insert(CONFIG_KEY.to_owned(), config.replacen(found, replaced, 1));
+        weights.write(&folder.join("w.safetensors")).unwrap();
+        let told = refusal(folder, "w.safetensors", &[]);
+        let header = "w.safetensors: \"farsight.model\" in the header: ";
+        assert!(told.contains(header) && told.contains(expected), "{told}");
     }
 }
 

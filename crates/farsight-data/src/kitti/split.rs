@@ -76,7 +76,10 @@ pub fn split_from_text(text: &str, path: &Path) -> Result<Vec<String>, SplitErro
     if ids.is_empty() { Err(SplitError::Empty { path: path.to_owned() }) } else { Ok(ids) }
 }
 
+/// A longer id is the name of no file, bytes.
+const LONGEST_ID: usize = 200;
+
 pub(super) fn is_id(id: &str) -> bool {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-    !id.is_empty() && !id.starts_with('.') && id.chars().all(allowed)
+    (1..=LONGEST_ID).contains(&id.len()) && !id.starts_with('.') && id.chars().all(allowed)
 }

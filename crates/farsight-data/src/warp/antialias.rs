@@ -6,7 +6,7 @@ use std::ops::Range;
 use farsight_core::Affine2;
 use image::RgbImage;
 
-use super::resample::Planes;
+use super::row_planes::Planes;
 use super::taps::covered_range;
 
 /// The source pixels that one output pixel is a mean of, along one axis.

@@ -7,6 +7,7 @@ use farsight_core::input::Sampling;
 use image::RgbImage;
 
 use super::antialias;
+use super::row_planes::Planes;
 use super::taps::{Taps, axis_taps, covered_range, taps};
 
 /// Hands the rows of the output to `emit`: row number, columns that see the source, and their red, green and blue.
@@ -97,31 +98,6 @@ fn bilinear(image: &RgbImage, x: &Taps, y: &Taps) -> [f32; 3] {
 
 fn lerp(a: [f32; 3], b: [f32; 3], weight: f32) -> [f32; 3] {
     [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * weight)
-}
-
-/// A row as three planes, one after the other.
-pub(super) struct Planes(pub(super) Vec<f32>);
-
-impl Planes {
-    pub(super) fn new(len: usize) -> Self {
-        Self(vec![0.0; 3 * len])
-    }
-
-    fn len(&self) -> usize {
-        self.0.len() / 3
-    }
-
-    pub(super) fn channels(&self) -> [&[f32]; 3] {
-        let len = self.len();
-        [0, 1, 2].map(|channel| &self.0[channel * len..][..len])
-    }
-
-    fn set(&mut self, index: usize, rgb: [f32; 3]) {
-        let len = self.len();
-        for (channel, value) in rgb.into_iter().enumerate() {
-            self.0[channel * len + index] = value;
-        }
-    }
 }
 
 /// Source rows stretched to the output's columns. The last two are kept: the next output row mostly needs one of them

@@ -10,6 +10,7 @@
 mod accumulator;
 mod class_frame;
 mod curve;
+mod intervals;
 mod matching;
 mod metric;
 mod outcomes;
@@ -20,9 +21,10 @@ mod thresholds;
 pub use accumulator::ApAccumulator;
 pub use class_frame::{ClassFrame, FrameLabel, FrameObject, FramePrediction};
 pub use curve::{Curve, RECALL_POINTS, ScoreThreshold};
+pub use intervals::{ApIntervals, DrawnAp};
 pub use metric::{CurveSpec, Metric, OverlapSet, Overlaps};
-pub use outcomes::{CurveOutcomes, DrawnAp};
-pub use report::{ApIntervals, ApReport, ApTable, ApValues};
+pub use outcomes::CurveOutcomes;
+pub use report::{ApReport, ApTable, ApValues};
 pub use scores::ScoreRange;
 
 pub(crate) use matching::{MatchOutcome, Matching, outcomes};

@@ -8,10 +8,11 @@ use rayon::prelude::*;
 
 use super::class_frame::ClassFrames;
 use super::curve::{percent_r11, percent_r40};
+use super::intervals::{ApIntervals, DrawnAp};
 use super::matching::{Counts, Matching, counts, first_pass_scores};
 use super::scores::{ScoredDetection, highest_first, reaches};
 use super::thresholds::threshold_positions;
-use super::{ApIntervals, Curve, RECALL_POINTS, ScoreThreshold};
+use super::{Curve, RECALL_POINTS, ScoreThreshold};
 use crate::bootstrap::{Bootstrap, Interval};
 
 /// Draws that are merged side by side.
@@ -54,15 +55,6 @@ struct Change {
     missed: i32,
     /// Sum of orientation similarities.
     similarity: f64,
-}
-
-/// Average precision of one draw, percent; NaN when no object counts in it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DrawnAp {
-    /// Over 40 points of recall.
-    pub r40: f64,
-    /// Over 11 points of recall.
-    pub r11: f64,
 }
 
 impl CurveOutcomes {

@@ -4,8 +4,9 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use super::curve::{percent_r11, percent_r40};
+use super::intervals::ApIntervals;
 use super::scores::ScoreRange;
-use super::{Curve, CurveSpec, DrawnAp, Metric, OverlapSet};
+use super::{Curve, CurveSpec, Metric, OverlapSet};
 use crate::bootstrap::Interval;
 use crate::{Difficulty, EvaluatedClass};
 
@@ -34,17 +35,6 @@ pub struct ApValues {
     pub intervals: Option<ApIntervals<[Option<Interval>; 3]>>,
 }
 
-/// 95% intervals over frames of average precision, percent: of one curve, or of the three difficulties.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ApIntervals<T> {
-    /// Over 40 points of recall.
-    #[serde(rename = "r40_interval")]
-    pub r40: T,
-    /// Over 11 points of recall.
-    #[serde(rename = "r11_interval")]
-    pub r11: T,
-}
-
 /// AP of every class under one overlap set; in JSON class, metric, recall points.
 #[derive(Debug, Clone, Copy)]
 pub struct ApTable<'a> {
@@ -54,14 +44,6 @@ pub struct ApTable<'a> {
 
 /// AP of one class; in JSON a map from metric.
 struct ClassTable<'a>(ApTable<'a>, EvaluatedClass);
-
-impl ApIntervals<Option<Interval>> {
-    /// The intervals that these resamples give.
-    pub(super) fn of(resamples: &[DrawnAp]) -> Self {
-        let interval = |of: fn(&DrawnAp) -> f64| Interval::of(&mut resamples.iter().map(of).collect());
-        Self { r40: interval(|ap| ap.r40), r11: interval(|ap| ap.r11) }
-    }
-}
 
 impl ApReport {
     /// How many curves there are at most.

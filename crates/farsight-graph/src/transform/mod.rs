@@ -1,14 +1,12 @@
 //! Transforms: from a network with its weights to one that computes the same with less.
 
 mod fold;
-mod live;
 mod local_head;
 
 pub use local_head::LocalHead;
 
-pub(crate) use live::without_dead_parameters;
-
 use crate::graph::Graph;
+use crate::live::{without_dead_nodes, without_dead_parameters};
 use crate::model::{Model, NetworkConfig};
 use crate::weights::{Weights, WeightsError};
 
@@ -40,7 +38,7 @@ impl Network {
     /// Only the taps named in `outputs`, and what they need: dead nodes and parameters go.
     pub fn keeping(mut self, outputs: &[&str]) -> Self {
         self.graph.taps.retain(|(name, _)| outputs.contains(&name.as_str()));
-        live::without_dead(self)
+        without_dead(self)
     }
 
     /// Batch norms become part of the convolution before them, which gains a bias.
@@ -50,6 +48,14 @@ impl Network {
     /// # Errors
     /// When a weight is missing or has another shape.
     pub fn batch_norm_folded(self) -> Result<Self, WeightsError> {
-        fold::batch_norm_folded(self).map(live::without_dead)
+        fold::batch_norm_folded(self).map(without_dead)
     }
+}
+
+/// The network without nodes that no tap needs, and without parameters and tensors that no node reads. Inputs stay.
+fn without_dead(network: Network) -> Network {
+    let Network { graph, mut weights, local_head } = network;
+    let graph = without_dead_parameters(without_dead_nodes(graph));
+    weights.tensors.retain(|name, _| graph.parameters.iter().any(|parameter| parameter.name == *name));
+    Network { graph, weights, local_head }
 }

@@ -4,13 +4,10 @@ use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::references::LARGEST_FOCAL_PX;
 use farsight_core::{ClassReference, RangeError};
-use farsight_graph::graph::Graph;
 use farsight_graph::layers::{Backbone, NeckKind, NormKind, Stem};
-use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};
 
 use super::codec::Codec;
-use super::network::{DEPTH, DIMENSIONS, HEATMAP, OFFSET, ROTATION, SIZE, network};
 use crate::input_spec::{InputSpec, SIZE_STEP};
 
 /// Channels of DLA-34's levels, and between the convolutions of a head.
@@ -112,26 +109,8 @@ impl CenterNet3dConfig {
         Codec { depth_focal_px: self.depth_focal_px }
     }
 
-    /// What is wrong with the classes, if anything is.
-    fn problem_of_classes(&self) -> Option<String> {
-        if self.classes.is_empty() {
-            return Some("model.classes is empty; expected at least one class".to_owned());
-        }
-        let unusable = |class: &ClassReference| {
-            let wrong = class.score.is_some_and(|score| !score.is_usable());
-            wrong.then(|| format!("model.classes has {} with a score that no fit gives", class.class))
-        };
-        let names = ClassReference::problem_of_names(&self.classes).map(|problem| format!("model.classes {problem}"));
-        names.or_else(|| self.classes.iter().find_map(unusable))
-    }
-}
-
-impl NetworkConfig for CenterNet3dConfig {
-    const METHOD: &'static str = "centernet3d";
-    const NAME: &'static str = "a CenterNet for 3D boxes";
-    const OUTPUTS: &'static [&'static str] = &[HEATMAP, DEPTH, ROTATION, DIMENSIONS, SIZE, OFFSET];
-
-    fn problem(&self) -> Option<String> {
+    /// What is wrong with the fields, if anything is.
+    pub(super) fn problem_of_fields(&self) -> Option<String> {
         let [width, height] = self.input;
         if self.input.iter().any(|&side| side == 0 || !side.is_multiple_of(SIZE_STEP) || side > LARGEST_SIDE) {
             return Some(format!(
@@ -168,13 +147,17 @@ impl NetworkConfig for CenterNet3dConfig {
         self.problem_of_classes()
     }
 
-    fn graph(&self) -> Graph {
-        network(self)
-    }
-
-    fn without_fit(mut self) -> Self {
-        self.error = None;
-        self.classes.iter_mut().for_each(|class| class.score = None);
-        self
+    /// What is wrong with the classes, if anything is.
+    fn problem_of_classes(&self) -> Option<String> {
+        if self.classes.is_empty() {
+            return Some("model.classes is empty; expected at least one class".to_owned());
+        }
+        let unusable = |class: &ClassReference| {
+            let wrong = class.score.is_some_and(|score| !score.is_usable());
+            wrong.then(|| format!("model.classes has {} with a score that no fit gives", class.class))
+        };
+        let names = ClassReference::problem_of_names(&self.classes).map(|problem| format!("model.classes {problem}"));
+        let sizes = ClassReference::problem_of_sizes(&self.classes).map(|problem| format!("model.classes {problem}"));
+        names.or(sizes).or_else(|| self.classes.iter().find_map(unusable))
     }
 }

@@ -2,6 +2,7 @@
 
 use farsight_graph::graph::{Graph, Init, NodeId};
 use farsight_graph::layers::Builder;
+use farsight_graph::model::NetworkConfig;
 
 use super::config::CenterNet3dConfig;
 
@@ -24,8 +25,28 @@ pub const REGRESSION_HEADS: [(&str, usize); 5] = [(DEPTH, 1), (ROTATION, 8), (DI
 /// Logit at which the heatmap starts: a probability near 0.1.
 const PRIOR_LOGIT: f32 = -2.19;
 
+impl NetworkConfig for CenterNet3dConfig {
+    const METHOD: &'static str = "centernet3d";
+    const NAME: &'static str = "a CenterNet for 3D boxes";
+    const OUTPUTS: &'static [&'static str] = &[HEATMAP, DEPTH, ROTATION, DIMENSIONS, SIZE, OFFSET];
+
+    fn problem(&self) -> Option<String> {
+        self.problem_of_fields()
+    }
+
+    fn graph(&self) -> Graph {
+        network(self)
+    }
+
+    fn without_fit(mut self) -> Self {
+        self.error = None;
+        self.classes.iter_mut().for_each(|class| class.score = None);
+        self
+    }
+}
+
 /// The network that `config` describes.
-pub(super) fn network(config: &CenterNet3dConfig) -> Graph {
+fn network(config: &CenterNet3dConfig) -> Graph {
     let mut b = Builder::new(config.norm);
     let channels = config.channels();
     let input = b.input(3);

@@ -3,7 +3,7 @@
 use crate::refiner::RefinerConfig;
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use farsight_core::nms::{class_nms, soft_suppression};
-use farsight_core::{Box2d, Camera, ClassReference, Detection};
+use farsight_core::{Box2d, Camera, ClassReference, Detection, Region, ScalePrior};
 use farsight_data::network_input_into;
 use farsight_runtime::EngineError;
 use image::RgbImage;
@@ -22,6 +22,10 @@ pub enum Flip {
     /// The cut-out and its mirror image; the answer is the mean of both.
     Averaged,
 }
+
+/// What has a score above this share of the least score that counts is looked at again: a further stage can raise it so
+/// far.
+const PROMISING_SHARE: f64 = 0.2;
 
 /// Refines what a detector found.
 pub struct Refiner {
@@ -50,6 +54,11 @@ impl Refiner {
         self.config.fusion.depths.interval_sigmas
     }
 
+    /// What the distances of an image's vehicles have in common in a region; none of a region that was not fitted.
+    pub fn scale(&self, region: Region) -> Option<ScalePrior> {
+        self.config.fusion.scales.get(&region).copied()
+    }
+
     /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score` then, highest first, each
     /// object once, of one of `classes`.
     ///
@@ -64,7 +73,7 @@ impl Refiner {
         min_score: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let refinements = self.refinements(image, camera, &candidates)?;
+        let refinements = self.refinements(image, camera, &candidates, PROMISING_SHARE * min_score)?;
         let fused = |(first, second): (Detection, Option<Refinement>)| {
             let fused = self.config.fusion.fused(&first, second.as_ref(), camera, image_size);
             let is_known = classes.iter().any(|known| known.class == fused.class);
@@ -80,7 +89,8 @@ impl Refiner {
 
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
-    /// Several stages, each where the one before it saw the object: a cut-out around a better box shows more of the object and less of the rest.
+    /// Several stages, each where the one before it saw the object: a cut-out around a better box shows more of the
+    /// object and less of the rest. What has no score above `promising` after a stage keeps its answer.
     ///
     /// # Errors
     /// When the engine fails.
@@ -89,16 +99,24 @@ impl Refiner {
         image: &RgbImage,
         camera: &Camera,
         detections: &[Detection],
+        promising: f64,
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let mut refinements = vec![None; detections.len()];
+        let mut refinements: Vec<Option<Refinement>> = vec![None; detections.len()];
+        let mut places: Vec<usize> = (0..detections.len()).collect();
         for flip in STAGES {
-            let seen = |(first, last): (&Detection, &Option<Refinement>)| {
-                self.config.fusion.fused(first, last.as_ref(), camera, image_size).box2d
-            };
-            let boxes: Vec<Box2d> = detections.iter().zip(&refinements).map(seen).collect();
-            let again = self.refine_boxes(image, camera, &boxes, flip)?;
-            refinements = again.into_iter().zip(refinements).map(|(new, last)| new.or(last)).collect();
+            let seen = places.iter().map(|&place| {
+                let fused =
+                    self.config.fusion.fused(&detections[place], refinements[place].as_ref(), camera, image_size);
+                (place, fused)
+            });
+            let is_first = refinements.iter().all(Option::is_none);
+            let seen: Vec<(usize, Detection)> = seen.filter(|(_, fused)| is_first || fused.score > promising).collect();
+            places = seen.iter().map(|(place, _)| *place).collect();
+            let boxes: Vec<Box2d> = seen.into_iter().map(|(_, fused)| fused.box2d).collect();
+            for (&place, new) in places.iter().zip(self.refine_boxes(image, camera, &boxes, flip)?) {
+                refinements[place] = new.or(refinements[place].take());
+            }
         }
         Ok(refinements)
     }

@@ -7,12 +7,9 @@ use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::references::{LARGEST_FOCAL_PX, LARGEST_M};
 use farsight_core::{Camera, ClassReference, DepthReference, RangeError};
-use farsight_graph::graph::Graph;
-use farsight_graph::layers::{Msfe, NeckKind, NormKind, Stem};
-use farsight_graph::model::NetworkConfig;
+use farsight_graph::layers::{Backbone, Msfe, NeckKind, NormKind, Stem};
 
 use super::codec::Codec;
-use super::network::{Backbone, LOGITS, REGRESSION, network};
 use super::targets::{HeatmapBox, TargetRules};
 use crate::input_spec::{InputSpec, SIZE_STEP};
 
@@ -151,27 +148,6 @@ pub struct ConfigError {
     pub problem: String,
 }
 
-impl NetworkConfig for SmokeConfig {
-    const METHOD: &'static str = "smoke";
-    const NAME: &'static str = "a SMOKE model";
-    const OUTPUTS: &'static [&'static str] = &[LOGITS, REGRESSION];
-    const LOCAL_HEAD: Option<&'static str> = Some(REGRESSION);
-
-    fn problem(&self) -> Option<String> {
-        self.validate().err().map(|error| error.to_string())
-    }
-
-    fn graph(&self) -> Graph {
-        network(self)
-    }
-
-    fn without_fit(mut self) -> Self {
-        self.depth.error = None;
-        self.classes.iter_mut().for_each(|class| class.score = None);
-        self
-    }
-}
-
 impl SmokeConfig {
     /// Checks every field.
     ///
@@ -258,12 +234,10 @@ impl SmokeConfig {
         if let Some(problem) = ClassReference::problem_of_names(&self.classes) {
             return error(problem);
         }
+        if let Some(problem) = ClassReference::problem_of_sizes(&self.classes) {
+            return error(problem);
+        }
         for class in &self.classes {
-            let sizes = class.dimensions_lhw.iter().chain([&class.heatmap_factor]);
-            if sizes.into_iter().any(|v| !(*v > 0.0 && *v <= LARGEST_M)) {
-                let expected = format!("expected positive numbers, at most {LARGEST_M}");
-                return error(format!("has {} with a size or factor out of all proportion; {expected}", class.class));
-            }
             if class.score.is_some_and(|score| !score.is_usable()) {
                 let expected = "expected finite numbers and heights_px with 0 < smallest <= largest";
                 return error(format!("has {} with a score that no fit gives; {expected}", class.class));

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::codec::CHANNELS;
 use super::network::{LOGITS, REGRESSION};
 use super::{SmokeConfig, SmokeModel};
-use crate::detectors::{ReadError, config_of};
+use crate::file::{ReadError, config_of};
 
 /// The ONNX form of a SMOKE network, and its config.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,6 +3,7 @@
 use farsight_graph::graph::Graph;
 pub use farsight_graph::layers::Backbone;
 use farsight_graph::layers::{Builder, Msfe, NormKind, msfe};
+use farsight_graph::model::NetworkConfig;
 
 use super::config::SmokeConfig;
 use super::heads;
@@ -19,8 +20,29 @@ pub const FEATURES: &str = "neck";
 /// Name of the logarithm of the surface's depth among the taps of a network in training.
 pub const SURFACE: &str = "surface";
 
+impl NetworkConfig for SmokeConfig {
+    const METHOD: &'static str = "smoke";
+    const NAME: &'static str = "a SMOKE model";
+    const OUTPUTS: &'static [&'static str] = &[LOGITS, REGRESSION];
+    const LOCAL_HEAD: Option<&'static str> = Some(REGRESSION);
+
+    fn problem(&self) -> Option<String> {
+        self.validate().err().map(|error| error.to_string())
+    }
+
+    fn graph(&self) -> Graph {
+        network(self)
+    }
+
+    fn without_fit(mut self) -> Self {
+        self.depth.error = None;
+        self.classes.iter_mut().for_each(|class| class.score = None);
+        self
+    }
+}
+
 /// The network that `config` describes.
-pub(super) fn network(config: &SmokeConfig) -> Graph {
+fn network(config: &SmokeConfig) -> Graph {
     let mut b = Builder::new(config.norm);
     let channels = config.channels();
     let input = b.input(3);

@@ -12,6 +12,12 @@ use super::network::{BOXES, CLASSES, network};
 /// What the network's labels are called, one a channel.
 pub const LABELS: [&str; 4] = ["Bicycle", "Person", "Vehicle", "Car"];
 
+/// No model looks at an image more often.
+const MOST_VIEWS: usize = 8;
+
+/// Under a shorter focal length, pixels, a car fills no cell of the network.
+const LEAST_FOCAL_PX: f64 = 16.0;
+
 /// Places of the labels.
 pub(super) const BICYCLE: usize = 0;
 pub(super) const PERSON: usize = 1;
@@ -87,12 +93,13 @@ impl NetworkConfig for SsdConfig {
     ];
 
     fn problem(&self) -> Option<String> {
-        if self.views.is_empty() {
-            return Some("model.views is empty; expected at least one view".to_owned());
+        if !(1..=MOST_VIEWS).contains(&self.views.len()) {
+            return Some(format!("model.views has {} views; expected 1 to {MOST_VIEWS}", self.views.len()));
         }
         for SsdView { focal_px, rows } in &self.views {
-            if !(*focal_px > 0.0 && *focal_px <= LARGEST_FOCAL_PX) {
-                return Some(format!("model.views has focal_px {focal_px}; expected a positive number of pixels"));
+            if !(LEAST_FOCAL_PX..=LARGEST_FOCAL_PX).contains(focal_px) {
+                let expected = format!("expected {LEAST_FOCAL_PX} to {LARGEST_FOCAL_PX} pixels");
+                return Some(format!("model.views has focal_px {focal_px}; {expected}"));
             }
             if let Some([above, below]) = rows
                 && !(above.is_finite() && below.is_finite() && above + below > 0.0)
@@ -100,8 +107,8 @@ impl NetworkConfig for SsdConfig {
                 return Some(format!("model.views has rows [{above}, {below}]; expected tangents with a positive sum"));
             }
         }
-        if !(self.relative_error > 0.0 && self.relative_error.is_finite()) {
-            return Some(format!("model.relative_error is {}; expected a positive share", self.relative_error));
+        if !(self.relative_error > 0.0 && self.relative_error <= 1.0) {
+            return Some(format!("model.relative_error is {}; expected above 0 and at most 1", self.relative_error));
         }
         let [low, high] = self.hfov_range_deg;
         if !(low > 0.0 && low <= high && high < 180.0) {
@@ -111,8 +118,9 @@ impl NetworkConfig for SsdConfig {
             return Some(format!("model.max_overlap is {}; expected above 0 and at most 1", self.max_overlap));
         }
         let names = ClassReference::problem_of_names(&self.classes).map(|problem| format!("model.classes {problem}"));
+        let sizes = ClassReference::problem_of_sizes(&self.classes).map(|problem| format!("model.classes {problem}"));
         let lacks = |class: &ObjectClass| self.reference(class).is_none();
-        names.or_else(|| {
+        names.or(sizes).or_else(|| {
             let lacking = [ObjectClass::Car, ObjectClass::Cyclist, ObjectClass::Pedestrian].into_iter().find(lacks);
             lacking.map(|class| format!("model.classes has no {class}; expected Car, Cyclist and Pedestrian"))
         })

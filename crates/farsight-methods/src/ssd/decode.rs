@@ -8,10 +8,15 @@ use farsight_runtime::TensorView;
 use super::SsdConfig;
 use super::anchors::{decoded, shapes};
 use super::config::{BICYCLE, LABELS, PERSON, VEHICLES};
+use super::network::BOXES;
 use super::views::Window;
+use crate::DetectError;
 
 /// A box that ends within so many pixels of the input of a border that is not the image's may be cut off there.
 const CUT_PX: f64 = 4.0;
+
+/// No sound network encodes a box by a larger number: on noise it is a hundred, and an exponential follows.
+const LARGEST_ENCODED: f64 = 1000.0;
 
 /// A bicycle of which a person's box covers at least this share is ridden.
 const RIDDEN_SHARE: f64 = 0.25;
@@ -25,7 +30,11 @@ pub struct Boxes {
 }
 
 impl Boxes {
-    /// Adds what a level's maps of a view say with a probability above `min_score`; `boxes` and `classes` are `[channels, rows, columns]`.
+    /// Adds what a level's maps of a view say with a probability above `min_score`.
+    /// `boxes` and `classes` are `[channels, rows, columns]`.
+    ///
+    /// # Errors
+    /// When a box is out of all proportion.
     pub fn extend(
         &mut self,
         level: usize,
@@ -34,10 +43,10 @@ impl Boxes {
         window: &Window,
         image_size: [usize; 2],
         min_score: f64,
-    ) {
+    ) -> Result<(), DetectError> {
         let [rows, columns] = [boxes.shape[1], boxes.shape[2]];
         let area = rows * columns;
-        let Some(back) = window.affine.inverse() else { return };
+        let Some(back) = window.affine.inverse() else { return Ok(()) };
         for (anchor, shape) in shapes(level).into_iter().enumerate() {
             let plane =
                 |map: &TensorView<'_>, channel: usize, cell: usize| f64::from(map.values[channel * area + cell]);
@@ -48,7 +57,11 @@ impl Boxes {
                 if scores.iter().all(|score| *score <= min_score) {
                     continue;
                 }
-                let encoded = std::array::from_fn(|part| plane(boxes, 4 * anchor + part, cell));
+                let encoded: [f64; 4] = std::array::from_fn(|part| plane(boxes, 4 * anchor + part, cell));
+                if let Some(value) = encoded.into_iter().find(|value| value.is_nan() || value.abs() > LARGEST_ENCODED) {
+                    let (model, output, limit) = (String::new(), BOXES[level], LARGEST_ENCODED);
+                    return Err(DetectError::Value { model, output, value, limit });
+                }
                 let place = [cell % columns, cell / columns];
                 let Some(seen) = seen(&decoded(level, place, shape, encoded), &back, window, image_size) else {
                     continue;
@@ -61,6 +74,7 @@ impl Boxes {
                 }
             }
         }
+        Ok(())
     }
 
     /// The detections, each thing once, highest score first: distances by similar triangles.

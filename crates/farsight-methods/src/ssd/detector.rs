@@ -62,7 +62,7 @@ impl SsdDetector {
                     output(runner, &mut outputs, name, [1, channels * anchors, rows, columns])
                 };
                 let (places, classes) = (map(BOXES[level], 4)?, map(CLASSES[level], LABELS.len())?);
-                boxes.extend(level, &places.image(0), &classes.image(0), window, image_size, min_score);
+                boxes.extend(level, &places.image(0), &classes.image(0), window, image_size, min_score)?;
             }
             Ok(())
         });

@@ -67,7 +67,7 @@ fn several_looks_forget_where_the_first_one_was() {
         let first = detections(car, depth_m, &camera, 0.08);
         let boxes: Vec<Box2d> = first.iter().map(|detection| detection.box2d).collect();
         let one = spread(&refiner.refine_boxes(&image, &camera, &boxes, Flip::Averaged).unwrap());
-        let all = spread(&refiner.refinements(&image, &camera, &first).unwrap());
+        let all = spread(&refiner.refinements(&image, &camera, &first, 0.0).unwrap());
         for part in 0..2 {
             once[part] += one[part];
             often[part] += all[part];

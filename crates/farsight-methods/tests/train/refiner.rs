@@ -135,7 +135,7 @@ fn false_positives_are_the_background_class() {
 
     let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
     let image = image::open(image_path(3)).unwrap().into_rgb8();
-    let second = runner(&model).refinements(&image, &camera(), &found).unwrap();
+    let second = runner(&model).refinements(&image, &camera(), &found, 0.0).unwrap();
     let likeliest = |look: &Option<Refinement>| {
         let kinds = look.as_ref().unwrap().kinds;
         (0..kinds.len()).max_by(|&a, &b| kinds[a].total_cmp(&kinds[b])).unwrap()

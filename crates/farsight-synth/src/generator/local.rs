@@ -1,28 +1,11 @@
 //! What a region changes in the plan of a place: lanes, lines, and what lines the road.
 
 use super::config::Place;
-use super::plan::{Lanes, Plan};
 use super::roadside::Roadside;
 use super::street::{Lane, LaneUse, Markings};
 use super::view::View;
 use crate::region::Region;
 use crate::rng::SceneRng;
-
-impl Lanes {
-    /// These lanes as they are in a region.
-    pub(super) fn localized(mut self, place: Place, region: &Region, rng: &mut SceneRng) -> Self {
-        let [narrow, wide] = if place == Place::Motorway { region.motorway_lane_m } else { region.lane_m };
-        self.width = rng.range(narrow, wide);
-        let is_arterial = rng.chance(region.roads.arterial);
-        let median = if rng.chance(0.5) { rng.range(1.0, 5.0) } else { 0.0 };
-        if is_arterial && matches!(place, Place::City | Place::Suburban) {
-            self.own = rng.whole(2, 4);
-            self.oncoming = rng.whole(2, 4);
-            self.island = median;
-        }
-        self
-    }
-}
 
 impl Markings {
     /// These lines as they are in a region.
@@ -82,14 +65,4 @@ pub(super) fn own_lane(lanes: &mut [Lane], forward: f64, view: &View, rng: &mut 
         centers = oncoming(lanes);
     }
     if centers.is_empty() { forward } else { rng.pick(&centers) }
-}
-
-impl Plan {
-    /// Draws the parts of the plan that only regions have.
-    pub(super) fn localize(&mut self, region: &Region, rng: &mut SceneRng) {
-        self.main.markings = self.main.markings.localized(self.place, region, rng);
-        let shoulder = self.main.markings.shoulder;
-        self.main.edges = [self.main.edges[0] - shoulder, self.main.edges[1] + shoulder];
-        self.roadside = self.roadside.map(|side| side.localized(self.place, region, rng));
-    }
 }

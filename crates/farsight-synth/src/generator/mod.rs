@@ -32,6 +32,7 @@ use crate::palette::{any_color, grey, matte, times, varied};
 use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
 use crate::scene::{Material, MaterialId, Pattern};
+use crate::stream::SCENE_STREAM;
 use builder::SceneBuilder;
 use ground::Ground;
 use light::Light;
@@ -51,7 +52,7 @@ pub fn generate_scene(config: &SceneConfig, seed: u64, index: u64) -> LabelledSc
 
 /// Draws scene `index` of `seed`; a region's traffic may be told its side.
 fn drawn(config: &SceneConfig, [seed, index]: [u64; 2], told_left: Option<bool>) -> LabelledScene {
-    let mut rng = SceneRng::new(seed, index, 0);
+    let mut rng = SceneRng::new(seed, index, SCENE_STREAM);
     let region = config.regions.sample(&mut rng);
     let view = View::sample(&config.cameras, &mut rng);
     let place = rng.weighted(&config.places.table());

@@ -4,26 +4,12 @@ use super::body::{Body, Glazing, Profile};
 use super::context::{BuildContext, Detail};
 use super::paint::{VehicleMaterials, car_materials, fleet_materials};
 use super::profiles::base_profile;
+use super::style::Style;
 use super::wheels::Wheel;
 use super::{cabin, faces};
 use crate::mesh_builder::MeshBuilder;
 use crate::rng::SceneRng;
 use crate::scene::Mesh;
-
-/// Body types of passenger cars.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Style {
-    Hatchback,
-    Saloon,
-    Estate,
-    Suv,
-    Minivan,
-    PanelVan,
-    Bus,
-    FullSizeSuv,
-    KeiCar,
-    Pickup,
-}
 
 /// A passenger car; its proportions say of which type.
 pub(super) fn car(hwl: [f32; 3], context: &mut BuildContext) -> Mesh {

@@ -1,8 +1,8 @@
 //! What a mesh is built from: materials, random draws, level of detail, and what it is doing.
 
-use super::paint::CAR_COLORS;
-use crate::palette::{Palette, any_color, grey, varied};
-use crate::region::{Paint, PlateFormat};
+use serde::Deserialize;
+
+use crate::palette::{CAR_COLORS, Palette, any_color, grey, varied};
 use crate::rng::SceneRng;
 use crate::scene::{Color, MaterialId};
 
@@ -44,6 +44,41 @@ pub(crate) struct ObjectState {
     pub(crate) braking: bool,
     /// Someone may be driving, walking, riding; otherwise it is parked.
     pub(crate) moving: bool,
+}
+
+/// Paint of private cars, shares.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Paint {
+    pub(crate) white: f64,
+    /// From silver to black.
+    pub(crate) grey: f64,
+    pub(crate) colored: f64,
+}
+
+/// A kind of number plate.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlateFormat {
+    /// Relative frequency.
+    pub(crate) share: f64,
+    /// Width and height, metres.
+    pub(crate) size_m: [f32; 2],
+    /// Figures of a line, and lines.
+    pub(crate) figures: usize,
+    pub(crate) lines: usize,
+    pub(crate) ground: Color,
+    pub(crate) ink: Color,
+    /// A blue end with the country's letters.
+    #[serde(default)]
+    pub(crate) band: bool,
+    /// Share of vehicles that have one in front, too.
+    #[serde(default = "always")]
+    pub(crate) in_front: f64,
+}
+
+fn always() -> f64 {
+    1.0
 }
 
 /// What vehicles of a region have in common, and this one's plates.

@@ -20,13 +20,14 @@ mod paint;
 mod person;
 mod profiles;
 mod shape;
+mod style;
 mod three_wheeler;
 mod truck;
 mod two_wheeler;
 mod wheels;
 
 pub(crate) use bicycle::bicycle;
-pub(crate) use context::{BuildContext, Detail, Look, ObjectState};
+pub(crate) use context::{BuildContext, Detail, Look, ObjectState, Paint, PlateFormat};
 pub(crate) use shape::Shape;
 
 use farsight_core::{Box3d, Dimensions, ObjectClass};

@@ -1,7 +1,7 @@
 //! Side views and plans of the styles of cars and vans, before each car's own variation.
 
 use super::body::{Glazing, Profile};
-use super::car::Style;
+use super::style::Style;
 
 const HATCHBACK: Profile = Profile {
     nose: 0.50,

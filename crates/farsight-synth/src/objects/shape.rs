@@ -3,8 +3,9 @@
 use farsight_core::Dimensions;
 use serde::Deserialize;
 
-use super::car::{self, Style};
+use super::car;
 use super::context::BuildContext;
+use super::style::Style;
 use super::{fitted, lorry, three_wheeler, truck, two_wheeler};
 use crate::scene::Mesh;
 

@@ -14,9 +14,8 @@ use std::sync::LazyLock;
 use farsight_core::{Dimensions, ObjectClass};
 use serde::Deserialize;
 
-use crate::objects::Look;
+use crate::objects::{Look, Paint, PlateFormat};
 use crate::rng::SceneRng;
-use crate::scene::Color;
 
 /// Everything that is drawn differently in a region.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -67,41 +66,6 @@ pub(crate) struct Sides {
     pub(crate) dry: f64,
     /// Bridges of signs over motorways.
     pub(crate) gantries: f64,
-}
-
-/// Paint of private cars, shares.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Paint {
-    pub(crate) white: f64,
-    /// From silver to black.
-    pub(crate) grey: f64,
-    pub(crate) colored: f64,
-}
-
-/// A kind of number plate.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct PlateFormat {
-    /// Relative frequency.
-    pub(crate) share: f64,
-    /// Width and height, metres.
-    pub(crate) size_m: [f32; 2],
-    /// Figures of a line, and lines.
-    pub(crate) figures: usize,
-    pub(crate) lines: usize,
-    pub(crate) ground: Color,
-    pub(crate) ink: Color,
-    /// A blue end with the country's letters.
-    #[serde(default)]
-    pub(crate) band: bool,
-    /// Share of vehicles that have one in front, too.
-    #[serde(default = "always")]
-    pub(crate) in_front: f64,
-}
-
-fn always() -> f64 {
-    1.0
 }
 
 /// Somebody in traffic, without a place yet.

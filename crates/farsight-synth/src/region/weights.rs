@@ -54,10 +54,12 @@ impl RegionWeights {
 
     /// Draws a region; none for KITTI's city.
     pub(crate) fn sample(&self, rng: &mut SceneRng) -> Option<&'static Region> {
-        if self.is_kitti_only() {
-            return None;
-        }
-        rng.weighted(&self.table()).and_then(|name| Region::named(name).ok())
+        self.sample_name(rng).and_then(|name| Region::named(name).ok())
+    }
+
+    /// Draws the name of a region; none for KITTI's city.
+    pub(crate) fn sample_name(&self, rng: &mut SceneRng) -> Option<&'static str> {
+        if self.is_kitti_only() { None } else { rng.weighted(&self.table()) }
     }
 
     /// Why a region that is asked for cannot be drawn, if so.

@@ -1,23 +1,10 @@
 //! Kinds of cameras, by what they do to a picture.
 
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
 
 use super::model::SensorModel;
+use crate::device::Device;
 use crate::scene::Atmosphere;
-
-/// What takes a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Device {
-    /// A plain camera: the curve, noise and compression of [`SensorModel::sample`].
-    #[default]
-    Any,
-    /// A telephone: little noise, sharpened, strong colours, a good JPEG file.
-    Phone,
-    /// A dash camera: soft optics sharpened until edges have halos, and a small file.
-    DashCamera,
-}
 
 impl SensorModel {
     /// A plausible camera of a kind under this atmosphere. `Any` draws what [`sample`](Self::sample) draws.

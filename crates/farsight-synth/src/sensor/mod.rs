@@ -13,7 +13,7 @@ mod noise;
 mod rain;
 mod sharpen;
 
-pub use device::Device;
+pub use crate::device::Device;
 pub use model::SensorModel;
 
 use image::RgbImage;

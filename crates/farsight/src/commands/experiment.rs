@@ -1,5 +1,12 @@
 //! `farsight experiment`: runs the plan of an experiment, cell by cell.
 
+#[cfg(feature = "train")]
+mod cell;
+#[cfg(feature = "train")]
+mod run;
+#[cfg(feature = "train")]
+mod twins;
+
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -109,7 +116,7 @@ fn run_cells(args: &RunArgs, plan: &Experiment, printer: &mut Printer) -> Result
 
     use anyhow::Context;
 
-    use crate::experiment::run::{Job, run};
+    use self::run::{Job, run};
 
     let job = Job {
         out: args.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(&plan.name)),

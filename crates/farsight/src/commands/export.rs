@@ -14,7 +14,7 @@ use clap::{Args, ValueEnum};
 use farsight::detector::reference_network;
 use farsight::model_file::read_own;
 use farsight::{EngineKind, EngineOptions, Library};
-use farsight_files::write_atomically;
+use farsight_files::{read_text, write_atomically};
 use farsight_graph::transform::Network;
 use farsight_methods::smoke::{DetectorFile, LOGITS, REGRESSION, SmokeModel};
 use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
@@ -33,7 +33,7 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote, "shipped" for the one that comes with the program; or a refiner or a plate reader ("shipped-refiner", "shipped-plates"), of which --half --fit-on makes one that fits the model that comes with the program
+    /// Model that `farsight train` or `farsight import` wrote, "farsight-w" or "farsight-s" for those that come with the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner", "shipped-plates"), of which --half --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write
@@ -55,8 +55,8 @@ pub(crate) struct ExportArgs {
     /// be probabilities (of a hundred detections with a score of 0.7 seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// With --fit-on of a refiner or a plate reader: the detector that it is to follow, "shipped", "shipped-world" or a file
-    #[arg(long, value_name = "FILE", default_value = "shipped", requires = "fit_on")]
+    /// With --fit-on of a refiner or a plate reader: the detector that it is to follow, "farsight-w", "farsight-s" or a file
+    #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "fit_on")]
     detector: PathBuf,
     /// What the model was trained on, for the file's metadata
     #[arg(long, value_name = "TEXT")]
@@ -234,9 +234,9 @@ fn told(args: &ExportArgs) -> Result<Vec<(&'static str, String)>> {
     let texts = [(key::TRAINING_DATA, &args.training_data), (key::TRAINING_DATA_LICENCE, &args.training_data_licence)];
     let mut told: Vec<_> = texts.into_iter().filter_map(|(key, text)| Some((key, text.clone()?))).collect();
     if let Some(path) = &args.evaluation {
-        let text = std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         let figures: serde_json::Value =
-            serde_json::from_slice(&text).with_context(|| format!("{}: no JSON", path.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{}: no JSON", path.display()))?;
         told.push((key::EVALUATION, figures.to_string()));
     }
     Ok(told)

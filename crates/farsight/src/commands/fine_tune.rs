@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use farsight::model_file::SHIPPED;
+use farsight::shipped::Family;
 
 /// Arguments of `farsight fine-tune`.
 #[derive(Debug, Args)]
@@ -22,8 +22,8 @@ pub(crate) struct FineTuneArgs {
     /// Labelled images to fit scores and error bars on, not those of --data [default: every fifth frame, which is not learnt from]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// The detector to go on from: a SMOKE of `farsight train`, or "shipped"
-    #[arg(long, value_name = "FILE", default_value = SHIPPED)]
+    /// The detector to go on from: a SMOKE of `farsight train`, or "farsight-s"
+    #[arg(long, value_name = "FILE", default_value = Family::Smoke.name())]
     model: PathBuf,
     /// Passes over the frames
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=10_000))]

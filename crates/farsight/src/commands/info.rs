@@ -35,7 +35,7 @@ use crate::{outputs, untrained};
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model, a refiner or a plate reader (.safetensors, .onnx), "shipped", "shipped-world", "shipped-refiner" or "shipped-plates" for those that come with the program, or the config of a training (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), "farsight-w", "farsight-s", "farsight-w-refiner", "farsight-s-refiner" or "shipped-plates" for those that come with the program, or the config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
     /// Draw the network: its stages as boxes with parameters and multiply-accumulates
@@ -103,14 +103,13 @@ fn read(path: &Path) -> Result<Described> {
             Untrained::Plates(config) => plates(&config, None),
         });
     }
-    if model_file::is_shipped_word(path) {
-        return Ok(detector(&shipped::smoke()?));
+    match model_file::detector_of_word(path) {
+        Some(Family::World) => return Ok(ssd_model(&shipped::world()?)),
+        Some(Family::Smoke) => return Ok(detector(&shipped::smoke()?)),
+        None => {}
     }
-    if path == Path::new(model_file::SHIPPED_WORLD) {
-        return Ok(ssd_model(&shipped::world()?));
-    }
-    if path == Path::new(model_file::SHIPPED_REFINER) {
-        let RefinerModel { config, weights, .. } = shipped::refiner(Family::Smoke)?;
+    if let Some(family) = model_file::refiner_of_word(path) {
+        let RefinerModel { config, weights, .. } = shipped::refiner(family)?;
         return Ok(refiner(&config, weights.metadata.get(key::TRAINING)));
     }
     if path == Path::new(model_file::SHIPPED_PLATES) {

@@ -9,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use farsight::Pipeline;
+use farsight::{Pipeline, PipelineBuilder};
 use farsight_data::open_labelled;
 use farsight_eval::ranging::RangingOptions;
 use farsight_eval::{FrameFiles, LabelSource, Scores};
@@ -37,7 +37,7 @@ pub(crate) struct MeasureArgs {
     #[arg(long = "folder", value_name = "NAME=DIR", value_parser = folder, required_unless_present = "docs")]
     folders: Vec<(String, PathBuf)>,
     /// The file of figures (JSON)
-    #[arg(long, value_name = "FILE", default_value = "docs/results/farsight-s.json")]
+    #[arg(long, value_name = "FILE", default_value = "docs/results/farsight-w.json")]
     out: PathBuf,
     /// The model to measure [default: the one that comes with the program]
     #[arg(long, value_name = "FILE")]
@@ -80,6 +80,10 @@ fn measure(args: &MeasureArgs, printer: &mut Printer) -> Result<Outcome> {
     let mut outcome = Outcome::Done;
     for set in &sets {
         let folder = args.folders.iter().find(|(name, _)| *name == set.folder);
+        if folder.is_some() && !can_measure(args, set, printer)? {
+            printer.note(&format!("{}: left out, as the model's refiner knows no regions", set.name));
+            continue;
+        }
         let Some((_, folder)) = folder else {
             let kept = known.set(&set.name).cloned();
             figures.sets.extend(kept.map(|kept| SetFigures { title: set.title.clone(), ..kept }));
@@ -149,10 +153,23 @@ fn measured(
 
 /// The pipeline as `farsight eval` opens it.
 fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<Pipeline> {
+    pipeline_args::open(&builder(args, set, printer)?)
+}
+
+fn builder(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<PipelineBuilder> {
     let Stages { second_stage, road } = set.stages()?;
     let (model, engine) = (args.model.clone(), args.engine.clone());
     let pipeline = PipelineArgs { model, engine, second_stage, road, ..PipelineArgs::default() };
-    pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE))
+    Ok(pipeline.builder(printer)?.min_score(MIN_SCORE))
+}
+
+/// Whether the model knows the region that the data set is said to be from.
+fn can_measure(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<bool> {
+    match builder(args, set, printer)?.open() {
+        Err(farsight::Error::NoRegions { .. }) => Ok(false),
+        // Another error is told where the set is measured.
+        _ => Ok(true),
+    }
 }
 
 /// Today's year, month and day, UTC.

@@ -17,7 +17,7 @@ use crate::printer::Printer;
 /// Arguments of `farsight prune`.
 #[derive(Debug, Args)]
 pub(crate) struct PruneArgs {
-    /// Model that `farsight train` or `farsight import` wrote, or "shipped" for the one that comes with the program
+    /// Model that `farsight train` or `farsight import` wrote, or "farsight-s" for the one that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Share of the channels of every layer to keep, above 0 and at most 1

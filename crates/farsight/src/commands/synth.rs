@@ -1,5 +1,6 @@
 //! `farsight synth`: a data set of rendered scenes in KITTI's layout.
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Write};
@@ -12,7 +13,7 @@ use farsight_data::Frame;
 use farsight_data::annotations::FILE_FORMATS;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
 use farsight_files::{read_text, remove_stale_scratch, write_atomically, write_quickly};
-use farsight_synth::{LARGEST_IMAGE_PX, SceneConfig, SceneStream};
+use farsight_synth::{LARGEST_IMAGE_PX, RegionWeights, SceneConfig, SceneStream};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
@@ -106,7 +107,7 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
         return Err(error);
     }
-    folder.write_split(&ids)?;
+    folder.write_splits(&ids, &source)?;
     printer.status(&format!("{} in {}", counted(ids.len(), "rendered frame"), args.out.display()));
     Ok(Outcome::Done)
 }
@@ -152,6 +153,17 @@ impl Source {
         }
     }
 
+    /// The name of the split that a frame's region has; none where regions are not drawn.
+    fn region_split(&self, index: usize, id: &str) -> Option<&'static str> {
+        let (Self::Stream { stream, .. } | Self::Layout { stream, .. }) = self;
+        let region = match self {
+            Self::Stream { .. } => stream.region(index as u64),
+            Self::Layout { .. } => stream.twin_region(id),
+        };
+        let has_regions = stream.config.regions != RegionWeights::default();
+        has_regions.then(|| region.unwrap_or("kitti"))
+    }
+
     fn frame(&self, index: usize, id: &str) -> Result<Frame> {
         match self {
             Self::Stream { stream, .. } => Ok(Frame { id: id.to_owned(), ..stream.frame(index as u64) }),
@@ -182,7 +194,7 @@ fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
 }
 
 fn read_config(path: &Path) -> Result<SceneConfig> {
-    let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = farsight_files::read_config(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let config: SceneConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
     match config.problem() {
         Some(problem) => bail!("{}: {problem}", path.display()),
@@ -306,9 +318,22 @@ impl Folder {
         image.write_with_encoder(PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive))
     }
 
-    /// Written last: a data set without a split was interrupted.
-    fn write_split(&self, ids: &[String]) -> Result<()> {
-        let text = ids.join("\n") + "\n";
-        Ok(write_atomically(&self.root.join("ImageSets/train.txt"), |file| file.write_all(text.as_bytes()))?)
+    /// Written last: a data set without a split was interrupted. Each region has a split of its own beside that of all.
+    fn write_splits(&self, ids: &[String], source: &Source) -> Result<()> {
+        let mut of_regions: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for (index, id) in ids.iter().enumerate() {
+            if let Some(region) = source.region_split(index, id) {
+                of_regions.entry(region).or_default().push(id);
+            }
+        }
+        for (region, ids) in of_regions {
+            self.write_split(region, &ids)?;
+        }
+        self.write_split("train", ids)
+    }
+
+    fn write_split<S: AsRef<str>>(&self, name: &str, ids: &[S]) -> Result<()> {
+        let text: String = ids.iter().flat_map(|id| [id.as_ref(), "\n"]).collect();
+        Ok(write_atomically(&self.root.join(format!("ImageSets/{name}.txt")), |file| file.write_all(text.as_bytes()))?)
     }
 }

@@ -3,21 +3,15 @@
 //! The plan is a TOML file ([`Experiment`]); a cell is one arm with one seed; what came out is a JSON file ([`Results`]) that documents quote. Running
 //! cells needs libtorch, everything else does not.
 
-#[cfg(feature = "train")]
-mod cell;
 #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "running cells reads the rest"))]
 mod metrics;
 #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "running cells reads the rest"))]
-mod plan;
+pub(crate) mod plan;
 #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "running cells writes them"))]
-mod results;
+pub(crate) mod results;
 #[cfg(feature = "train")]
-pub(crate) mod run;
-#[cfg(feature = "train")]
-mod statistics;
+pub(crate) mod statistics;
 pub(crate) mod tables;
-#[cfg(feature = "train")]
-mod twins;
 
 pub(crate) use metrics::Metric;
 #[cfg(feature = "train")]

@@ -1,14 +1,20 @@
 //! The plan of an experiment: a TOML file.
 
-use std::collections::BTreeMap;
-use std::fs;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight_files::read_config;
 use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::Metric;
+
+/// No plan has more cells: a few days of a machine each.
+const MOST_CELLS: usize = 10_000;
+
+/// More resamples than anybody waits for.
+const MOST_RESAMPLES: usize = 1_000_000;
 
 /// An experiment as its file has it.
 #[derive(Debug, Clone, Deserialize)]
@@ -111,7 +117,7 @@ impl Experiment {
     /// The plan in the file at `path`.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
-        let text = fs::read_to_string(path).with_context(|| format!("{shown}: cannot be read"))?;
+        let text = read_config(path).with_context(|| format!("{shown}: cannot be read"))?;
         let experiment: Self = toml::from_str(&text).with_context(|| format!("{shown}: no plan of an experiment"))?;
         experiment.check().with_context(|| shown.to_string())?;
         Ok(experiment)
@@ -131,10 +137,16 @@ impl Experiment {
             ensure!(!block.arms.is_empty() && !block.seeds.is_empty(), "a block has no arms or no seeds");
             block.arms.iter().try_for_each(|arm| known(arm, "blocks"))?;
         }
-        let cells = self.cells();
-        ensure!(!cells.is_empty(), "blocks is empty; expected at least one");
-        for (i, cell) in cells.iter().enumerate() {
-            ensure!(!cells[..i].contains(cell), "blocks has the cell {} twice", cell.name());
+        // Counted before they are made: a short file can ask for any number.
+        let count = self
+            .blocks
+            .iter()
+            .fold(0_usize, |sum, block| sum.saturating_add(block.arms.len().saturating_mul(block.seeds.len())));
+        ensure!(count > 0, "blocks is empty; expected at least one");
+        ensure!(count <= MOST_CELLS, "blocks has {count} cells; expected at most {MOST_CELLS}");
+        let mut met = BTreeSet::new();
+        for cell in self.cells() {
+            ensure!(met.insert((cell.arm.clone(), cell.seed)), "blocks has the cell {} twice", cell.name());
         }
         for comparison in &self.comparisons {
             known(&comparison.arm, "comparisons")?;
@@ -142,8 +154,16 @@ impl Experiment {
             ensure!(comparison.arm != comparison.against, "comparisons compares {} with itself", comparison.arm);
         }
         ensure!(self.endpoints.least_seeds > 0, "endpoints.least_seeds is 0; expected at least 1");
-        ensure!(self.endpoints.resamples > 0, "endpoints.resamples is 0; expected at least 1");
+        let resamples = self.endpoints.resamples;
+        ensure!(
+            (1..=MOST_RESAMPLES).contains(&resamples),
+            "endpoints.resamples is {resamples}; expected 1 to {MOST_RESAMPLES}"
+        );
         let Data { train, evaluate, held_out, .. } = &self.data;
+        for (field, split) in [("train", train), ("evaluate", evaluate)] {
+            let is_file_name = !split.is_empty() && !split.contains(['/', '\\']);
+            ensure!(is_file_name, "data.{field} is \"{split}\"; expected the name of a split in ImageSets");
+        }
         ensure!(
             *held_out == 0 || train == evaluate,
             "data.held_out needs evaluate to be the split that is learnt from"
@@ -227,6 +247,8 @@ fn lay_over(config: &mut Table, patch: &Table) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use farsight_graph::init::initial_weights;
     use farsight_graph::model::NetworkConfig;
     use farsight_methods::smoke::SmokeConfig;
@@ -236,7 +258,7 @@ mod tests {
     const PLAN: &str = r#"
 name = "two"
 data = { train = "train", evaluate = "val" }
-endpoints = { primary = ["ap3d"], least_seeds = 2 }
+endpoints = { primary = ["ap3d"], least_seeds = 2, resamples = 9 }
 
 [base]
 method = "smoke"
@@ -301,12 +323,26 @@ claims = { ap3d = 0.56 }
                 "train.seed is the experiment's to say; expected none in base and arms",
             ),
             ("least_seeds = 2", "least_seeds = 0", "endpoints.least_seeds is 0; expected at least 1"),
+            (
+                "train = \"train\"",
+                "train = \"../train\"",
+                "data.train is \"../train\"; expected the name of a split in ImageSets",
+            ),
+            ("resamples = 9", "resamples = 1000001", "endpoints.resamples is 1000001; expected 1 to 1000000"),
         ];
         for (old, new, expected) in table {
             let error = format!("{:#}", read(&PLAN.replace(old, new)).unwrap_err());
             assert!(error.ends_with(expected), "{error}");
         }
         assert!(format!("{:#}", read(&PLAN.replace("ap3d = 0.56", "apd = 1")).unwrap_err()).contains("apd"));
+    }
+
+    #[test]
+    fn cells_are_counted_before_they_are_made() {
+        let many = |word: &str| vec![word; 100_000].join(", ");
+        let text = PLAN.replace("arms = [\"b\"]", &format!("arms = [{}]", many("\"b\"")));
+        let error = read(&text.replace("seeds = [3]", &format!("seeds = [{}]", many("3")))).unwrap_err();
+        assert!(format!("{error:#}").ends_with("blocks has 10000000004 cells; expected at most 10000"), "{error:#}");
     }
 
     /// A plan of the project.

@@ -1,15 +1,14 @@
 //! What came out of an experiment: the JSON file that documents quote.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use farsight_files::write_atomically;
+use farsight_files::{read_text, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use super::Metric;
-use crate::figures::laid_out;
+use crate::layout::laid_out;
 
 /// All cells that are done, in the order of the plan, and what their comparison says so far.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -93,7 +92,7 @@ const OPEN_LEVELS: usize = 2;
 impl Results {
     /// The results in the file at `path`.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
         let shown = || format!("{}: not what `farsight experiment run` writes", path.display());
         serde_json::from_str(&text).with_context(shown)
     }
@@ -138,7 +137,7 @@ mod tests {
         let path = folder.path().join("results.json");
         results.write(&path).unwrap();
         assert_eq!(Results::read(&path).unwrap(), results);
-        let text = fs::read_to_string(&path).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.contains("\"ap3d_05\":21.0") && text.contains("\"verdict\":\"undecided\""), "{text}");
         assert_eq!(text.lines().filter(|line| line.contains("\"steps\"")).count(), 2);
     }

@@ -16,13 +16,13 @@ use super::{Cell, Experiment, Metric};
 const SIGNIFICANCE: f64 = 0.05;
 
 /// Answers beside labels.
-pub(super) fn evaluation(files: &FrameFiles) -> Result<Evaluation> {
+pub(crate) fn evaluation(files: &FrameFiles) -> Result<Evaluation> {
     let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
     Ok(files.evaluate(&options)?.0)
 }
 
 /// All figures of one cell.
-pub(super) fn metrics(cell: &Evaluation) -> Result<BTreeMap<Metric, f64>> {
+pub(crate) fn metrics(cell: &Evaluation) -> Result<BTreeMap<Metric, f64>> {
     // An arm against itself: its own figures, of all that it found.
     let runs = PairedRuns::new(vec![(cell, cell)]).context("the labels changed while they were read")?;
     let found = runs.compare(&Metric::ALL.map(endpoint), &Bootstrap { resamples: 0, seed: 0 });
@@ -32,23 +32,23 @@ pub(super) fn metrics(cell: &Evaluation) -> Result<BTreeMap<Metric, f64>> {
 
 /// Cells of one experiment, all on the same frames.
 #[derive(Default)]
-pub(super) struct Judge {
+pub(crate) struct Judge {
     cells: Vec<(Cell, Evaluation)>,
     /// Comparisons that are made already, with the number of their seeds: a cell more changes few of them.
     known: BTreeMap<(String, String), (usize, Vec<Comparison>)>,
 }
 
 impl Judge {
-    pub(super) fn has(&self, cell: &Cell) -> bool {
+    pub(crate) fn has(&self, cell: &Cell) -> bool {
         self.cells.iter().any(|(kept, _)| kept == cell)
     }
 
-    pub(super) fn keep(&mut self, cell: Cell, evaluation: Evaluation) {
+    pub(crate) fn keep(&mut self, cell: Cell, evaluation: Evaluation) {
         self.cells.push((cell, evaluation));
     }
 
     /// Every comparison of the plan for which both arms have a seed.
-    pub(super) fn comparisons(&mut self, plan: &Experiment) -> Result<Vec<Comparison>> {
+    pub(crate) fn comparisons(&mut self, plan: &Experiment) -> Result<Vec<Comparison>> {
         let mut all = Vec::new();
         for planned in &plan.comparisons {
             let key = (planned.arm.clone(), planned.against.clone());

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::results::{Comparison, Verdict};
 use super::{Experiment, Metric, Results};
-use crate::figures::table;
+use crate::layout::table;
 
 /// What the mark of a table of an experiment names beside its `table`: the plan, relative to the document.
 pub(crate) const PLAN_OPTION: &str = "experiment";

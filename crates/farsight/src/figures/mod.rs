@@ -3,15 +3,14 @@
 pub(crate) mod documents;
 mod tables;
 
-pub(crate) use tables::table;
-
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use farsight_files::write_atomically;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+
+use crate::layout::laid_out;
 
 /// What `farsight measure` writes. Data sets come in the order of the config.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -163,34 +162,3 @@ impl Figures {
 
 /// Levels of the file that have a line for each of their values: file, data sets, data set, classes, class.
 const OPEN_LEVELS: usize = 5;
-
-/// `value` as JSON: so many outer levels have a line for each of their values, what is within them is on one line. So a
-/// diff shows what has changed.
-pub(crate) fn laid_out(value: &Value, open_levels: usize) -> String {
-    let mut text = String::new();
-    lay_out(value, 0, open_levels, &mut text);
-    text.push('\n');
-    text
-}
-
-fn lay_out(value: &Value, level: usize, open_levels: usize, text: &mut String) {
-    let (ends, members): ([char; 2], Vec<(String, &Value)>) = match value {
-        Value::Object(map) if level < open_levels => {
-            (['{', '}'], map.iter().map(|(name, value)| (format!("{}: ", Value::from(name.as_str())), value)).collect())
-        }
-        Value::Array(values) if level < open_levels => {
-            (['[', ']'], values.iter().map(|value| (String::new(), value)).collect())
-        }
-        _ => return text.push_str(&value.to_string()),
-    };
-    text.push(ends[0]);
-    for (i, (name, member)) in members.iter().enumerate() {
-        text.push_str(if i == 0 { "\n" } else { ",\n" });
-        text.push_str(&"  ".repeat(level + 1));
-        text.push_str(name);
-        lay_out(member, level + 1, open_levels, text);
-    }
-    text.push('\n');
-    text.push_str(&"  ".repeat(level));
-    text.push(ends[1]);
-}

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use crate::layout::table;
 use crate::printer::grouped;
 
 use super::{AveragePrecision, ClassFigures, Errors, Figures, Operating, SetFigures};
@@ -89,14 +90,6 @@ impl<'a> Options<'a> {
     fn title(&self, set: &SetFigures, class: &str) -> String {
         if self.classes.len() == 1 { set.title.clone() } else { format!("{}: {class}s", set.title) }
     }
-}
-
-pub(crate) fn table<T: AsRef<str>>(heading: &[T], rows: &[Vec<String>]) -> Vec<String> {
-    let line = |cells: Vec<&str>| format!("| {} |", cells.join(" | "));
-    let rule = std::iter::once("|---|").chain(std::iter::repeat_n("---:|", heading.len() - 1)).collect();
-    let heading = line(heading.iter().map(AsRef::as_ref).collect());
-    let rows = rows.iter().map(|row| line(row.iter().map(String::as_str).collect()));
-    [heading, rule].into_iter().chain(rows).collect()
 }
 
 /// One row a data set: what a user sees at one score, and AP.

@@ -1,12 +1,14 @@
 //! One answer from two stages: how far to trust each, fitted on labelled frames.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::kinds::{likeliest, log_odds};
 use super::{Evidence, FusedScores, Refinement, kind_of};
 use farsight_core::overlap::iou_2d;
 use farsight_core::score::SCORE_LIMITS;
-use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth};
+use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, Region, ScalePrior};
 
 /// Boxes in the image that overlap less are of two different things.
 const LEAST_OVERLAP: f64 = 0.3;
@@ -19,12 +21,15 @@ pub struct StageFusion {
     pub depths: DepthFusion,
     /// How likely a detection is right after both; unfitted, the detector's scores stay.
     pub scores: FusedScores,
+    /// What the distances of an image's vehicles have in common, by region; empty where that was not fitted.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub scales: BTreeMap<Region, ScalePrior>,
 }
 
 impl StageFusion {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
-        self.depths.is_usable() && self.scores.is_usable()
+        self.depths.is_usable() && self.scores.is_usable() && self.scales.values().all(ScalePrior::is_usable)
     }
 
     /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it, if it says anything.

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
-use farsight::model_file::{SHIPPED_PLATES, SHIPPED_REFINER};
-use farsight::shipped::{self, Family};
+use farsight::model_file::{SHIPPED_PLATES, refiner_of_word};
+use farsight::shipped;
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
 use farsight_methods::plate_reader::{self, PlateReaderConfig, PlateReaderModel};
@@ -25,8 +25,8 @@ pub(super) enum SecondStageModel {
 impl SecondStageModel {
     /// The model at `path`, or the shipped one by its word; none of anything else.
     pub(super) fn read(path: &Path) -> Result<Option<Self>> {
-        Ok(if path == Path::new(SHIPPED_REFINER) {
-            Some(Self::Refiner(shipped::refiner(Family::Smoke)?))
+        Ok(if let Some(family) = refiner_of_word(path) {
+            Some(Self::Refiner(shipped::refiner(family)?))
         } else if path == Path::new(SHIPPED_PLATES) {
             Some(Self::PlateReader(shipped::plates()?))
         } else if RefinerModel::is_one(path) {

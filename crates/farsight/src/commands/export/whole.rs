@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use farsight::model_file::SHIPPED_WORLD;
-use farsight::shipped;
+use farsight::model_file::detector_of_word;
+use farsight::shipped::{self, Family};
 use farsight_methods::detectors::{NetworkForm, from_model, from_model_file};
 use farsight_onnx::{OnnxModel, Target, is_safetensors};
 use farsight_runtime::probe;
@@ -18,7 +18,7 @@ const PROBE_SIZE: [usize; 2] = [320, 320];
 
 /// The network of the model at `path`, if it is of such a method.
 pub(super) fn read(path: &Path, target: Target) -> Result<Option<OnnxModel>> {
-    if path == Path::new(SHIPPED_WORLD) {
+    if detector_of_word(path) == Some(Family::World) {
         return Ok(Some(from_model(&shipped::world()?, NetworkForm::Deployable, target, path)?.onnx));
     }
     if !is_safetensors(path).unwrap_or(false) {
@@ -37,7 +37,7 @@ pub(super) fn run(args: &ExportArgs, file: &OnnxModel, printer: &mut Printer) ->
     );
     let engine = reference_engine(file);
     let form = NetworkForm::AsTrained;
-    let whole = if args.model == Path::new(SHIPPED_WORLD) {
+    let whole = if detector_of_word(&args.model) == Some(Family::World) {
         from_model(&shipped::world()?, form, engine.target(), &args.model)?.onnx
     } else {
         let whole = from_model_file(&args.model, form, engine.target())?;

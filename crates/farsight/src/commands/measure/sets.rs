@@ -52,7 +52,7 @@ impl Sets {
     /// Reads a config and checks it.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
-        let text = farsight_files::read_text(path).with_context(|| format!("{shown}: cannot be read"))?;
+        let text = farsight_files::read_config(path).with_context(|| format!("{shown}: cannot be read"))?;
         let sets: Self = toml::from_str(&text).with_context(|| format!("{shown}: not a list of data sets"))?;
         for (i, set) in sets.sets.iter().enumerate() {
             let is_first = sets.sets.iter().position(|other| other.name == set.name) == Some(i);

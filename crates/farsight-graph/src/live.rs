@@ -1,17 +1,9 @@
 //! Dropping what no tap needs.
 
-use super::Network;
 use crate::graph::{Graph, Op};
 
-/// The network without nodes that no tap needs, and without parameters and tensors that no node reads. Inputs stay.
-pub(super) fn without_dead(network: Network) -> Network {
-    let Network { graph, mut weights, local_head } = network;
-    let graph = without_dead_parameters(without_dead_nodes(graph));
-    weights.tensors.retain(|name, _| graph.parameters.iter().any(|parameter| parameter.name == *name));
-    Network { graph, weights, local_head }
-}
-
-fn without_dead_nodes(graph: Graph) -> Graph {
+/// The graph without nodes that no tap needs. Inputs stay.
+pub(crate) fn without_dead_nodes(graph: Graph) -> Graph {
     let Graph { nodes, parameters, taps } = graph;
     let mut needed = vec![false; nodes.len()];
     for (_, id) in &taps {
@@ -30,6 +22,7 @@ fn without_dead_nodes(graph: Graph) -> Graph {
     Graph { nodes, parameters, taps }
 }
 
+/// The graph without parameters that no node reads.
 pub(crate) fn without_dead_parameters(mut graph: Graph) -> Graph {
     let mut needed = vec![false; graph.parameters.len()];
     graph.nodes.iter().flat_map(|node| node.op.parameters()).for_each(|id| needed[id] = true);

@@ -8,8 +8,8 @@ use anyhow::{Context, Result, ensure};
 use farsight_data::kitti::read_split;
 use farsight_files::write_atomically;
 
-use super::plan::Data;
 use crate::commands::synth;
+use crate::experiment::plan::Data;
 use crate::printer::Printer;
 
 /// Names of the frames that arms learn from, and of those that they are judged on.

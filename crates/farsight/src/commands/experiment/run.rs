@@ -14,12 +14,12 @@ use farsight_graph::weights::Weights;
 use toml::{Table, Value};
 
 use super::cell::{CellFolder, Step, is_over};
-use super::plan::set;
-use super::results::CellResult;
-use super::statistics::{self, Judge};
 use super::twins::{Split, prepare};
-use super::{Cell, Experiment, Results, tables};
 use crate::commands::Outcome;
+use crate::experiment::plan::set;
+use crate::experiment::results::CellResult;
+use crate::experiment::statistics::{self, Judge};
+use crate::experiment::{Cell, Experiment, Results, tables};
 use crate::printer::{Printer, counted};
 
 /// What is to be run.

@@ -1,0 +1,41 @@
+//! What a file says of the model in it, whatever its method.
+
+use std::path::Path;
+
+use farsight_graph::model::{ModelError, NetworkConfig};
+use farsight_onnx::{OnnxError, OnnxModel, OnnxProblem, key};
+
+/// A file that is no detector of a method that is known here.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// It is no model file of ours.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// It is no ONNX file of ours.
+    #[error(transparent)]
+    Onnx(#[from] OnnxError),
+}
+
+/// The config that an ONNX file says it has; `source` is only what errors call it.
+///
+/// # Errors
+/// When it says none, one of another method or one that cannot be used, or lacks an output of it.
+pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
+    let failed = |problem| OnnxError::new(source, problem);
+    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
+    if let Some(found) = onnx.facts().get(key::METHOD).filter(|found| *found != C::METHOD) {
+        return Err(failed(OnnxProblem::Method { found: found.to_owned(), expected: C::NAME, method: C::METHOD }));
+    }
+    let config: C =
+        serde_json::from_str(text).map_err(|error| failed(OnnxProblem::Config { problem: error.to_string() }))?;
+    if let Some(problem) = config.problem() {
+        return Err(failed(OnnxProblem::Config { problem }));
+    }
+    for &name in C::OUTPUTS {
+        if !onnx.outputs().iter().any(|output| output.name == name) {
+            let found = onnx.outputs().iter().take(8).map(|output| output.name.clone()).collect();
+            return Err(failed(OnnxProblem::Value { kind: "output", name, found }));
+        }
+    }
+    Ok(config)
+}
