@@ -2,6 +2,7 @@
 
 mod libtorch;
 mod quickstart;
+mod wheel;
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,7 @@ cargo xtask COMMAND
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
   fuzz [--minutes N]       every fuzz target for N minutes each (default 1), training's too; what breaks a law goes to fuzz/artifacts
+  wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
 DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
@@ -32,6 +34,7 @@ fn main() -> ExitCode {
         Some("run") => Libtorch::find_or_fetch().and_then(|libtorch| farsight(&libtorch, &rest)),
         Some("exec") => exec(&rest),
         Some("fuzz") => fuzz(&rest),
+        Some("wheel") => wheel::wheel(&rest),
         Some("libtorch") => Libtorch::find_or_fetch().map(|libtorch| eprintln!("{libtorch}")),
         Some("help" | "--help" | "-h") => {
             eprintln!("{USAGE}");

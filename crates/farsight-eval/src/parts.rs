@@ -127,6 +127,7 @@ fn distance_bin(depth_m: f64) -> u8 {
 }
 
 /// Middle of a distance bin, metres; of the last one as if it were as wide as the others.
+#[cfg(any(feature = "page", test))]
 pub(crate) fn bin_middle_m(bin: usize) -> f64 {
     (bin as f64 + 0.5) * DISTANCE_BIN_M
 }

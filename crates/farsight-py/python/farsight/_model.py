@@ -1,0 +1,186 @@
+"""The model."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from ._arrays import camera_argument, checked_image
+from ._farsight import Pipeline
+from ._result import Result
+
+if TYPE_CHECKING:
+    import PIL.Image
+
+    Image: TypeAlias = str | os.PathLike[str] | bytes | npt.NDArray[np.uint8] | PIL.Image.Image
+
+_EXPECTED = "a path, the bytes of an image file, a numpy array, a PIL image, or a list of these"
+
+# What answers call an image that has no name.
+_UNNAMED = "image"
+
+
+class Model:
+    """A detector with all that follows it, ready to look at images.
+
+    Several threads may use one model at once: Python's lock is released while it looks. A model pickles as its
+    arguments, so each process that gets one loads the weights anew.
+
+    Args:
+        engine: What runs the networks: "rten" is built in, "onnxruntime" and "openvino" use the library in the package
+            of that name.
+        precision: "f32", or with openvino "bf16".
+        threads: Threads of each network; one for each core by default.
+        model: "shipped", "shipped-world" (for cameras outside Germany), or a file that `farsight train`, `farsight
+            import` or `farsight export` wrote.
+
+    Raises:
+        ValueError: An argument means nothing, or the file is no model.
+        RuntimeError: The engine's library is not there, or the engine fails.
+    """
+
+    def __init__(
+        self,
+        *,
+        engine: str = "rten",
+        precision: str = "f32",
+        threads: int | None = None,
+        model: str | os.PathLike[str] = "shipped",
+    ) -> None:
+        _check_process()
+        self._arguments: dict[str, Any] = {
+            "engine": engine,
+            "precision": precision,
+            "threads": threads,
+            "model": os.fspath(model),
+        }
+        self._pipeline = Pipeline(os.fspath(model), engine, _engine_path(engine), precision, threads)
+
+    @property
+    def name(self) -> str:
+        """Name of the detector, or its file."""
+        return self._pipeline.name
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes that the model knows."""
+        return tuple(self._pipeline.classes)
+
+    @overload
+    def range(
+        self, image: Image, *, hfov: float | None = ..., K: npt.ArrayLike | None = ..., P: npt.ArrayLike | None = ...
+    ) -> Result: ...
+
+    @overload
+    def range(
+        self,
+        image: list[Image] | tuple[Image, ...],
+        *,
+        hfov: float | None = ...,
+        K: npt.ArrayLike | None = ...,
+        P: npt.ArrayLike | None = ...,
+    ) -> list[Result]: ...
+
+    def range(
+        self,
+        image: Image | list[Image] | tuple[Image, ...],
+        *,
+        hfov: float | None = None,
+        K: npt.ArrayLike | None = None,
+        P: npt.ArrayLike | None = None,
+    ) -> Result | list[Result]:
+        """Finds vehicles and people and says how far away they are.
+
+        Args:
+            image: A path, the bytes of an image file, an array of shape (H, W, 3), uint8, red, green, blue (OpenCV's
+                are blue, green, red: `image[..., ::-1]`), a PIL image, or a list of these. The camera is that of the
+                upright image.
+            hfov: Horizontal field of view of the whole image, degrees.
+            K: Intrinsic matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], shape (3, 3), pixels.
+            P: Projection from camera coordinates (metres) to homogeneous pixels, shape (3, 4), as KITTI's P2.
+
+        A file may do without a camera: KITTI's calibration beside it or its EXIF data then tell.
+
+        Returns:
+            A result, or of a list a list of results. Answers are those of `farsight range`, digit for digit.
+
+        Raises:
+            FileNotFoundError: There is no such file.
+            ValueError: It is no image, no camera is known, or the array is none that is expected.
+            TypeError: Something else was given.
+        """
+        camera = camera_argument(hfov, K, P)
+        if isinstance(image, (list, tuple)):
+            return [self._range(one, camera) for one in image]
+        return self._range(image, camera)
+
+    def _range(self, image: Any, camera: float | list[list[float]] | None) -> Result:
+        _check_process()
+        pil = sys.modules.get("PIL.Image")
+        if pil is not None and isinstance(image, pil.Image):
+            image = _upright(image)
+        if isinstance(image, (str, os.PathLike)):
+            record, pixels, warned = self._pipeline.range_path(os.fspath(image), camera)
+        elif isinstance(image, (bytes, bytearray, memoryview)):
+            record, pixels, warned = self._pipeline.range_bytes(bytes(image), _UNNAMED, camera)
+        elif isinstance(image, np.ndarray):
+            array = checked_image(image)
+            if camera is None:
+                raise ValueError("an array does not say which camera took it; expected one of hfov, K and P")
+            height, width = array.shape[:2]
+            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], _UNNAMED, camera)
+        else:
+            raise TypeError(f"the image is a {type(image).__name__}; expected {_EXPECTED}")
+        for text in warned:
+            warnings.warn(text, stacklevel=3)
+        return Result(record, pixels, self.classes)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _model_from, (self._arguments,)
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value!r}" for name, value in self._arguments.items())
+        return f"farsight.Model({given})"
+
+
+def _model_from(arguments: dict[str, Any]) -> Model:
+    return Model(**arguments)
+
+
+def _upright(image: PIL.Image.Image) -> npt.NDArray[np.uint8]:
+    """The pixels of a PIL image as viewers show it."""
+    from PIL import ImageOps
+
+    upright = ImageOps.exif_transpose(image)
+    return np.asarray((image if upright is None else upright).convert("RGB"))
+
+
+def _engine_path(engine: str) -> str | None:
+    """The folder of the engine's package, unless the environment names its library."""
+    if engine not in ("onnxruntime", "openvino") or os.environ.get(f"FARSIGHT_{engine.upper()}"):
+        return None
+    found = importlib.util.find_spec(engine)
+    places = None if found is None else found.submodule_search_locations
+    return str(Path(next(iter(places))).parent) if places else None
+
+
+_first_process: int | None = None
+
+
+def _check_process() -> None:
+    """Threads do not survive a fork: a network that was started before it would wait for them for ever."""
+    global _first_process
+    if _first_process is None:
+        _first_process = os.getpid()
+    if _first_process != os.getpid():
+        raise RuntimeError(
+            'farsight was in use before this process was forked; expected the start method "spawn" or "forkserver" '
+            "(multiprocessing.get_context), or no farsight.Model in the parent"
+        )

@@ -1,0 +1,147 @@
+//! The pipeline, and its answers.
+
+use std::path::{Path, PathBuf};
+
+use farsight::json::ImageRecord;
+use farsight::{
+    CameraSource, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource, Precision, load_image,
+};
+use farsight_data::decode_image;
+use image::RgbImage;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::camera::CameraArgument;
+use crate::errors;
+use crate::picture::from_bytes;
+
+/// More threads than any computer has cores are a mistake.
+const MOST_THREADS: usize = 1024;
+
+/// Of one image: the JSON of `farsight range`, the upright pixels, warnings.
+type Answer<'py> = (String, Bound<'py, PyBytes>, Vec<String>);
+
+/// A model on an engine.
+#[pyclass(frozen, module = "farsight._farsight")]
+pub(crate) struct Pipeline {
+    inner: farsight::Pipeline,
+}
+
+#[pymethods]
+impl Pipeline {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        model: PathBuf,
+        engine: &str,
+        engine_path: Option<PathBuf>,
+        precision: &str,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let options =
+            EngineOptions { kind: kind(engine)?, library: engine_path, threads, precision: numbers(precision)? };
+        if threads.is_some_and(|threads| !(1..=MOST_THREADS).contains(&threads)) {
+            return Err(PyValueError::new_err(format!("threads: expected a number from 1 to {MOST_THREADS}")));
+        }
+        let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
+        let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
+        Ok(Self { inner })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.info().name
+    }
+
+    #[getter]
+    fn classes(&self) -> Vec<String> {
+        self.inner.classes().iter().map(ToString::to_string).collect()
+    }
+
+    /// Looks at an image file.
+    fn range_path<'py>(&self, py: Python<'py>, path: PathBuf, camera: Option<CameraArgument>) -> PyResult<Answer<'py>> {
+        let given = camera.map(CameraArgument::source).transpose()?;
+        let done = py.detach(|| {
+            let image = load_image(&path, ImageLimits::default()).map_err(|error| errors::image(&error))?;
+            let of_file = || CameraSource::of_images(std::slice::from_ref(&path));
+            let cameras = given.map_or_else(of_file, Ok).map_err(|error| errors::camera(&error))?;
+            self.look(&path, image, &cameras)
+        })?;
+        Ok(done.answer(py))
+    }
+
+    /// Looks at an image file in memory, called `name` in the answer.
+    fn range_bytes<'py>(
+        &self,
+        py: Python<'py>,
+        bytes: &[u8],
+        name: PathBuf,
+        camera: Option<CameraArgument>,
+    ) -> PyResult<Answer<'py>> {
+        let cameras = camera.map_or(Ok(CameraSource::Exif), CameraArgument::source)?;
+        let done = py.detach(|| {
+            let image = decode_image(bytes, &name, ImageLimits::default()).map_err(|error| errors::image(&error))?;
+            self.look(&name, image, &cameras)
+        })?;
+        Ok(done.answer(py))
+    }
+
+    /// Looks at pixels, red, green, blue, row by row.
+    fn range_pixels<'py>(
+        &self,
+        py: Python<'py>,
+        pixels: &[u8],
+        size: [u32; 2],
+        name: PathBuf,
+        camera: CameraArgument,
+    ) -> PyResult<Answer<'py>> {
+        let cameras = camera.source()?;
+        let pixels = from_bytes(pixels, size)?;
+        let image = LoadedImage { pixels, exif: Exif::NONE, warnings: Vec::new() };
+        let done = py.detach(|| self.look(&name, image, &cameras))?;
+        Ok(done.answer(py))
+    }
+}
+
+/// An image that was looked at.
+struct Looked {
+    json: String,
+    pixels: RgbImage,
+    warnings: Vec<String>,
+}
+
+impl Looked {
+    fn answer(self, py: Python<'_>) -> Answer<'_> {
+        (self.json, PyBytes::new(py, self.pixels.as_raw()), self.warnings)
+    }
+}
+
+impl Pipeline {
+    fn look(&self, path: &Path, image: LoadedImage, cameras: &CameraSource) -> PyResult<Looked> {
+        let LoadedImage { pixels, exif, warnings } = image;
+        let size = [pixels.width() as usize, pixels.height() as usize];
+        let camera = cameras.camera(path, size, &exif).map_err(|error| errors::camera(&error))?;
+        let objects = self.inner.detect(&pixels, &camera).map_err(|error| errors::detect(&error))?;
+        let record = ImageRecord::new(path, &pixels, &camera, &objects, &self.inner);
+        let record = record.with_camera_origin(cameras.origin(path));
+        let json = serde_json::to_string(&record).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let unfamiliar = self.inner.unfamiliar(size, &camera).map(|warning| warning.to_string());
+        let odd = warnings.iter().map(|warning| format!("{}: {warning}", path.display()));
+        Ok(Looked { json, pixels, warnings: odd.chain(unfamiliar).collect() })
+    }
+}
+
+fn kind(name: &str) -> PyResult<EngineKind> {
+    EngineKind::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
+        PyValueError::new_err(format!("engine: no engine \"{name}\"; expected rten, onnxruntime or openvino"))
+    })
+}
+
+fn numbers(name: &str) -> PyResult<Precision> {
+    match name {
+        "f32" => Ok(Precision::F32),
+        "bf16" => Ok(Precision::Bf16),
+        _ => Err(PyValueError::new_err(format!("precision: no precision \"{name}\"; expected f32 or bf16"))),
+    }
+}

@@ -1,0 +1,109 @@
+//! The Python wheel: building it, and trying it in an environment that has nothing else.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::SystemTime;
+
+use crate::{cargo, root, run};
+
+/// Versions of maturin that build it.
+const MATURIN: &str = "maturin>=1.16,<2";
+
+/// What is built how.
+#[derive(Debug, Clone, Copy, Default)]
+struct Options {
+    /// Built as tests are, in a folder of its own.
+    dev: bool,
+    /// Whether its tests are run.
+    test: bool,
+}
+
+impl Options {
+    fn from_words(words: &[&str]) -> Result<Self, String> {
+        let mut options = Self::default();
+        for word in words {
+            match *word {
+                "--dev" => options.dev = true,
+                "--test" => options.test = true,
+                other => return Err(format!("unexpected argument {other:?}; expected --dev, --test or none")),
+            }
+        }
+        Ok(options)
+    }
+
+    /// Where the wheel goes.
+    fn folder(self) -> PathBuf {
+        root().join(if self.dev { "target/wheels/dev" } else { "target/wheels" })
+    }
+
+    /// Cargo's words for it.
+    fn profile(self) -> &'static [&'static str] {
+        if self.dev { &[] } else { &["--release"] }
+    }
+
+    fn program(self) -> PathBuf {
+        let name = format!("farsight{}", env::consts::EXE_SUFFIX);
+        root().join("target").join(if self.dev { "debug" } else { "release" }).join(name)
+    }
+}
+
+/// Builds the wheel, and runs its tests where they are asked for.
+pub(crate) fn wheel(words: &[&str]) -> Result<(), String> {
+    let options = Options::from_words(words)?;
+    let maturin = maturin()?;
+    let package = root().join("crates/farsight-py");
+    let folder = options.folder();
+    let mut build = Command::new(maturin);
+    build.args(["build", "--locked"]).args(options.profile()).arg("--out").arg(&folder).current_dir(&package);
+    run(&mut build)?;
+    let wheel = newest_wheel(&folder)?;
+    eprintln!("{}", wheel.display());
+    if options.test { test(options, &package, &wheel) } else { Ok(()) }
+}
+
+/// Installs the wheel into a fresh environment, sees that it needs nothing else, and runs its tests there beside the
+/// program of the same build.
+fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
+    run(cargo(None).args(["build", "--quiet", "--package", "farsight"]).args(options.profile()))?;
+    let environment = root().join("target/wheel-environment");
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment))?;
+    let python = script(&environment, "python");
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    run(Command::new(&python).args(pip).arg(wheel))?;
+    run(Command::new(&python).args(["-I", "-W", "error", "-c", "import farsight; farsight.Model()"]))?;
+    run(Command::new(&python).args(pip).arg("-r").arg(package.join("tests/requirements.txt")))?;
+    let mut pytest = Command::new(&python);
+    pytest.args(["-m", "pytest", "--quiet"]).env("FARSIGHT_PROGRAM", options.program()).current_dir(package);
+    run(&mut pytest)
+}
+
+/// The maturin in target/python, which is put there when it is missing.
+fn maturin() -> Result<PathBuf, String> {
+    let environment = root().join("target/python");
+    let maturin = script(&environment, "maturin");
+    if maturin.is_file() {
+        return Ok(maturin);
+    }
+    let python = script(&environment, "python");
+    if !python.is_file() {
+        run(Command::new("python3").args(["-m", "venv"]).arg(&environment))?;
+    }
+    run(Command::new(python).args(["-m", "pip", "install", "--quiet", MATURIN]))?;
+    Ok(maturin)
+}
+
+/// A command of a Python environment.
+fn script(environment: &Path, name: &str) -> PathBuf {
+    let folder = if cfg!(windows) { "Scripts" } else { "bin" };
+    environment.join(folder).join(format!("{name}{}", env::consts::EXE_SUFFIX))
+}
+
+/// The wheel that was built last.
+fn newest_wheel(folder: &Path) -> Result<PathBuf, String> {
+    let entries = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let wheels = entries.flatten().map(|entry| entry.path()).filter(|path| path.extension() == Some("whl".as_ref()));
+    let written = |path: &PathBuf| path.metadata().and_then(|it| it.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
+    wheels.max_by_key(written).ok_or_else(|| format!("{}: maturin left no wheel", folder.display()))
+}
