@@ -126,7 +126,7 @@ impl ScalePrior {
 
     /// Moves a vehicle along its rays by the likeliest factor.
     pub fn apply(&self, detection: &mut Detection) {
-        if self.factor != 1.0 && is_scaled(&detection.class) {
+        if is_scaled(&detection.class) {
             detection.box3d = detection.box3d.scaled(self.factor);
             detection.range_sigma_m = detection.range_sigma_m.map(|sigma_m| sigma_m * self.factor);
         }

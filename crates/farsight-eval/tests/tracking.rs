@@ -53,7 +53,7 @@ fn numbers(metrics: &TrackingMetrics) -> [f64; 11] {
     [hota, det_a, ass_a, loc_a, mota, motp, counts[0], counts[1], idf1, metrics.id_recall, metrics.id_precision]
 }
 
-/// Reads sequences, writes TrackEval's numbers for each.
+/// Reads sequences, writes `TrackEval`'s numbers for each.
 const REFERENCE: &str = r#"
 import json, sys
 import numpy as np

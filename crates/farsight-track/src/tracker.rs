@@ -322,10 +322,12 @@ impl Entry {
         self.expected = *box2d;
     }
 
-    /// What was seen for a short time only coasts for as long.
+    /// What was seen for a short time only coasts for as long, and for less the more seldom it was seen in that time.
     fn is_shown(&self, now: f64, max_coast_s: f64, max_hidden_s: f64) -> bool {
         let most_s = if self.is_hidden { max_hidden_s } else { max_coast_s };
-        now - self.seen_s <= most_s.min(self.seen_s - self.born_s).max(LEAST_COAST_S)
+        let seen_share = f64::from(self.hits) / (self.frames.saturating_sub(u64::from(self.misses)).max(1)) as f64;
+        let known_s = (self.seen_s - self.born_s) * seen_share * seen_share;
+        now - self.seen_s <= most_s.min(known_s).max(LEAST_COAST_S)
     }
 
     /// Tracks in the order of their first frames, and of their boxes in it.

@@ -1,9 +1,9 @@
 //! Compares the lines of `farsight track --json` with what is known of one vehicle:
 //! `cargo run --release -p farsight --example judge_tracks TRACKS.jsonl FOLDER`.
 //!
-//! FOLDER holds `lead.csv` (frame, track, z_center_m, z_rear_m, vz_mps, ttc_s in each frame) with `label_02.txt` (KITTI's
-//! tracking labels), or `truth.csv` (frame, u1, v1, u2, v2, near_z_m, near_x_m, vz_mps of one frame).
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "an example")]
+//! FOLDER holds `lead.csv` (frame, track, `z_center_m`, `z_rear_m`, `vz_mps`, `ttc_s` in each frame) with `label_02.txt` (KITTI's
+//! tracking labels), or `truth.csv` (frame, u1, v1, u2, v2, `near_z_m`, `near_x_m`, `vz_mps` of one frame).
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::format_push_string, reason = "an example")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::read_to_string;
@@ -134,7 +134,7 @@ fn single(frames: &[FrameRecord], folder: &Path) -> std::io::Result<String> {
         let [_, _, length] = track.dimensions_hwl;
         let [_, width, _] = track.dimensions_hwl;
         let (sin, cos) = track.rotation_y.sin_cos();
-        let near_m = track.range_m - (sin.abs() * length + cos.abs() * width) / 2.0;
+        let near_m = track.range_m - f64::midpoint(sin.abs() * length, cos.abs() * width);
         let seen = frames.iter().filter(|frame| frame.tracks.iter().any(|other| other.id == track.id)).count();
         text += &format!(
             "frame {}: track {}, {} of {} frames\n  nearest face {near_m:.2} ±{:.2} m, true {:.2} m ({:+.1}%)\n",

@@ -55,7 +55,10 @@ fn in_a_still_scene_everything_stands_still() {
     assert!(is_known(&found[5]) > 0);
     for track in &found[5].tracks {
         let [low, high] = track.range_interval_m;
-        assert!(low < track.range_m && track.range_m < high && track.range_m == track.location[2], "{track:?}");
+        assert!(
+            low < track.range_m && track.range_m < high && (track.range_m - track.location[2]).abs() < 1e-12,
+            "{track:?}"
+        );
         assert!(!track.coasting && track.age == 6, "{track:?}");
         let (Some(closing), Some(sigma)) = (track.closing_mps, track.closing_sigma_mps) else { continue };
         assert!(closing.abs() < sigma, "{track:?}");
@@ -157,9 +160,9 @@ fn fake_ffmpeg(folder: &Path, frames: usize, cut_bytes: usize, status: u8) {
             "[Parsed_showinfo_0 @ 0x1] [info] n: {frame} pts: {frame} pts_time:0.{frame} fmt:rgb24 s:{size} i:P"
         );
         let kept = image.as_raw().len() - if frame + 1 == frames { cut_bytes } else { 0 };
-        script += &format!("echo '{line}' >&2\nhead -c {kept} pixels\n");
+        script.extend([format!("echo '{line}' >&2\nhead -c {kept} pixels\n")]);
     }
-    script += &format!("exit {status}\n");
+    script.extend([format!("exit {status}\n")]);
     let path = folder.join("ffmpeg.sh");
     fs::write(&path, script).unwrap();
     fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();

@@ -69,7 +69,7 @@ fn a_file_gives_back_what_was_written() {
         joint_error_factor: 0.9,
         interval_sigmas: [0.6, 1.8],
     };
-    let fusion = StageFusion { depths, scores: scores() };
+    let fusion = StageFusion { depths, scores: scores(), ..StageFusion::default() };
     let written = model(RefinerConfig { fusion, ..small() });
     written.write_half(&path).unwrap();
     assert!(RefinerModel::is_one(&path));

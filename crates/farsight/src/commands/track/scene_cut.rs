@@ -44,7 +44,9 @@ mod tests {
 
     /// Bars that move, brighter by `light`.
     fn picture(shift: u32, light: u8, width: u32) -> RgbImage {
-        RgbImage::from_fn(320, 180, |x, _| Rgb([if (x + shift) / width % 2 == 0 { 40 + light } else { 200 }; 3]))
+        RgbImage::from_fn(320, 180, |x, _| {
+            Rgb([if ((x + shift) / width).is_multiple_of(2) { 40 + light } else { 200 }; 3])
+        })
     }
 
     #[test]
