@@ -16,6 +16,7 @@ mod measure;
 mod parity;
 mod prune;
 mod range;
+mod serve;
 pub(crate) mod synth;
 pub(crate) mod train;
 #[cfg(feature = "train")]
@@ -35,6 +36,8 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Find vehicles in images and say how far away each is
     Range(range::RangeArgs),
+    /// Answer images over HTTP, with a page to try it
+    Serve(serve::ServeArgs),
     /// Judge result files as KITTI does, and their errors of distance
     Eval(Box<eval::EvalArgs>),
     /// Render traffic scenes with exact labels
@@ -87,6 +90,7 @@ impl Command {
         match self {
             Self::Demo(args) => demo::run(&args, printer),
             Self::Range(args) => range::run(&args, printer),
+            Self::Serve(args) => serve::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),
             Self::Synth(args) => synth::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),
