@@ -125,6 +125,7 @@ impl ScalePrior {
     }
 
     /// Moves a vehicle along its rays by the likeliest factor.
+    #[allow(clippy::float_cmp, reason = "a factor of exactly one is none")]
     pub fn apply(&self, detection: &mut Detection) {
         if is_scaled(&detection.class) {
             detection.box3d = detection.box3d.scaled(self.factor);

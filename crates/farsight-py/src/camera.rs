@@ -19,6 +19,7 @@ pub(crate) enum CameraArgument {
 
 impl CameraArgument {
     /// The camera that it means.
+    #[allow(clippy::float_cmp, reason = "these numbers are exact in every intrinsic matrix")]
     pub(crate) fn source(self) -> PyResult<CameraSource> {
         match self {
             Self::Hfov(degrees) => Ok(CameraSource::FieldOfView(degrees)),

@@ -4,6 +4,8 @@
 //! It is a client of [`farsight::Pipeline`]. Images cross the border as bytes, answers as the JSON of `farsight range`:
 //! Python reads the same digits that the program writes. Whatever takes long runs without Python's lock.
 
+#![allow(clippy::needless_pass_by_value, reason = "arguments from Python come as values of their own")]
+
 mod camera;
 mod errors;
 mod evaluation;

@@ -124,6 +124,7 @@ fn symmetric(a: &Matrix) -> Matrix {
 }
 
 #[cfg(test)]
+#[allow(clippy::needless_range_loop, reason = "indices of matrices")]
 mod tests {
     use super::*;
 

@@ -38,6 +38,8 @@ pub mod model_file;
 pub mod object;
 pub mod pipeline;
 pub mod second_stage;
+#[cfg(feature = "serve")]
+pub mod service;
 pub mod shipped;
 pub mod source;
 mod stages;

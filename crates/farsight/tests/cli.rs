@@ -44,6 +44,7 @@ Commands:
   demo         Try it: the model that comes with the program on scenes that come with it
   range        Find vehicles in images and say how far away each is
   track        Follow vehicles through a video: identity, distance, speed and time to collision
+  serve        Answer images over HTTP, with a page to try it
   eval         Judge result files as KITTI does, and their errors of distance
   synth        Render traffic scenes with exact labels
   train        Train a model

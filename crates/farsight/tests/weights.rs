@@ -187,7 +187,7 @@ fn headers_of_an_ssd_with_absurd_numbers_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let view = "{\"focal_px\":400.0}";
-    let views = [view; 2000].join(",");
+    let views = vec![view; 2000].join(",");
     let absurd = [
         ("\"focal_px\":400.0", "\"focal_px\":1e-300", "model.views has focal_px 0.000"),
         (view, &views, "model.views has 2001 views; expected 1 to 8"),

@@ -16,6 +16,7 @@ mod measure;
 mod parity;
 mod prune;
 mod range;
+mod serve;
 pub(crate) mod synth;
 mod track;
 pub(crate) mod train;
@@ -38,6 +39,8 @@ pub(crate) enum Command {
     Range(range::RangeArgs),
     /// Follow vehicles through a video: identity, distance, speed and time to collision
     Track(Box<track::TrackArgs>),
+    /// Answer images over HTTP, with a page to try it
+    Serve(serve::ServeArgs),
     /// Judge result files as KITTI does, and their errors of distance
     Eval(Box<eval::EvalArgs>),
     /// Render traffic scenes with exact labels
@@ -91,6 +94,7 @@ impl Command {
             Self::Demo(args) => demo::run(&args, printer),
             Self::Range(args) => range::run(&args, printer),
             Self::Track(args) => track::run(&args, printer),
+            Self::Serve(args) => serve::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),
             Self::Synth(args) => synth::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),

@@ -1,0 +1,192 @@
+//! The pipeline as a service over HTTP: what `farsight serve` runs.
+//!
+//! A [`Server`] looks at images with a [`Look`], a [`Pipeline`](crate::Pipeline) in use. At most so many requests are
+//! inside at once; one more is refused at once with 429, before its body is read. What waited past its deadline is
+//! answered with 504 and never begun. A panic of one request answers 500 and harms no other. No image is kept.
+
+mod http;
+mod look;
+mod metrics;
+mod queue;
+mod refusal;
+mod token;
+
+use std::collections::BTreeMap;
+use std::future::poll_fn;
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::pin::{Pin, pin};
+use std::sync::Arc;
+use std::task::Poll;
+use std::time::Duration;
+
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::service::TowerToHyperService;
+use tokio::runtime::Runtime;
+use tokio::sync::{Semaphore, watch};
+use tokio::task::JoinHandle;
+
+use crate::CameraSource;
+use http::Shared;
+use metrics::Metrics;
+use queue::Queue;
+
+pub use look::{Look, LookError};
+pub use refusal::Refusal;
+pub use token::{Token, TokenError};
+
+/// Most pixels of an image, told from its header.
+pub const MAX_PIXELS: u64 = 40_000_000;
+
+/// Largest body of a request, bytes.
+pub const MAX_BODY_BYTES: usize = 16 << 20;
+
+/// Connections that are open at once; further ones wait to be accepted.
+const MAX_CONNECTIONS: usize = 256;
+
+/// How long a connection may take to say what it wants.
+const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How long requests that are inside have when the service ends.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// How long the service waits after an error of the system, for want of file handles for instance.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// What a service promises.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Threads that look at images, each with networks of its own.
+    pub workers: usize,
+    /// Requests that wait beside those that are looked at.
+    pub queue: usize,
+    /// Time from the request's head to the beginning of the work.
+    pub deadline: Duration,
+    /// What requests must bring, if anything.
+    pub token: Option<Token>,
+    /// Cameras by the names that requests may use.
+    pub cameras: BTreeMap<String, CameraSource>,
+}
+
+impl Default for Config {
+    /// One worker, 32 that wait, ten seconds, no token.
+    fn default() -> Self {
+        Self { workers: 1, queue: 32, deadline: Duration::from_secs(10), token: None, cameras: BTreeMap::new() }
+    }
+}
+
+/// A running service.
+pub struct Server {
+    address: SocketAddr,
+    runtime: Runtime,
+    stop: watch::Sender<bool>,
+    accepting: JoinHandle<()>,
+}
+
+impl Server {
+    /// Begins to answer on `listener`.
+    ///
+    /// # Errors
+    /// When the system gives no threads, or the listener is none.
+    pub fn start(listener: TcpListener, look: &Arc<dyn Look>, config: Config) -> io::Result<Self> {
+        let address = listener.local_addr()?;
+        listener.set_nonblocking(true)?;
+        let metrics = Arc::new(Metrics::default());
+        let queue = Queue::start(look, config.workers.max(1), config.queue, Arc::clone(&metrics))?;
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+        let (stop, stopped) = watch::channel(false);
+        let shared = Arc::new(Shared { queue, metrics, config, stopped: stopped.clone() });
+        let listener = {
+            let _inside = runtime.enter();
+            tokio::net::TcpListener::from_std(listener)?
+        };
+        let accepting = runtime.spawn(accept(listener, shared, stopped));
+        Ok(Self { address, runtime, stop, accepting })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Accepts nothing more, answers what is inside, and ends.
+    pub fn stop(self) {
+        let Self { runtime, stop, accepting, .. } = self;
+        stop.send_replace(true);
+        // An accept loop that panicked has nothing left to wait for.
+        let _ = runtime.block_on(accepting);
+        runtime.shutdown_timeout(PAUSE);
+    }
+
+    /// Answers until the process is asked to end (SIGTERM, Ctrl-C), then stops as [`Server::stop`].
+    ///
+    /// # Errors
+    /// When the system does not tell of signals; the service ends then.
+    pub fn run_until_signal(self) -> io::Result<()> {
+        let told = self.runtime.block_on(signal());
+        self.stop();
+        told
+    }
+}
+
+#[cfg(unix)]
+async fn signal() -> io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
+    let terminated = pin!(terminate.recv());
+    let interrupted = pin!(interrupt.recv());
+    unless(terminated, interrupted).await;
+    Ok(())
+}
+
+#[cfg(not(unix))]
+async fn signal() -> io::Result<()> {
+    tokio::signal::ctrl_c().await
+}
+
+/// Waits for `work`, or for `end` if that comes first: then none. If both are there, it is the end.
+async fn unless<A, B>(mut end: A, mut work: B) -> Option<B::Output>
+where
+    A: Future + Unpin,
+    B: Future + Unpin,
+{
+    poll_fn(move |context| match Pin::new(&mut end).poll(context) {
+        Poll::Ready(_) => Poll::Ready(None),
+        Poll::Pending => Pin::new(&mut work).poll(context).map(Some),
+    })
+    .await
+}
+
+/// Accepts connections until the service ends, and waits for what is inside then.
+async fn accept(listener: tokio::net::TcpListener, shared: Arc<Shared>, mut stopped: watch::Receiver<bool>) {
+    let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let (service, graceful) = (TowerToHyperService::new(http::router(shared)), GracefulShutdown::new());
+    let mut stopping = Box::pin(async move {
+        // A server that is gone has been stopped, too.
+        let _ = stopped.wait_for(|stopped| *stopped).await;
+    });
+    loop {
+        let next = Box::pin(async {
+            let permit = Arc::clone(&connections).acquire_owned().await;
+            (permit, listener.accept().await)
+        });
+        let Some((permit, accepted)) = unless(&mut stopping, next).await else { break };
+        let (Ok(permit), Ok((stream, _))) = (permit, accepted) else {
+            tokio::time::sleep(PAUSE).await;
+            continue;
+        };
+        let mut builder = http1::Builder::new();
+        builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
+        let connection = graceful.watch(builder.serve_connection(TokioIo::new(stream), service.clone()));
+        tokio::spawn(async move {
+            // A client that went away, or speaks no HTTP.
+            let _ = connection.await;
+            drop(permit);
+        });
+    }
+    drop(listener);
+    // What is inside after this long is cut off with the runtime.
+    let _ = tokio::time::timeout(DRAIN_TIMEOUT, graceful.shutdown()).await;
+}

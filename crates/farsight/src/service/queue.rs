@@ -1,0 +1,144 @@
+//! Threads that look at images, and what waits for them.
+
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use axum::body::Bytes;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+
+use super::metrics::Metrics;
+use super::{Look, Refusal};
+use crate::CameraSource;
+use crate::json::ImageRecord;
+
+/// An image to be looked at.
+pub(super) struct Task {
+    pub(super) bytes: Bytes,
+    pub(super) name: PathBuf,
+    pub(super) cameras: CameraSource,
+}
+
+type Answer = Result<ImageRecord, Refusal>;
+
+/// What is on its way through the queue.
+struct Job {
+    task: Task,
+    turn: Arc<Turn>,
+    reply: oneshot::Sender<Answer>,
+    /// Given back when the job is done or dropped: what a client left behind still counts.
+    place: OwnedSemaphorePermit,
+}
+
+/// Whether the work of a job has begun or never will: who says so first decides.
+#[derive(Default)]
+struct Turn(AtomicU8);
+
+impl Turn {
+    const BEGUN: u8 = 1;
+    const GIVEN_UP: u8 = 2;
+
+    fn take(&self, state: u8) -> bool {
+        self.0.compare_exchange(0, state, Ordering::AcqRel, Ordering::Acquire).is_ok()
+    }
+}
+
+/// A place in the queue, held before the body is read.
+pub(super) struct Place(OwnedSemaphorePermit);
+
+/// At most so many jobs, and the threads that do them.
+pub(super) struct Queue {
+    jobs: Sender<Job>,
+    places: Arc<Semaphore>,
+    all_places: usize,
+    workers: usize,
+    metrics: Arc<Metrics>,
+}
+
+impl Queue {
+    /// Starts the threads.
+    pub(super) fn start(
+        look: &Arc<dyn Look>,
+        workers: usize,
+        waiting: usize,
+        metrics: Arc<Metrics>,
+    ) -> io::Result<Self> {
+        let (jobs, todo) = channel();
+        let todo = Arc::new(Mutex::new(todo));
+        for number in 0..workers {
+            let (look, todo, metrics) = (Arc::clone(look), Arc::clone(&todo), Arc::clone(&metrics));
+            let name = format!("farsight-{number}");
+            thread::Builder::new().name(name).spawn(move || work(&*look, &todo, &metrics))?;
+        }
+        let all_places = workers + waiting;
+        Ok(Self { jobs, places: Arc::new(Semaphore::new(all_places)), all_places, workers, metrics })
+    }
+
+    /// A place for one more, at once or not at all.
+    pub(super) fn place(&self) -> Result<Place, Refusal> {
+        let taken = Arc::clone(&self.places).try_acquire_owned();
+        taken.map(Place).map_err(|_| Refusal::queue_full(self.retry_after_s()))
+    }
+
+    /// Requests that are inside.
+    pub(super) fn inside(&self) -> usize {
+        self.all_places - self.places.available_permits()
+    }
+
+    /// How long the queue takes to be empty at its present speed, seconds, at least one.
+    fn retry_after_s(&self) -> u64 {
+        let rounds = self.inside().div_ceil(self.workers) as f64;
+        (rounds * self.metrics.mean_work_s()).ceil().clamp(1.0, 60.0) as u64
+    }
+
+    /// Looks at an image when it is its turn, if that is before the deadline.
+    pub(super) async fn answer(&self, task: Task, Place(place): Place, deadline: Instant) -> Answer {
+        let (reply, mut answer) = oneshot::channel();
+        let turn = Arc::new(Turn::default());
+        let job = Job { task, turn: Arc::clone(&turn), reply, place };
+        if self.jobs.send(job).is_err() {
+            return Err(Refusal::ending());
+        }
+        let in_time = tokio::time::timeout_at(deadline.into(), &mut answer).await;
+        let answer = match in_time {
+            Ok(answer) => answer,
+            Err(_) if turn.take(Turn::GIVEN_UP) => return Err(Refusal::deadline()),
+            // It was begun in time, so it is finished.
+            Err(_) => answer.await,
+        };
+        answer.unwrap_or_else(|_| Err(Refusal::panicked()))
+    }
+}
+
+/// One thread: does jobs until the service is gone.
+fn work(look: &dyn Look, todo: &Mutex<Receiver<Job>>, metrics: &Metrics) {
+    loop {
+        let next = todo.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok(Job { task, turn, reply, place }) = next else { return };
+        // Nobody waits for what was given up or whose client went away.
+        if reply.is_closed() || !turn.take(Turn::BEGUN) {
+            continue;
+        }
+        let begun = Instant::now();
+        let looked = catch_unwind(AssertUnwindSafe(|| look.look(&task.bytes, &task.name, &task.cameras)));
+        metrics.worked(begun.elapsed());
+        let answer = match looked {
+            Ok(answer) => answer.map_err(|error| Refusal::from(&error)),
+            Err(_) => Err(Refusal::panicked()),
+        };
+        drop(place);
+        // The client may be gone by now.
+        let _ = reply.send(answer);
+    }
+}
+
+/// A deadline so far from now.
+pub(super) fn deadline_in(time: Duration) -> Instant {
+    let now = Instant::now();
+    now.checked_add(time).unwrap_or(now)
+}

@@ -1,0 +1,103 @@
+//! Requests that get no answer, and why.
+
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use farsight_data::ImageError;
+use serde_json::json;
+
+use super::{LookError, MAX_BODY_BYTES};
+use crate::CameraSourceError;
+
+/// Why a request gets no answer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// Status of the response.
+    pub status: u16,
+    /// One word for programs and metrics.
+    pub reason: &'static str,
+    /// What is wrong and what was expected, for people.
+    pub message: String,
+    /// After how many seconds another try may do better.
+    pub retry_after_s: Option<u64>,
+}
+
+impl Refusal {
+    pub(super) fn new(status: StatusCode, reason: &'static str, message: impl Into<String>) -> Self {
+        Self { status: status.as_u16(), reason, message: message.into(), retry_after_s: None }
+    }
+
+    pub(super) fn bad_request(message: impl Into<String>) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, "bad_request", message)
+    }
+
+    pub(super) fn queue_full(retry_after_s: u64) -> Self {
+        let message = format!("the queue is full; try again in {retry_after_s} s");
+        let refusal = Self::new(StatusCode::TOO_MANY_REQUESTS, "queue_full", message);
+        Self { retry_after_s: Some(retry_after_s), ..refusal }
+    }
+
+    pub(super) fn deadline() -> Self {
+        Self::new(StatusCode::GATEWAY_TIMEOUT, "deadline", "the deadline passed before the work began")
+    }
+
+    pub(super) fn slow_body() -> Self {
+        Self::new(StatusCode::REQUEST_TIMEOUT, "slow_body", "the body did not arrive before the deadline")
+    }
+
+    pub(super) fn body_too_large() -> Self {
+        let message = format!("the body is too large; expected at most {} MB", MAX_BODY_BYTES >> 20);
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, "body_too_large", message)
+    }
+
+    /// Says nothing of what panicked: that is in the log.
+    pub(super) fn panicked() -> Self {
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "panic", "the service failed at this image")
+    }
+
+    pub(super) fn ending() -> Self {
+        let refusal = Self::new(StatusCode::SERVICE_UNAVAILABLE, "ending", "the service ends");
+        Self { retry_after_s: Some(1), ..refusal }
+    }
+}
+
+impl From<&LookError> for Refusal {
+    fn from(error: &LookError) -> Self {
+        match error {
+            LookError::Image(ImageError::TooLarge { width, height, limit, .. }) => {
+                let message = format!("the image has {width} x {height} pixels; expected at most {limit}");
+                Self::new(StatusCode::PAYLOAD_TOO_LARGE, "too_many_pixels", message)
+            }
+            LookError::Image(error) => Self::new(StatusCode::BAD_REQUEST, "bad_image", error.to_string()),
+            // Here and with the model the text may name files of this machine.
+            LookError::Camera(
+                CameraSourceError::NoCalibration { .. }
+                | CameraSourceError::Kind { .. }
+                | CameraSourceError::Calibration(_),
+            ) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "calibration", "the camera's calibration cannot be read"),
+            LookError::Camera(error) => {
+                let message = format!("{error}; give one of hfov=DEGREES, fx=PIXELS or camera=NAME");
+                Self::new(StatusCode::BAD_REQUEST, "no_camera", message)
+            }
+            LookError::Detect(_) => {
+                Self::new(StatusCode::INTERNAL_SERVER_ERROR, "model", "the model failed at this image")
+            }
+        }
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let Self { status, reason, message, retry_after_s } = self;
+        let status = StatusCode::from_u16(status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let body = Json(json!({"error": {"reason": reason, "message": message}}));
+        let mut response = (status, body).into_response();
+        if let Some(seconds) = retry_after_s {
+            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        response
+    }
+}
