@@ -11,10 +11,9 @@ use crate::generator::plan::{Plan, RoadEstimate};
 use crate::generator::view::View;
 use crate::generator::{SceneConfig, build_surroundings, textures};
 use crate::objects::ObjectState;
-use crate::rng::SceneRng;
+use crate::rng::{LAYOUT_STREAM, SceneRng};
 use crate::scene::LabelledScene;
 use crate::sensor::Device;
-use crate::stream::LAYOUT_STREAM;
 
 /// A camera that no label says anything about stands this high, metres (KITTI's).
 const CAMERA_HEIGHT_M: f64 = 1.65;

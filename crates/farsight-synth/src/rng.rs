@@ -3,6 +3,11 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
+/// The streams of draws that decide about scenes, layouts and the sensor.
+pub(crate) const SCENE_STREAM: u64 = 0;
+pub(crate) const LAYOUT_STREAM: u64 = 1;
+pub(crate) const SENSOR_STREAM: u64 = 2;
+
 /// A stream of random draws that is the same on every machine.
 #[derive(Debug, Clone)]
 pub(crate) struct SceneRng(Pcg64);

@@ -9,14 +9,9 @@ use crate::labels::LabelRules;
 use crate::layout::scene_from_labels;
 use crate::plates::plates;
 use crate::render::render;
-use crate::rng::SceneRng;
+use crate::rng::{LAYOUT_STREAM, SCENE_STREAM, SENSOR_STREAM, SceneRng};
 use crate::scene::LabelledScene;
 use crate::sensor::SensorModel;
-
-/// The streams of draws that decide about scenes, layouts and the sensor.
-pub(crate) const SCENE_STREAM: u64 = 0;
-pub(crate) const LAYOUT_STREAM: u64 = 1;
-const SENSOR_STREAM: u64 = 2;
 
 /// Fowler, Noll and Vo's prime, for 64 bits.
 const FNV_PRIME: u64 = 0x0100_0000_01b3;

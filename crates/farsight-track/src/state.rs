@@ -124,8 +124,9 @@ fn symmetric(a: &Matrix) -> Matrix {
 }
 
 #[cfg(test)]
-#[allow(clippy::needless_range_loop, reason = "indices of matrices")]
 mod tests {
+    #![allow(clippy::needless_range_loop, reason = "indices of matrices")]
+
     use super::*;
 
     fn state(mean: Vector) -> State {

@@ -29,10 +29,9 @@ pub(crate) mod view;
 pub use config::{CameraRanges, LARGEST_IMAGE_PX, PlaceWeights, SceneConfig, WeatherWeights};
 
 use crate::palette::{any_color, grey, matte, times, varied};
-use crate::rng::SceneRng;
+use crate::rng::{SCENE_STREAM, SceneRng};
 use crate::scene::LabelledScene;
 use crate::scene::{Material, MaterialId, Pattern};
-use crate::stream::SCENE_STREAM;
 use builder::SceneBuilder;
 use ground::Ground;
 use light::Light;

@@ -5,6 +5,7 @@ mod ffmpeg;
 mod film;
 mod live;
 mod scene_cut;
+mod scratch;
 mod sinks;
 mod source;
 

@@ -11,7 +11,7 @@ use image::imageops::{FilterType, resize};
 use tempfile::TempPath;
 
 use super::ffmpeg::unstarted;
-use super::sinks::scratch_beside;
+use super::scratch::scratch_beside;
 
 /// Where nothing tells how many frames a second there are.
 const USUAL_FPS: f64 = 25.0;

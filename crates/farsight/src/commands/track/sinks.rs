@@ -18,6 +18,7 @@ use image::codecs::png::PngEncoder;
 use tempfile::NamedTempFile;
 
 use super::film::Film;
+use super::scratch::{scratch_beside, unwritable};
 use super::source::{Source, VideoFrame};
 use super::{Told, TrackArgs};
 use crate::inputs::identity;
@@ -302,17 +303,4 @@ fn words(track: &TrackRecord) -> String {
         words.push_str("  hidden");
     }
     words
-}
-
-/// A file beside its target, whose place it takes when it is whole, with the rights that new files have.
-pub(super) fn scratch_beside(target: &Path, suffix: &str) -> Result<NamedTempFile> {
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.prefix(".track").suffix(suffix).tempfile_in(folder).with_context(|| unwritable(target))
-}
-
-fn unwritable(path: &Path) -> String {
-    format!("{}: cannot be written", path.display())
 }
