@@ -6,6 +6,7 @@ use farsight::json::ImageRecord;
 use farsight::{
     CameraSource, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource, Precision, load_image,
 };
+use farsight_core::Region;
 use farsight_data::decode_image;
 use image::RgbImage;
 use pyo3::exceptions::PyValueError;
@@ -38,13 +39,17 @@ impl Pipeline {
         engine_path: Option<PathBuf>,
         precision: &str,
         threads: Option<usize>,
+        region: &str,
     ) -> PyResult<Self> {
         let options =
             EngineOptions { kind: kind(engine)?, library: engine_path, threads, precision: numbers(precision)? };
         if threads.is_some_and(|threads| !(1..=MOST_THREADS).contains(&threads)) {
             return Err(PyValueError::new_err(format!("threads: expected a number from 1 to {MOST_THREADS}")));
         }
+        let region: Region =
+            region.parse().map_err(|expected| PyValueError::new_err(format!("region {region:?}: {expected}")))?;
         let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
+        let builder = builder.region(region);
         let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
         Ok(Self { inner })
     }

@@ -36,7 +36,7 @@ def test_other_threads_run_while_a_model_looks(model, photo):
 
 
 def test_a_model_pickles_as_its_arguments(photo):
-    model = farsight.Model(model="shipped-world", threads=1)
+    model = farsight.Model(model="farsight-s", threads=1)
     again = pickle.loads(pickle.dumps(model))
     assert repr(again) == repr(model) and len(pickle.dumps(model)) < 1000
     assert again.range(photo).to_json() == model.range(photo).to_json()

@@ -51,8 +51,10 @@ def test_a_projection_is_that_of_a_calibration_file(model, jsonl, photo, tmp_pat
 
 
 def test_other_models_and_engines_are_those_of_the_program(photo, jsonl):
-    world = farsight.Model(model="shipped-world", threads=1)
-    assert world.range(photo).to_dict() == jsonl(photo, "--model", "shipped-world", "--threads", "1")[0]
+    smoke = farsight.Model(model="farsight-s", threads=1)
+    assert smoke.range(photo).to_dict() == jsonl(photo, "--model", "farsight-s", "--threads", "1")[0]
+    japan = farsight.Model(region="japan", threads=1)
+    assert japan.range(photo).to_dict() == jsonl(photo, "--region", "japan", "--threads", "1")[0]
 
 
 def test_a_picture_is_that_of_the_program(result, program, photo, tmp_path):
@@ -142,6 +144,7 @@ def test_wrong_models_say_what_was_expected(tmp_path):
         ({"precision": "f16"}, "expected f32 or bf16"),
         ({"precision": "bf16"}, "expected openvino"),
         ({"threads": 0}, "expected a number from 1 to 1024"),
+        ({"region": "texas"}, "expected world, europe, north-america"),
         ({"model": tmp_path / "none.safetensors"}, "no such file; expected a model"),
     ]:
         with pytest.raises(ValueError, match=told):

@@ -16,7 +16,7 @@ _Answer = tuple[str, bytes, list[str]]
 @final
 class Pipeline:
     def __new__(
-        cls, model: _Path, engine: str, engine_path: _Path | None, precision: str, threads: int | None
+        cls, model: _Path, engine: str, engine_path: _Path | None, precision: str, threads: int | None, region: str
     ) -> Pipeline: ...
     @property
     def name(self) -> str: ...

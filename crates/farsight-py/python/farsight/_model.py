@@ -38,7 +38,9 @@ class Model:
             of that name.
         precision: "f32", or with openvino "bf16".
         threads: Threads of each network; one for each core by default.
-        model: "shipped", "shipped-world" (for cameras outside Germany), or a file that `farsight train`, `farsight
+        region: Part of the world that the images are from, by the sizes of its vehicles: "world", "europe",
+            "north-america", "china", "japan" or "india"; for farsight-w.
+        model: "farsight-w", which "shipped" stands for, "farsight-s", or a file that `farsight train`, `farsight
             import` or `farsight export` wrote.
 
     Raises:
@@ -52,6 +54,7 @@ class Model:
         engine: str = "rten",
         precision: str = "f32",
         threads: int | None = None,
+        region: str = "world",
         model: str | os.PathLike[str] = "shipped",
     ) -> None:
         _check_process()
@@ -59,9 +62,10 @@ class Model:
             "engine": engine,
             "precision": precision,
             "threads": threads,
+            "region": region,
             "model": os.fspath(model),
         }
-        self._pipeline = Pipeline(os.fspath(model), engine, _engine_path(engine), precision, threads)
+        self._pipeline = Pipeline(os.fspath(model), engine, _engine_path(engine), precision, threads, region)
 
     @property
     def name(self) -> str:
