@@ -52,7 +52,7 @@ fn documents_say_what_was_measured() {
     assert!(blocks >= 6, "{blocks}");
 
     // The test can fail: another number in the file is another number in the document.
-    let results = copy.path().join("docs/results/farsight-s.json");
+    let results = copy.path().join("docs/results/farsight-w.json");
     let mut figures = json(&results);
     for point in figures["sets"][0]["classes"]["car"]["operating"].as_array_mut().unwrap() {
         point["found"] = 7.into();
