@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Device {
-    /// A plain camera: the curve, noise and compression of [`SensorModel::sample`].
+    /// A plain camera: the curve, noise and compression of [`SensorModel::sample`](crate::sensor::SensorModel::sample).
     #[default]
     Any,
     /// A telephone: little noise, sharpened, strong colours, a good JPEG file.

@@ -1,6 +1,6 @@
 //! One object's filter: what a detection tells of it, and what is then known.
 
-use farsight_core::{Box3d, Camera, Detection, Dimensions};
+use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions};
 
 use crate::options::{Noise, TrackerOptions};
 use crate::state::{BEARING, BEARING_RATE, FACTOR, HEIGHT_ERROR, LOG_DEPTH, LOG_HEIGHT, LOG_RATE, N, State, row};
@@ -51,13 +51,17 @@ pub(crate) struct Measured {
     half_depth_m: f64,
 }
 
+/// A box that comes so near to the image's border, pixels, is cut by it.
+const BORDER_PX: f64 = 1.0;
+
 impl Measured {
     pub(crate) fn new(detection: &Detection, camera: &Camera, image_size: [usize; 2], noise: &Noise) -> Self {
         let Detection { box2d, box3d, range_sigma_m, .. } = detection;
         let [x, y, z] = box3d.location;
         let [width, height] = image_size.map(|side| side as f64);
         let near = (z - half_depth_m(box3d)).max(NEAREST_SHARE * z).max(NEAREST_M.min(z));
-        let is_cut = box2d.reaches_border(width - 1.0, height - 1.0);
+        let inner = Box2d::new(BORDER_PX, BORDER_PX, width - BORDER_PX, height - BORDER_PX);
+        let is_cut = box2d.x1 <= inner.x1 || box2d.y1 <= inner.y1 || box2d.x2 >= inner.x2 || box2d.y2 >= inner.y2;
         let Dimensions { height, width, length } = box3d.dimensions;
         Self {
             bearing: x / z,

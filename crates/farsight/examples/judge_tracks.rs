@@ -146,8 +146,8 @@ fn single(frames: &[FrameRecord], folder: &Path) -> std::io::Result<String> {
             row[5],
             100.0 * (near_m / row[5] - 1.0),
         );
-        if let (Some(velocity), Some(sigma)) = (track.velocity_mps, track.velocity_sigma_mps) {
-            text += &format!("  velocity ahead {:.2} ±{:.2} m/s, true {:.2} m/s\n", velocity[2], sigma[2], row[7]);
+        if let (Some([_, _, velocity]), Some([_, _, sigma])) = (track.velocity_mps, track.velocity_sigma_mps) {
+            text += &format!("  velocity ahead {:.2} ±{:.2} m/s, true {:.2} m/s\n", velocity, sigma, row[7]);
         }
     }
     Ok(text)

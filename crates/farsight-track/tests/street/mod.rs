@@ -8,7 +8,8 @@ use rand_pcg::Pcg64Mcg;
 pub(crate) const IMAGE_SIZE: [usize; 2] = [1280, 720];
 
 pub(crate) fn camera() -> Camera {
-    Camera::from_intrinsics(1000.0, 1000.0, 639.5, 359.5).unwrap()
+    // Boxes are clipped to 0 and the width, so this is the middle of a mirrored image.
+    Camera::from_intrinsics(1000.0, 1000.0, 640.0, 360.0).unwrap()
 }
 
 /// A car on the ground.
