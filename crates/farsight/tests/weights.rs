@@ -48,14 +48,19 @@ fn a_flipped_bit_of_a_model_is_told() {
     model().write(&folder.join("m.safetensors")).unwrap();
     done(folder, &["export", "--model", "m.safetensors", "--out", "m.onnx"]);
     for name in ["m.safetensors", "m.onnx"] {
-        let whole = fs::read(folder.join(name)).unwrap();
-        for share in [3, 5, 7, 9] {
-            let mut flipped = whole.clone();
-            flipped[whole.len() / 10 * share] ^= 0x40;
-            fs::write(folder.join(format!("flipped-{name}")), flipped).unwrap();
-            let told = refusal(folder, &format!("flipped-{name}"), &[]);
-            assert!(told.contains(&format!("flipped-{name}: its contents have the hash ")), "{told}");
-        }
+        flips_are_told(folder, name, &[3, 5, 7, 9]);
+    }
+}
+
+/// A bit is flipped at these tenths of the file.
+fn flips_are_told(folder: &Path, name: &str, tenths: &[usize]) {
+    let whole = fs::read(folder.join(name)).unwrap();
+    for share in tenths {
+        let mut flipped = whole.clone();
+        flipped[whole.len() / 10 * share] ^= 0x40;
+        fs::write(folder.join(format!("flipped-{name}")), flipped).unwrap();
+        let told = refusal(folder, &format!("flipped-{name}"), &[]);
+        assert!(told.contains(&format!("flipped-{name}: its contents have the hash ")), "{told}");
     }
 }
 
@@ -152,14 +157,7 @@ fn a_flipped_bit_of_an_ssd_is_told_in_both_kinds_of_files() {
     done(folder, &["export", "--model", "farsight-w", "--out", "w.onnx"]);
     fs::copy(root().join("models/farsight-w.safetensors"), folder.join("w.safetensors")).unwrap();
     for name in ["w.safetensors", "w.onnx"] {
-        let whole = fs::read(folder.join(name)).unwrap();
-        for share in [2, 6, 9] {
-            let mut flipped = whole.clone();
-            flipped[whole.len() / 10 * share] ^= 0x40;
-            fs::write(folder.join(format!("flipped-{name}")), flipped).unwrap();
-            let told = refusal(folder, &format!("flipped-{name}"), &[]);
-            assert!(told.contains(&format!("flipped-{name}: its contents have the hash ")), "{told}");
-        }
+        flips_are_told(folder, name, &[2, 6, 9]);
     }
 }
 

@@ -9,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use farsight::{Pipeline, PipelineBuilder};
+use farsight::Pipeline;
 use farsight_data::open_labelled;
 use farsight_eval::ranging::RangingOptions;
 use farsight_eval::{FrameFiles, LabelSource, Scores};
@@ -80,16 +80,17 @@ fn measure(args: &MeasureArgs, printer: &mut Printer) -> Result<Outcome> {
     let mut outcome = Outcome::Done;
     for set in &sets {
         let folder = args.folders.iter().find(|(name, _)| *name == set.folder);
-        if folder.is_some() && !can_measure(args, set, printer)? {
-            printer.note(&format!("{}: left out, as the model's refiner knows no regions", set.name));
-            continue;
-        }
         let Some((_, folder)) = folder else {
             let kept = known.set(&set.name).cloned();
             figures.sets.extend(kept.map(|kept| SetFigures { title: set.title.clone(), ..kept }));
             continue;
         };
-        let (measured, failed) = measured(args, set, folder, printer).with_context(|| set.name.clone())?;
+        let answer = measured(args, set, folder, printer);
+        if answer.as_ref().is_err_and(knows_no_regions) {
+            printer.note(&format!("{}: left out, as the model's refiner knows no regions", set.name));
+            continue;
+        }
+        let (measured, failed) = answer.with_context(|| set.name.clone())?;
         if failed > 0 {
             printer.error(&format!("{}: {} failed, not in these figures", set.name, counted(failed, "frame")));
             outcome = Outcome::Told;
@@ -153,23 +154,15 @@ fn measured(
 
 /// The pipeline as `farsight eval` opens it.
 fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<Pipeline> {
-    pipeline_args::open(&builder(args, set, printer)?)
-}
-
-fn builder(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<PipelineBuilder> {
     let Stages { second_stage, road } = set.stages()?;
     let (model, engine) = (args.model.clone(), args.engine.clone());
     let pipeline = PipelineArgs { model, engine, second_stage, road, ..PipelineArgs::default() };
-    Ok(pipeline.builder(printer)?.min_score(MIN_SCORE))
+    pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE))
 }
 
-/// Whether the model knows the region that the data set is said to be from.
-fn can_measure(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<bool> {
-    match builder(args, set, printer)?.open() {
-        Err(farsight::Error::NoRegions { .. }) => Ok(false),
-        // Another error is told where the set is measured.
-        _ => Ok(true),
-    }
+/// Whether the data set is said to be from a region, and the model has none.
+fn knows_no_regions(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(farsight::Error::NoRegions { .. }))
 }
 
 /// Today's year, month and day, UTC.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use farsight::object::detections;
+use farsight::shipped::Family;
 use farsight::{ModelSource, Pipeline, Road, StageSource};
 use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
@@ -50,7 +51,7 @@ fn pipeline_of(model: &Path) -> Result<Pipeline> {
     let builder = if RefinerModel::is_one(model) {
         builder.refiner(StageSource::File(file)).plates(StageSource::Off)
     } else if PlateReaderModel::is_one(model) {
-        builder.plates(StageSource::File(file))
+        builder.model(ModelSource::Shipped(Family::Smoke)).plates(StageSource::File(file))
     } else {
         builder.model(ModelSource::File(file)).refiner(StageSource::Off).plates(StageSource::Off)
     };
