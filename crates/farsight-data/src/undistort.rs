@@ -30,6 +30,16 @@ impl Undistorter {
         Ok(Self { camera: *camera, lens, size, sources })
     }
 
+    /// The pinhole that its images are made for.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The lens whose distortion it takes out.
+    pub fn lens(&self) -> Lens {
+        self.lens
+    }
+
     /// Width and height of its images, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size

@@ -48,13 +48,14 @@ use std::path::Path;
 
 pub use builder::PipelineBuilder;
 pub use camera_source::{CameraSource, CameraSourceError};
-pub use draw::draw;
+pub use draw::{draw, draw_through_lens};
 pub use engine_options::{EngineKind, EngineOptions, Precision};
 pub use error::Error;
 pub use farsight_core::camera::CameraError;
+pub use farsight_core::lens::LensError;
 pub use farsight_core::road::Road;
-pub use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
-pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage};
+pub use farsight_core::{Box2d, Box3d, Camera, Detection, Lens, ObjectClass};
+pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage, Undistorter};
 pub use farsight_methods::{DetectError, UnfamiliarCamera};
 pub use farsight_runtime::{EngineError, StageTimes};
 pub use farsight_track::{EgoMotion, Frame, Track, TrackError, Tracker, TrackerOptions};
