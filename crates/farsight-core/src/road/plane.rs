@@ -1,15 +1,26 @@
 //! The road under a camera that stays where it is: what all that it saw say of it together.
 
+use std::fmt::{self, Display};
+
 use super::{BENT, Common, EDGE_ERROR, Fit, GroundContact, Prior, Road, UNEVEN_M};
-use crate::Detection;
-use crate::linear::solved;
+use crate::linear::{cross, dot, norm, solved};
 use crate::scale::ScalePrior;
+use crate::{Camera, Detection};
 
 /// Fewer objects than this are too few to tell a plane.
 const MIN_OBJECTS: usize = 4;
 
 /// A plane is told where it is surer of the height than this, as a share: less is no better than a guess.
 const MAX_HEIGHT_ERROR: f64 = 0.3;
+
+/// What a network gets wrong alike in all images of one camera: standard deviations of slope, tilt and, as a share, height.
+/// Chosen with seven rendered cameras in view.
+const ALIKE_SLOPE: f64 = 0.005;
+const ALIKE_TILT: f64 = 0.003;
+const ALIKE_HEIGHT: f64 = 0.03;
+
+/// The least share of the optical axis that lies in the road: a camera that looks down more steeply sees no traffic.
+const MIN_AHEAD: f64 = 0.1;
 
 /// A road as a camera sees it: the plane `y + slope z + tilt x = height` in camera coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +55,8 @@ impl RoadPlane {
         let [slope, height_m, tilt, _] = fit.common;
         let sigmas =
             [sigma([1.0, 0.0, 0.0, 0.0], 0)?, sigma([0.0, 0.0, 1.0, 0.0], 2)?, sigma([0.0, 1.0, 0.0, 0.0], 1)?];
+        let alike = [ALIKE_SLOPE, ALIKE_TILT, ALIKE_HEIGHT * height_m];
+        let sigmas = std::array::from_fn(|i| f64::hypot(sigmas[i], alike[i]));
         let plane = Self { slope, tilt, height_m, sigmas };
         plane.is_told().then_some(plane)
     }
@@ -56,14 +69,29 @@ impl RoadPlane {
             && self.sigmas[2] < MAX_HEIGHT_ERROR * self.height_m
     }
 
-    /// How far the camera looks down, and its standard deviation, degrees.
-    pub fn pitch_deg(&self) -> [f64; 2] {
-        degrees(self.slope, self.sigmas[0])
-    }
-
-    /// How far the camera is turned about its view, clockwise as seen from behind it, and its standard deviation, degrees.
-    pub fn roll_deg(&self) -> [f64; 2] {
-        degrees(self.tilt, self.sigmas[1])
+    /// The same camera in coordinates that are level: y points straight down to the road, z ahead over it. Its projection
+    /// holds the rotation, as those of rendered cameras that look down do. With it, the plane in these coordinates.
+    ///
+    /// None where the camera looks straight down.
+    pub fn levelled(&self, camera: &Camera) -> Option<(Camera, Self)> {
+        let length = norm(&[self.tilt, 1.0, self.slope]);
+        let down = [self.tilt, 1.0, self.slope].map(|value| value / length);
+        // The optical axis, as far as it lies in the road.
+        let ahead = [0, 1, 2].map(|axis| if axis == 2 { 1.0 } else { 0.0 } - down[2] * down[axis]);
+        let ahead_length = norm(&ahead);
+        if ahead_length < MIN_AHEAD {
+            return None;
+        }
+        let ahead = ahead.map(|value| value / ahead_length);
+        let right = cross(&down, &ahead);
+        // Rows of the rotation from the camera's coordinates to the level ones.
+        let rotation = [right, down, ahead];
+        let row = |row: [f64; 4]| {
+            let [a, b, c] = rotation.map(|axis| dot(&axis, &[row[0], row[1], row[2]]));
+            [a, b, c, row[3]]
+        };
+        let level = Camera::from_projection(camera.projection.map(row)).ok()?;
+        Some((level, Self { slope: 0.0, tilt: 0.0, height_m: self.height_m / length, sigmas: self.sigmas }))
     }
 
     /// The plane as the prior of a fit.
@@ -75,11 +103,6 @@ impl RoadPlane {
     }
 }
 
-/// An angle and its standard deviation from its tangent's.
-fn degrees(tangent: f64, sigma: f64) -> [f64; 2] {
-    [tangent.atan().to_degrees(), (sigma / (1.0 + tangent * tangent)).to_degrees()]
-}
-
 /// How surely a height that somebody gave contradicts what the objects of an image say of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeightDoubt {
@@ -87,6 +110,17 @@ pub struct HeightDoubt {
     pub given_m: f64,
     /// What the objects say, and its standard deviation, metres.
     pub seen_m: [f64; 2],
+}
+
+impl Display for HeightDoubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { given_m, seen_m: [seen, sigma] } = self;
+        write!(
+            f,
+            "a camera {given_m} m above the road contradicts what stands on it, which says {seen:.1} ±{sigma:.1} m: \
+             is the height or the field of view wrong?"
+        )
+    }
 }
 
 /// So many standard deviations apart two heights contradict each other.
@@ -179,6 +213,25 @@ mod tests {
         let before = 0.15_f64;
         assert!((found[0].box3d.depth_m() / 25.0 - 1.0).abs() < 0.3 * before, "{:?}", found[0].box3d);
         assert!(found[0].range_sigma_m.unwrap() < 0.05 * 25.0);
+    }
+
+    #[test]
+    fn a_level_camera_shows_the_road_where_the_tilted_one_does() {
+        let camera = Camera::from_hfov(60.0, 1280, 720).unwrap();
+        let plane = RoadPlane { slope: 0.3, tilt: -0.06, height_m: 6.0, sigmas: [0.01, 0.01, 0.2] };
+        let (level, road) = plane.levelled(&camera).unwrap();
+        assert!((road.height_m - 6.0 / (1.0_f64 + 0.09 + 0.0036).sqrt()).abs() < 1e-12, "{road:?}");
+        for place in [[0.0, 15.0], [4.0, 30.0], [-7.0, 55.0]] {
+            let pixel = level.pixel_from_point([place[0], road.height_m, place[1]]).unwrap();
+            // The same point of the road, through the tilted camera.
+            let ray = camera.point_from_pixel(pixel, 1.0);
+            let depth = 6.0 / (ray[1] + 0.3 * ray[2] - 0.06 * ray[0]);
+            let point = ray.map(|value| value * depth);
+            let distance = norm(&point);
+            assert!((distance - norm(&[place[0], road.height_m, place[1]])).abs() < 1e-9, "{point:?}");
+        }
+        let steep = RoadPlane { slope: 1e6, ..plane };
+        assert_eq!(steep.levelled(&camera), None);
     }
 
     #[test]
