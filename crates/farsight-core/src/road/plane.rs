@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display};
 
-use super::{BENT, Common, EDGE_ERROR, Fit, GroundContact, Prior, Road, UNEVEN_M};
+use super::{BENT, Common, EDGE_ERROR, Fit, GroundContact, ODD, Prior, Road, UNEVEN_M};
 use crate::linear::{cross, dot, norm, solved};
 use crate::scale::ScalePrior;
 use crate::{Camera, Detection};
@@ -59,6 +59,20 @@ impl RoadPlane {
         let sigmas = std::array::from_fn(|i| f64::hypot(sigmas[i], alike[i]));
         let plane = Self { slope, tilt, height_m, sigmas };
         plane.is_told().then_some(plane)
+    }
+
+    /// The share of the sure objects of `images` that stand on it, as far as their distances and boxes can tell.
+    pub fn carries(&self, images: &[Vec<Detection>], scale: &ScalePrior) -> f64 {
+        let common = [self.slope, self.height_m, self.tilt, 0.0];
+        let stands = |contact: &GroundContact| {
+            let (off, sigma) = contact.off(&common, 1.0);
+            // What the distance leaves open moves it along its ray.
+            let by_distance = contact.sigma.hypot(scale.log_sigma) * (off + self.height_m);
+            off.abs() < ODD * sigma.hypot(by_distance).hypot(self.sigmas[2])
+        };
+        let contacts: Vec<GroundContact> =
+            images.iter().flatten().filter_map(|detection| GroundContact::of(detection, scale)).collect();
+        contacts.iter().filter(|contact| stands(contact)).count() as f64 / contacts.len().max(1) as f64
     }
 
     /// Whether it says more than a guess would.

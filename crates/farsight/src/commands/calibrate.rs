@@ -42,6 +42,9 @@ const SAME_PLACE: f64 = 0.7;
 /// So many images back is looked for what stands still.
 const REMEMBERED_IMAGES: usize = 50;
 
+/// On the road of a camera that does not move stands at least this share of what it sees.
+const MIN_CARRIED: f64 = 0.8;
+
 /// The traffic is looked at so often.
 const ROUNDS: usize = 2;
 
@@ -79,7 +82,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
     }
     let Some((given, _)) = first else { bail!("no image could be looked at") };
 
-    let (mut camera, mut stands) = (given, None);
+    let (mut camera, mut stands, mut carried) = (given, None, 0.0);
     // Networks know cameras in level coordinates better, so what the first round finds makes the second one better.
     for _ in 0..ROUNDS {
         let mut traffic = Traffic::default();
@@ -96,11 +99,18 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
         let Some((level, road)) = plane.levelled(&camera) else {
             bail!("{}: the camera seems to look straight down; expected one that sees along its road", traffic.told());
         };
+        carried = plane.carries(&traffic.images, &pipeline.scale());
         (camera, stands) = (level, Some((road, traffic.told())));
     }
     let stand = stands.and_then(|(plane, seen)| Some((plane, Stand::new(&given, &camera, &plane)?, seen)));
     let Some((plane, stand, seen)) = stand else { bail!("no image could be looked at") };
     tell(&stand, &seen, printer);
+    if carried < MIN_CARRIED {
+        printer.warning(&format!(
+            "only {:.0}% of what was found stands on this road: does the camera move, or is there another road?",
+            100.0 * carried
+        ));
+    }
     if let Some(out) = &args.out {
         let calibration = Calibration { road: Some(plane), ..Calibration::from_camera(&camera) };
         calibration.write(out)?;
