@@ -17,6 +17,7 @@ mod measure;
 mod parity;
 mod prune;
 mod range;
+mod robustness;
 mod serve;
 pub(crate) mod synth;
 mod track;
@@ -70,6 +71,8 @@ pub(crate) enum Command {
     Info(info::InfoArgs),
     /// Measure a model on several data sets, and put the figures into documents
     Measure(measure::MeasureArgs),
+    /// Judge a model on images that are made worse step by step: noise, blur, light, compression, weather
+    Robustness(robustness::RobustnessArgs),
     /// Train and judge several arms with several seeds, as a plan says
     Experiment(experiment::ExperimentArgs),
     /// Print the script by which a shell completes commands and options
@@ -96,6 +99,7 @@ impl Command {
         match self {
             Self::Demo(args) => demo::run(&args, printer),
             Self::Range(args) => range::run(&args, printer),
+            Self::Robustness(args) => robustness::run(&args, printer),
             Self::Calibrate(args) => calibrate::run(&args, printer),
             Self::Track(args) => track::run(&args, printer),
             Self::Serve(args) => serve::run(&args, printer),

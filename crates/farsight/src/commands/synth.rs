@@ -59,7 +59,6 @@ pub(crate) struct SynthArgs {
 
 impl SynthArgs {
     /// Twins of the frames that the file `split` lists, of labels and cameras in the folder `kitti`.
-    #[cfg(feature = "train")]
     pub(crate) fn twins(out: &Path, kitti: &Path, split: &Path, seed: u64) -> Self {
         let training = kitti.join("training");
         Self {
@@ -73,6 +72,13 @@ impl SynthArgs {
             calib_dir: Some(training.join("calib")),
             resume: true,
         }
+    }
+}
+
+impl SynthArgs {
+    /// The same in the world of this file.
+    pub(crate) fn in_world(self, world: &Path) -> Self {
+        Self { world: Some(world.to_owned()), ..self }
     }
 }
 
@@ -219,7 +225,7 @@ fn check_plan(path: &Path, plan: &Value) -> Result<()> {
     Ok(())
 }
 
-fn label_ids(folder: &Path) -> Result<Vec<String>> {
+pub(crate) fn label_ids(folder: &Path) -> Result<Vec<String>> {
     let failed = || format!("{}: cannot be listed", folder.display());
     let mut ids = Vec::new();
     for entry in fs::read_dir(folder).with_context(failed)? {
