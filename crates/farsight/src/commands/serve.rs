@@ -1,15 +1,17 @@
 //! `farsight serve`: the pipeline over HTTP.
 
 use std::collections::BTreeMap;
+use std::fs::OpenOptions;
+use std::io::{self, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use farsight::CameraSource;
-use farsight::service::{Config, Look, Server, Token};
+use farsight::service::{Config, Log, Look, Server, Tls, Token};
 use farsight_files::read_text;
 
 use super::Outcome;
@@ -22,9 +24,24 @@ const TOKEN_VARIABLE: &str = "FARSIGHT_TOKEN";
 /// Arguments of `farsight serve`.
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
-    /// Where to listen; anywhere but on this machine itself needs a token
+    /// Where to listen; anywhere but on this machine itself needs a token and a certificate
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
+    /// Answer HTTPS with the certificate in FILE (PEM, those that signed it after it)
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    tls_cert: Option<PathBuf>,
+    /// The certificate's private key (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+    /// Answer HTTP elsewhere, too: a proxy in front speaks TLS
+    #[arg(long, conflicts_with = "tls_cert")]
+    plain_http: bool,
+    /// A NAME that requests may call this machine by, beside localhost and addresses; any where there is a token
+    #[arg(long = "host", value_name = "NAME")]
+    hosts: Vec<String>,
+    /// Append a line of JSON for each request to FILE; "-" writes to standard error
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
     /// FILE with the word that requests must bring (Authorization: Bearer TOKEN) [default: what `FARSIGHT_TOKEN` says]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
@@ -83,6 +100,13 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
         "{}: not this machine alone, so requests must bring a token; expected --token-file FILE or {TOKEN_VARIABLE}",
         args.listen
     );
+    ensure!(
+        args.tls_cert.is_some() || args.plain_http || args.listen.ip().is_loopback(),
+        "{}: not this machine alone, so tokens and images need TLS; expected --tls-cert FILE and --tls-key FILE, or --plain-http behind a proxy that has it",
+        args.listen
+    );
+    let tls = tls(args)?;
+    let log = args.log.as_deref().map(log_to).transpose()?.unwrap_or_default();
     let mut cameras = BTreeMap::new();
     for (name, source) in &args.cameras {
         if cameras.insert(name.clone(), source.clone()).is_some() {
@@ -92,14 +116,51 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
     let listener = TcpListener::bind(args.listen).with_context(|| format!("{}: cannot listen here", args.listen))?;
     let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?, printer)?;
     let deadline = Duration::from_millis(args.deadline);
-    let config = Config { workers: args.workers, queue: args.queue, deadline, token, cameras };
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    let config = Config {
+        workers: args.workers,
+        queue: args.queue,
+        deadline,
+        token,
+        cameras,
+        hosts: args.hosts.clone(),
+        tls,
+        log,
+        ..Config::default()
+    };
     let look: Arc<dyn Look> = Arc::new(pipeline);
     let server = Server::start(listener, &look, config).context("the service cannot begin")?;
-    printer.line(&format!("listening on http://{}", server.address()));
+    printer.line(&format!("listening on {scheme}://{}", server.address()));
     printer.flush();
     server.run_until_signal().context("the system tells of no signals")?;
     printer.status("ended");
     Ok(Outcome::Done)
+}
+
+fn tls(args: &ServeArgs) -> Result<Option<Tls>> {
+    let Some((cert, key)) = args.tls_cert.as_ref().zip(args.tls_key.as_ref()) else { return Ok(None) };
+    let [certificates, private] = [cert, key].map(|path| {
+        let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        Ok::<_, anyhow::Error>(text)
+    });
+    let tls = Tls::from_pem(certificates?.as_bytes(), private?.as_bytes());
+    Ok(Some(tls.with_context(|| format!("{}, {}", cert.display(), key.display()))?))
+}
+
+/// A log of JSON, one object a line.
+fn log_to(path: &Path) -> Result<Log> {
+    let write: Box<dyn Write + Send> = if path == Path::new("-") {
+        Box::new(io::stderr())
+    } else {
+        let file = OpenOptions::new().append(true).create(true).open(path);
+        Box::new(file.with_context(|| format!("{}: cannot be written", path.display()))?)
+    };
+    let write = Mutex::new(write);
+    Ok(Log::new(move |record| {
+        let Ok(line) = serde_json::to_string(record) else { return };
+        // A full disk does not end the service. In one write, so that a reader sees whole lines.
+        let _ = write.lock().unwrap_or_else(PoisonError::into_inner).write_all((line + "\n").as_bytes());
+    }))
 }
 
 fn token(args: &ServeArgs) -> Result<Option<Token>> {
