@@ -16,6 +16,7 @@ use super::{calibrate, guard, inference, range, streams};
 
 /// A path, what it answers to, and whether it asks for the token.
 struct Route {
+    #[cfg_attr(not(test), expect(dead_code, reason = "read by the test of the description"))]
     method: &'static str,
     path: &'static str,
     needs_token: bool,

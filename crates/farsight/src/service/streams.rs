@@ -23,7 +23,7 @@ use super::camera_query::unknown;
 use super::refusal::Refusal;
 use super::shared::{Service, Shared};
 use super::unless;
-use super::videos::{Moment, Shown};
+use super::videos::{End, Moment, Shown};
 
 /// So often a stream without frames says that it is alive.
 const ALIVE: Duration = Duration::from_secs(10);
@@ -54,8 +54,7 @@ enum Next {
     Frame(Arc<Shown>),
     /// Nothing for a while.
     Alive,
-    Ended,
-    Failed,
+    Over(End),
 }
 
 impl Watcher {
@@ -76,15 +75,14 @@ impl Watcher {
             return None;
         }
         loop {
-            let moment = self.latest.borrow_and_update().clone();
-            match moment {
-                Moment::Frame(shown) if !self.last.as_ref().is_some_and(|last| Arc::ptr_eq(last, &shown)) => {
-                    self.last = Some(Arc::clone(&shown));
-                    return Some(Next::Frame(shown));
-                }
-                Moment::Ended => return Some(self.over(Next::Ended)),
-                Moment::Failed => return Some(self.over(Next::Failed)),
-                Moment::Begun | Moment::Frame(_) => {}
+            let Moment { shown, end } = self.latest.borrow_and_update().clone();
+            let is_known = |shown: &Arc<Shown>| self.last.as_ref().is_some_and(|last| Arc::ptr_eq(last, shown));
+            if let Some(shown) = shown.filter(|shown| !is_known(shown)) {
+                self.last = Some(Arc::clone(&shown));
+                return Some(Next::Frame(shown));
+            }
+            if let Some(end) = end {
+                return Some(self.over(end));
             }
             let mut stopped = self.stopped.clone();
             let stop = Box::pin(stopped.wait_for(|stopped| *stopped));
@@ -93,14 +91,14 @@ impl Watcher {
                 Some(Ok(Ok(()))) => {}
                 Some(Err(_)) => return Some(Next::Alive),
                 // The service ends.
-                None | Some(Ok(Err(_))) => return Some(self.over(Next::Ended)),
+                None | Some(Ok(Err(_))) => return Some(self.over(End::Ended)),
             }
         }
     }
 
-    fn over(&mut self, next: Next) -> Next {
+    fn over(&mut self, end: End) -> Next {
         self.is_over = true;
-        next
+        Next::Over(end)
     }
 }
 
@@ -112,8 +110,8 @@ pub(super) async fn tracks(State(shared): Service, Path(name): Path<String>) -> 
             Next::Frame(shown) => watcher.event(&shown),
             // A comment.
             Next::Alive => ":\n\n".to_owned(),
-            Next::Ended => "event: end\ndata: {}\n\n".to_owned(),
-            Next::Failed => "event: failed\ndata: {\"message\":\"the video cannot be read\"}\n\n".to_owned(),
+            Next::Over(End::Ended) => "event: end\ndata: {}\n\n".to_owned(),
+            Next::Over(End::Failed) => "event: failed\ndata: {\"message\":\"the video cannot be read\"}\n\n".to_owned(),
         };
         Some((Ok::<_, Infallible>(Bytes::from(event)), watcher))
     });
@@ -165,7 +163,7 @@ pub(super) async fn frames(
                 }
                 // Each part is a whole frame, so there is no way to say this in between.
                 Next::Alive => {}
-                Next::Ended | Next::Failed => {
+                Next::Over(_) => {
                     return Some((Ok(Bytes::from(format!("--{BOUNDARY}--\r\n"))), watcher));
                 }
             }

@@ -70,7 +70,7 @@ impl Videos {
                 metrics: Arc::clone(metrics),
                 log: log.clone(),
                 stopped: stopped.clone(),
-                latest: watch::Sender::new(Moment::Begun),
+                latest: watch::Sender::new(Moment::default()),
                 is_running: Mutex::new(false),
             };
             (name.clone(), Arc::new(channel))
@@ -88,15 +88,19 @@ impl Videos {
 }
 
 /// What those who watch see.
-#[derive(Clone)]
-pub(super) enum Moment {
-    /// Nothing yet.
-    Begun,
-    /// A frame.
-    Frame(Arc<Shown>),
-    /// There are no more.
+#[derive(Clone, Default)]
+pub(super) struct Moment {
+    /// The latest frame.
+    pub(super) shown: Option<Arc<Shown>>,
+    /// Why there will be no other.
+    pub(super) end: Option<End>,
+}
+
+/// Why there are no more frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
     Ended,
-    /// There are none: it cannot be read.
+    /// It cannot be read.
     Failed,
 }
 
@@ -148,7 +152,7 @@ impl Channel {
     pub(super) fn watch(self: &Arc<Self>) -> io::Result<watch::Receiver<Moment>> {
         let mut is_running = self.is_running();
         if !*is_running {
-            self.latest.send_replace(Moment::Begun);
+            self.latest.send_replace(Moment::default());
             let channel = Arc::clone(self);
             thread::Builder::new().name(format!("video-{}", self.name)).spawn(move || channel.run())?;
             *is_running = true;
@@ -169,14 +173,14 @@ impl Channel {
             let ran = catch_unwind(AssertUnwindSafe(|| self.show_all()));
             let is_left = matches!(ran, Ok(Ok(Ran::Left)));
             let end = match ran {
-                Ok(Ok(_)) => Moment::Ended,
+                Ok(Ok(_)) => End::Ended,
                 Ok(Err(failure)) => {
                     self.tell(&format!("cannot be read: {failure}"));
-                    Moment::Failed
+                    End::Failed
                 }
                 Err(_) => {
                     self.tell("failed with a panic");
-                    Moment::Failed
+                    End::Failed
                 }
             };
             let mut is_running = self.is_running();
@@ -184,7 +188,7 @@ impl Channel {
             if is_left && self.latest.receiver_count() > 0 && !*self.stopped.borrow() {
                 continue;
             }
-            self.latest.send_replace(end);
+            self.latest.send_modify(|moment| moment.end = Some(end));
             *is_running = false;
             return;
         }
@@ -208,7 +212,7 @@ impl Channel {
                     self.wait(start, Duration::try_from_secs_f64(time_s - first_s).unwrap_or_default());
                     shown += 1;
                     let shown = Shown { seen, plain: OnceLock::new(), drawn: OnceLock::new() };
-                    self.latest.send_replace(Moment::Frame(Arc::new(shown)));
+                    self.latest.send_replace(Moment { shown: Some(Arc::new(shown)), end: None });
                 }
                 Err(failure) => {
                     self.tell(&format!("a frame failed: {failure}"));
