@@ -1,5 +1,7 @@
 //! `farsight serve`: the pipeline over HTTP.
 
+mod videos;
+
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::{self, Write};
@@ -12,6 +14,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use farsight::CameraSource;
 use farsight::service::{Config, Log, Look, Server, Tls, Token};
+use farsight::video::is_video;
 use farsight_files::read_text;
 
 use super::Outcome;
@@ -48,6 +51,12 @@ pub(crate) struct ServeArgs {
     /// A camera that requests may name: its horizontal field of view in degrees, or its calibration file
     #[arg(long = "camera", value_name = "NAME=HFOV|FILE", value_parser = camera)]
     cameras: Vec<(String, CameraSource)>,
+    /// A film, an address (rtsp, http) or a camera device that may be watched by its NAME, read by ffmpeg; the camera of the same name took it
+    #[arg(long = "video", value_name = "NAME=INPUT", value_parser = video)]
+    videos: Vec<(String, PathBuf)>,
+    /// The ffmpeg program, for videos
+    #[arg(long, value_name = "FILE", default_value = "ffmpeg")]
+    ffmpeg: PathBuf,
     /// Images that are looked at at once
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count)]
     workers: usize,
@@ -92,6 +101,16 @@ fn camera(text: &str) -> Result<(String, CameraSource), String> {
     Ok((name.to_owned(), source))
 }
 
+fn video(text: &str) -> Result<(String, PathBuf), String> {
+    let parts = text.split_once('=').filter(|(name, input)| !name.is_empty() && !input.is_empty());
+    let (name, input) = parts.ok_or("expected NAME=INPUT")?;
+    let input = PathBuf::from(input);
+    if !is_video(&input) {
+        return Err(format!("{}: no such film; expected a video file, an address or a camera device", input.display()));
+    }
+    Ok((name.to_owned(), input))
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
     let token = token(args)?;
@@ -113,8 +132,14 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
             bail!("--camera {name}: named twice; expected another name");
         }
     }
+    for (name, input) in &args.videos {
+        let expected = "expected --camera NAME=HFOV or --camera NAME=FILE beside it";
+        ensure!(cameras.contains_key(name), "--video {name}={}: no camera of this name; {expected}", input.display());
+    }
     let listener = TcpListener::bind(args.listen).with_context(|| format!("{}: cannot listen here", args.listen))?;
-    let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?, printer)?;
+    let builder = args.pipeline.builder(printer)?;
+    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
+    let videos = videos::open(args, &builder, &cameras)?;
     let deadline = Duration::from_millis(args.deadline);
     let scheme = if tls.is_some() { "https" } else { "http" };
     let config = Config {
@@ -123,6 +148,7 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
         deadline,
         token,
         cameras,
+        videos,
         hosts: args.hosts.clone(),
         tls,
         log,
