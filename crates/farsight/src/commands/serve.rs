@@ -105,7 +105,8 @@ fn video(text: &str) -> Result<(String, PathBuf), String> {
     let parts = text.split_once('=').filter(|(name, input)| !name.is_empty() && !input.is_empty());
     let (name, input) = parts.ok_or("expected NAME=INPUT")?;
     let input = PathBuf::from(input);
-    if !is_video(&input) {
+    let is_address = input.to_string_lossy().contains("://");
+    if !is_video(&input) || !(is_address || input.exists()) {
         return Err(format!("{}: no such film; expected a video file, an address or a camera device", input.display()));
     }
     Ok((name.to_owned(), input))
@@ -132,9 +133,10 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
             bail!("--camera {name}: named twice; expected another name");
         }
     }
-    for (name, input) in &args.videos {
-        let expected = "expected --camera NAME=HFOV or --camera NAME=FILE beside it";
-        ensure!(cameras.contains_key(name), "--video {name}={}: no camera of this name; {expected}", input.display());
+    for (name, _) in &args.videos {
+        let expected = format!("expected --camera {name}=HFOV or --camera {name}=FILE beside it");
+        // Not the address: there may be a password in it.
+        ensure!(cameras.contains_key(name), "--video {name}: no camera of this name; {expected}");
     }
     let listener = TcpListener::bind(args.listen).with_context(|| format!("{}: cannot listen here", args.listen))?;
     let builder = args.pipeline.builder(printer)?;

@@ -151,13 +151,15 @@ impl Channel {
     /// Begins to watch: what has begun already from its present frame on, anything else from its beginning.
     pub(super) fn watch(self: &Arc<Self>) -> io::Result<watch::Receiver<Moment>> {
         let mut is_running = self.is_running();
+        // Before it runs: without anybody who watches it would end at once.
+        let latest = self.latest.subscribe();
         if !*is_running {
             self.latest.send_replace(Moment::default());
             let channel = Arc::clone(self);
             thread::Builder::new().name(format!("video-{}", self.name)).spawn(move || channel.run())?;
             *is_running = true;
         }
-        Ok(self.latest.subscribe())
+        Ok(latest)
     }
 
     pub(super) fn watchers(&self) -> prometheus_client::metrics::gauge::Gauge {

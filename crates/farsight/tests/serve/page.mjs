@@ -114,7 +114,7 @@ async function cornersCalibrate() {
   await until(page, /objects? found/);
   await page.click("#corners-panel summary");
   const box = await page.locator("#photo").boundingBox();
-  const press = (x, y) => page.mouse.click(box.x + x * box.width, box.y + y * box.height);
+  const press = (x, y) => page.locator("#photo").click({ position: { x: x * box.width, y: y * box.height } });
   await press(0.4, 0.9);
   await press(0.7, 0.9);
   await press(0.58, 0.62);

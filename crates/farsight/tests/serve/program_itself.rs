@@ -86,11 +86,52 @@ fn the_program_listens_elsewhere_with_a_token_only() {
         (vec!["--camera", "front=180"], "less than 180 degrees"),
         (vec!["--camera", "front=."], "a folder; expected a calibration file"),
         (vec!["--camera", "front=none.txt"], "none.txt: cannot be read"),
+        (vec!["--video", "front"], "expected NAME=INPUT"),
+        (vec!["--video", "front=none.mp4"], "none.mp4: no such film"),
+        (vec!["--video", "front=rtsp://user:secret@127.0.0.1:1/"], "--video front: no camera of this name; expected --camera front"),
         (vec!["--camera", "a=60", "--camera", "a=70"], "--camera a: named twice"),
     ] {
         let output = program::farsight(folder.path(), &[&["serve"], arguments.as_slice()].concat());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         let text = String::from_utf8_lossy(&output.stderr);
         assert!(text.contains(told), "{arguments:?}: {text}");
+        assert!(!text.contains("secret"), "{arguments:?}: {text}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_film_is_shown_with_the_tracks_that_track_finds() {
+    use std::fs;
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let image = farsight::read_image(program::root().join("assets/scenes/image_2/000000.jpg")).unwrap();
+    fs::create_dir(folder.join("frames")).unwrap();
+    (0..3).for_each(|frame| image.save(folder.join(format!("frames/{frame}.png"))).unwrap());
+    let found = program::done(folder, &["track", "frames", "--fps", "10", "--hfov", "81.4", "--json", "-", "-q"]);
+    // A program that says and sends what ffmpeg would.
+    fs::write(folder.join("film.mp4"), "").unwrap();
+    fs::write(folder.join("pixels"), image.as_raw()).unwrap();
+    let size = format!("{}x{}", image.width(), image.height());
+    let mut script = "#!/bin/sh\necho '[info]   Stream #0:0: Video: h264, yuv420p, 10 fps, 10 tbr' >&2\n".to_owned();
+    for frame in 0..3 {
+        let line = format!("[Parsed_showinfo_0 @ 0x1] [info] n: {frame} pts_time:0.{frame} fmt:rgb24 s:{size} i:P");
+        script.extend([format!("echo '{line}' >&2\ncat pixels\n")]);
+    }
+    fs::write(folder.join("ffmpeg.sh"), script).unwrap();
+    fs::set_permissions(folder.join("ffmpeg.sh"), fs::Permissions::from_mode(0o755)).unwrap();
+    let arguments = ["--camera", "front=81.4", "--video", "front=film.mp4", "--ffmpeg", "./ffmpeg.sh", "--log", "log"];
+    let service = Service::start(folder, &arguments);
+    let text = sent(service.address, "GET /v1/videos/front/tracks", &[], b"").body;
+    let shown: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("data: {\"frame\"")).collect();
+    let found: Vec<&str> = found.lines().filter_map(|line| line.strip_prefix("{\"frame\"")).collect();
+    assert!(found.len() == 3 && found[2].contains("\"class\":\"Car\""), "{found:?}");
+    // Some may have been missed, but never the last.
+    assert!(shown.iter().all(|line| found.contains(line)) && shown.last() == found.last(), "{shown:?} of {found:?}");
+    assert!(text.contains("event: end\n"), "{text}");
+    let log = fs::read_to_string(folder.join("log")).unwrap();
+    assert!(log.contains("\"message\":\"ended after 3 frames\""), "{log}");
+    assert!(log.contains("\"route\":\"/v1/videos/{video}/tracks\",\"status\":200"), "{log}");
 }
