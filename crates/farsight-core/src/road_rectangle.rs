@@ -49,7 +49,9 @@ pub enum RoadRectangleError {
     #[error("the corners are no rectangle on a road; expected them one after the other around it")]
     Corners,
     /// The focal length cannot be told.
-    #[error("this rectangle does not tell the focal length; expected a larger one, with the sides as they were measured")]
+    #[error(
+        "this rectangle does not tell the focal length; expected a larger one, with the sides as they were measured"
+    )]
     Focal,
     /// The camera looks straight down.
     #[error("the camera looks straight down; expected one that looks ahead")]
@@ -108,7 +110,8 @@ impl RoadRectangle {
     fn homography(&self, middle: [f64; 2]) -> Option<[[f64; 3]; 3]> {
         let [p0, p1, p2, p3] = self.corners_px.map(|[u, v]| [u - middle[0], v - middle[1]]);
         // All four turn the same way, and none lies on a side.
-        let turn = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]);
+        let turn =
+            |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]);
         let turns = [turn(p0, p1, p2), turn(p1, p2, p3), turn(p2, p3, p0), turn(p3, p0, p1)];
         if !(turns.iter().all(|turn| *turn > 1.0) || turns.iter().all(|turn| *turn < -1.0)) {
             return None;

@@ -29,7 +29,8 @@ impl Client {
                 BufReader::new(stream)
             }
         };
-        let mut request = format!("{first_line} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n").into_bytes();
+        let mut request =
+            format!("{first_line} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n").into_bytes();
         request.extend_from_slice(body);
         stream.get_mut().write_all(&request)?;
         let (status, is_kept) = read_answer(&mut stream)?;

@@ -65,7 +65,8 @@ pub(super) async fn observed(State(shared): Service, request: Request, next: Nex
 fn request_id(headers: &HeaderMap) -> String {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let given = headers.get(REQUEST_ID).and_then(|id| id.to_str().ok());
-    let given = given.filter(|id| (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(|byte| byte.is_ascii_graphic()));
+    let given =
+        given.filter(|id| (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(|byte| byte.is_ascii_graphic()));
     given.map_or_else(
         || {
             // Unlike those of other processes of this machine, and of this one before it was started anew.
@@ -88,7 +89,8 @@ fn check_host(shared: &Shared, request: &Request) -> Result<(), Refusal> {
     if host.is_some_and(|host| is_own(host, &shared.config.hosts)) {
         return Ok(());
     }
-    let message = "the request is for another host; expected an address, localhost, or a name that the service was told of";
+    let message =
+        "the request is for another host; expected an address, localhost, or a name that the service was told of";
     Err(Refusal::new(StatusCode::MISDIRECTED_REQUEST, "wrong_host", message))
 }
 
@@ -135,11 +137,15 @@ mod tests {
     #[test]
     fn addresses_localhost_and_named_hosts_are_own() {
         let names = ["camera.example".to_owned()];
-        for own in ["127.0.0.1:8080", "127.0.0.1", "[::1]:8080", "localhost:8080", "LOCALHOST.", "a.localhost", "10.1.2.3:1"] {
+        for own in
+            ["127.0.0.1:8080", "127.0.0.1", "[::1]:8080", "localhost:8080", "LOCALHOST.", "a.localhost", "10.1.2.3:1"]
+        {
             assert!(is_own(own, &names), "{own}");
         }
         assert!(is_own("Camera.Example:443", &names));
-        for other in ["", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example", "camera.example.evil"] {
+        for other in
+            ["", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example", "camera.example.evil"]
+        {
             assert!(!is_own(other, &names), "{other}");
         }
     }

@@ -100,7 +100,12 @@ impl Metrics {
         all.register("video_watchers", "Streams of videos that are open", self.watchers.clone());
         let help = "From the head of a request to the head of its answer";
         all.register_with_unit("request", help, Unit::Seconds, self.answered.clone());
-        all.register_with_unit("wait", "From the body to the beginning of the work", Unit::Seconds, self.waited.clone());
+        all.register_with_unit(
+            "wait",
+            "From the body to the beginning of the work",
+            Unit::Seconds,
+            self.waited.clone(),
+        );
         all.register_with_unit("work", "Decoding and looking", Unit::Seconds, self.worked.clone());
         all.register_with_unit("stage", "Each stage of the work", Unit::Seconds, self.stages.clone());
         self
@@ -125,8 +130,7 @@ impl Metrics {
         let mean_s = if mean_s == 0.0 { time_s } else { mean_s + NEWEST * (time_s - mean_s) };
         self.mean_work_s.store(mean_s.to_bits(), Ordering::Relaxed);
         let Some(StageTimes { load, warp, network, decode, refine }) = stages else { return };
-        let stages =
-            [("load", load), ("warp", warp), ("network", network), ("decode", decode), ("refine", refine)];
+        let stages = [("load", load), ("warp", warp), ("network", network), ("decode", decode), ("refine", refine)];
         for (stage, time) in stages {
             self.stages.get_or_create(&Stage { stage }).observe(time.as_secs_f64());
         }

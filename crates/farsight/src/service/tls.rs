@@ -19,7 +19,9 @@ pub struct Tls(Arc<ServerConfig>);
 #[non_exhaustive]
 pub enum TlsError {
     /// The certificate file has none.
-    #[error("the certificate cannot be read: {0}; expected PEM with the certificate first and those that signed it after")]
+    #[error(
+        "the certificate cannot be read: {0}; expected PEM with the certificate first and those that signed it after"
+    )]
     Certificate(pem::Error),
     /// The key file has none.
     #[error("the key cannot be read: {0}; expected PEM with one private key")]

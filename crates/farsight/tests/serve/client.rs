@@ -9,9 +9,9 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use farsight::{CameraSource, StageTimes};
 use farsight::json::ImageRecord;
 use farsight::service::{Config, Look, LookError, Looked, ModelCard, Server};
+use farsight::{CameraSource, StageTimes};
 use serde_json::Value;
 
 /// An answer of the service.
@@ -138,4 +138,3 @@ impl Stage {
         }
     }
 }
-

@@ -76,7 +76,10 @@ fn the_program_listens_elsewhere_with_a_token_only() {
     std::fs::write(folder.path().join("long"), "0123456789abcdef").unwrap();
     for (arguments, told) in [
         (vec!["--listen", "0.0.0.0:0"], "expected --token-file FILE or FARSIGHT_TOKEN"),
-        (vec!["--listen", "0.0.0.0:0", "--token-file", "long"], "expected --tls-cert FILE and --tls-key FILE, or --plain-http"),
+        (
+            vec!["--listen", "0.0.0.0:0", "--token-file", "long"],
+            "expected --tls-cert FILE and --tls-key FILE, or --plain-http",
+        ),
         (vec!["--tls-cert", "none", "--tls-key", "none"], "none: cannot be read"),
         (vec!["--tls-cert", "short", "--tls-key", "short"], "short, short: the certificate cannot be read"),
         (vec!["--tls-cert", "short"], "--tls-key"),
@@ -88,7 +91,10 @@ fn the_program_listens_elsewhere_with_a_token_only() {
         (vec!["--camera", "front=none.txt"], "none.txt: cannot be read"),
         (vec!["--video", "front"], "expected NAME=INPUT"),
         (vec!["--video", "front=none.mp4"], "none.mp4: no such film"),
-        (vec!["--video", "front=rtsp://user:secret@127.0.0.1:1/"], "--video front: no camera of this name; expected --camera front"),
+        (
+            vec!["--video", "front=rtsp://user:secret@127.0.0.1:1/"],
+            "--video front: no camera of this name; expected --camera front",
+        ),
         (vec!["--camera", "a=60", "--camera", "a=70"], "--camera a: named twice"),
     ] {
         let output = program::farsight(folder.path(), &[&["serve"], arguments.as_slice()].concat());

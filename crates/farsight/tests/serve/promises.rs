@@ -28,8 +28,14 @@ fn one_more_than_the_queue_holds_is_refused_at_once() {
     assert_eq!([first.join().unwrap().status, second.join().unwrap().status], [200, 200]);
     assert_eq!(post(address, "?hfov=65", b"an image").status, 200);
     let metrics = get(address, "/metrics").body;
-    assert!(metrics.contains("farsight_requests_total{route=\"/v1/range\",status=\"429\",reason=\"queue_full\"} 1\n"), "{metrics}");
-    assert!(metrics.contains("farsight_requests_total{route=\"/v1/range\",status=\"200\",reason=\"ok\"} 3\n"), "{metrics}");
+    assert!(
+        metrics.contains("farsight_requests_total{route=\"/v1/range\",status=\"429\",reason=\"queue_full\"} 1\n"),
+        "{metrics}"
+    );
+    assert!(
+        metrics.contains("farsight_requests_total{route=\"/v1/range\",status=\"200\",reason=\"ok\"} 3\n"),
+        "{metrics}"
+    );
     assert!(metrics.contains("farsight_work_seconds_count 3\n"), "{metrics}");
 }
 

@@ -33,7 +33,10 @@ fn clients_of_the_protocol_find_the_model_and_get_tensors() {
     let answer = infer(&stage, &question);
     assert_eq!(answer.status, 200, "{answer:?}");
     let answer = answer.json();
-    assert_eq!((&answer["id"], &answer["model_name"], &answer["model_version"]), (&json!("7"), &json!("stand-in"), &json!("1")));
+    assert_eq!(
+        (&answer["id"], &answer["model_name"], &answer["model_version"]),
+        (&json!("7"), &json!("stand-in"), &json!("1"))
+    );
     let names: Vec<_> = answer["outputs"].as_array().unwrap().iter().map(|one| one["name"].clone()).collect();
     let described: Vec<_> = model["outputs"].as_array().unwrap().iter().map(|one| one["name"].clone()).collect();
     assert_eq!(names, described);
@@ -55,7 +58,8 @@ fn pixels_and_binary_tensors_are_taken_and_given() {
     })
     .to_string();
     let body = [head.as_bytes(), &pixels].concat();
-    let lengths = [format!("Content-Length: {}", body.len()), format!("Inference-Header-Content-Length: {}", head.len())];
+    let lengths =
+        [format!("Content-Length: {}", body.len()), format!("Inference-Header-Content-Length: {}", head.len())];
     let answer = sent(stage.server.address(), INFER, &[&lengths[0], &lengths[1]], &body);
     assert_eq!(answer.status, 200, "{answer:?}");
     // Pixels go the way of every other image file.
@@ -64,7 +68,8 @@ fn pixels_and_binary_tensors_are_taken_and_given() {
     let length = answer.head.split("inference-header-content-length: ").nth(1).unwrap();
     let length: usize = length.split("\r\n").next().unwrap().parse().unwrap();
     let told: Value = serde_json::from_str(&answer.body[..length]).unwrap();
-    let projection = json!({"name": "projection", "datatype": "FP64", "shape": [3, 4], "parameters": {"binary_data_size": 96}});
+    let projection =
+        json!({"name": "projection", "datatype": "FP64", "shape": [3, 4], "parameters": {"binary_data_size": 96}});
     assert_eq!(told["outputs"], json!([projection, {"name": "score", "datatype": "FP64", "shape": [0], "data": []}]));
 }
 
@@ -162,7 +167,12 @@ fn four_points_make_a_camera_that_requests_and_files_take() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("camera.txt");
     std::fs::write(&file, answer["calibration"].as_str().unwrap()).unwrap();
-    let rows: Vec<String> = answer["projection"].as_array().unwrap().iter().map(|row| row.as_array().unwrap().iter().map(Value::to_string).collect::<Vec<_>>().join(",")).collect();
+    let rows: Vec<String> = answer["projection"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| row.as_array().unwrap().iter().map(Value::to_string).collect::<Vec<_>>().join(","))
+        .collect();
     let answer = crate::client::post(stage.server.address(), &format!("?projection={}", rows.join(",")), b"an image");
     assert_eq!(answer.status, 200, "{answer:?}");
     let seen = stage.stand_in.seen.lock().unwrap();
@@ -180,10 +190,18 @@ fn rectangles_that_are_none_are_told() {
     crossed.swap(1, 2);
     for (question, status, told) in [
         (json!({"width": 1280, "height": 720, "corners_px": crossed, "sides_m": [3.5, 8.0]}), 422, "no rectangle"),
-        (json!({"width": 1280, "height": 720, "corners_px": CORNERS, "sides_m": [3.5, 0.0]}), 422, "two positive numbers"),
+        (
+            json!({"width": 1280, "height": 720, "corners_px": CORNERS, "sides_m": [3.5, 0.0]}),
+            422,
+            "two positive numbers",
+        ),
         (json!({"width": 0, "height": 720, "corners_px": CORNERS, "sides_m": [3.5, 8.0]}), 400, "no pixels"),
         (json!({"width": 1280, "height": 720, "corners_px": CORNERS[..3], "sides_m": [3.5, 8.0]}), 400, "corners_px"),
-        (json!({"width": 1280, "height": 720, "corners_px": CORNERS, "sides": [3.5, 8.0]}), 400, "unknown field `sides`"),
+        (
+            json!({"width": 1280, "height": 720, "corners_px": CORNERS, "sides": [3.5, 8.0]}),
+            400,
+            "unknown field `sides`",
+        ),
     ] {
         let answer = calibrated(&stage, &question);
         assert_eq!(answer.status, status, "{answer:?}");

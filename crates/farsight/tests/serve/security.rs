@@ -132,7 +132,8 @@ fn it_speaks_tls_and_nothing_else_where_it_has_a_certificate() {
 #[test]
 fn the_page_needs_nothing_from_elsewhere() {
     let stage = Stage::new(Config::default());
-    let scripts = ["/page.js", "/geometry.js", "/drawing.js", "/film.js", "/corners.js"].map(|path| (path, "text/javascript"));
+    let scripts =
+        ["/page.js", "/geometry.js", "/drawing.js", "/film.js", "/corners.js"].map(|path| (path, "text/javascript"));
     for (path, kind) in [("/", "text/html"), ("/page.css", "text/css")].into_iter().chain(scripts) {
         let page = get(stage.server.address(), path);
         assert_eq!(page.status, 200);

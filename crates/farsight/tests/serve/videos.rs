@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use farsight::service::{Config, Log, Look, LogRecord, SeenFrame, SeenFrames, Server, Video, VideoFailure};
+use farsight::service::{Config, Log, LogRecord, Look, SeenFrame, SeenFrames, Server, Video, VideoFailure};
 use farsight::{Box2d, Box3d, Camera, Detection, RgbImage};
 use serde_json::{Value, json};
 

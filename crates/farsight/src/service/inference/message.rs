@@ -73,7 +73,9 @@ impl Question {
                 .ok()
                 .and_then(|length| length.parse().ok())
                 .filter(|length| *length <= body.len())
-                .ok_or_else(|| Refusal::bad_request("Inference-Header-Content-Length is no length of JSON in the body"))?,
+                .ok_or_else(|| {
+                    Refusal::bad_request("Inference-Header-Content-Length is no length of JSON in the body")
+                })?,
         };
         let head = serde_json::from_slice(&body[..length])
             .map_err(|error| Refusal::bad_request(format!("the request is no such JSON: {error}")))?;
@@ -164,7 +166,8 @@ fn pixels(data: &Value) -> Result<Vec<u8>, Refusal> {
         Some(())
     }
     let mut pixels = Vec::new();
-    add(data, &mut pixels).ok_or_else(|| Refusal::bad_request("input \"image\": expected whole numbers from 0 to 255"))?;
+    add(data, &mut pixels)
+        .ok_or_else(|| Refusal::bad_request("input \"image\": expected whole numbers from 0 to 255"))?;
     Ok(pixels)
 }
 

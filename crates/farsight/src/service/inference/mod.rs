@@ -58,7 +58,8 @@ pub(super) async fn ready(State(shared): Service) -> Result<Json<Value>, Refusal
 /// `GET /v2/models/{model}`.
 pub(super) async fn model(State(shared): Service, Path(name): Path<String>) -> Result<Json<Value>, ProtocolRefusal> {
     check_model(&shared, &name)?;
-    let tensor = |(name, datatype, shape): &(&str, &str, &[i64])| json!({"name": name, "datatype": datatype, "shape": shape});
+    let tensor =
+        |(name, datatype, shape): &(&str, &str, &[i64])| json!({"name": name, "datatype": datatype, "shape": shape});
     Ok(Json(json!({
         "name": name,
         "versions": [shared.card.version],

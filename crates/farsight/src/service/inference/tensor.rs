@@ -90,7 +90,9 @@ pub(super) fn file_from_element(bytes: &Bytes) -> Result<Bytes, Refusal> {
     let length = bytes.first_chunk::<4>().map(|length| u32::from_le_bytes(*length) as usize);
     match length {
         Some(length) if length == bytes.len() - 4 && length > 0 => Ok(bytes.slice(4..)),
-        _ => Err(Refusal::bad_request("input \"image\": expected one datum with its length before it (4 bytes, little-endian)")),
+        _ => Err(Refusal::bad_request(
+            "input \"image\": expected one datum with its length before it (4 bytes, little-endian)",
+        )),
     }
 }
 

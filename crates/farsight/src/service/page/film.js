@@ -1,6 +1,8 @@
 // Watching a film or camera: its tracks as server-sent events, its frames as a stream of JPEG. Both by fetch, which can bring a token.
 
 const KEPT_RECORDS = 100;
+/** How long the last frames may take after the end of the tracks. */
+const LAST_FRAMES_MS = 3000;
 
 /**
  * Watches until the film ends or `signal` says so. `show(image, record)` gets each frame with its tracks, `camera` what took it.
@@ -16,7 +18,7 @@ export async function watch(name, { headers, signal, camera, show }) {
   const frames = readFrames(parts, async (number, jpeg) => {
     const image = await createImageBitmap(jpeg);
     // Its tracks come first, as they are shorter; where they did not, those before it are nearly right.
-    show(image, records.get(number) ?? [...records.values()].at(-1));
+    if (!over.signal.aborted) show(image, records.get(number) ?? [...records.values()].at(-1));
   });
   try {
     return await readEvents(events, (event, data) => {
@@ -27,8 +29,8 @@ export async function watch(name, { headers, signal, camera, show }) {
       }
     });
   } finally {
-    // The last frame may still be on its way.
-    await Promise.race([frames.catch(() => {}), new Promise((resolve) => setTimeout(resolve, 500))]);
+    // The last frames may still be on their way; none is shown after the end was told.
+    await Promise.race([frames.catch(() => {}), new Promise((resolve) => setTimeout(resolve, LAST_FRAMES_MS))]);
     over.abort();
   }
 }
