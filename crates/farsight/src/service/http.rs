@@ -34,7 +34,7 @@ const PAGE: [(&str, &str, &str); 7] = [
     ("/corners.js", "text/javascript", include_str!("page/corners.js")),
 ];
 
-/// The description of all paths, OpenAPI 3.1.
+/// The description of all paths (`OpenAPI` 3.1).
 const DESCRIPTION: &str = include_str!("openapi.json");
 
 /// All paths.

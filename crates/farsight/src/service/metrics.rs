@@ -1,4 +1,4 @@
-//! Counts and times, in the text format of OpenMetrics, which Prometheus reads.
+//! Counts and times, in the text format of `OpenMetrics`, which Prometheus reads.
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::Duration;

@@ -126,7 +126,7 @@ impl Watcher {
         let camera = json!({"width": width, "height": height, "projection": shown.seen.camera.projection}).to_string();
         let mut event = String::new();
         if camera != self.camera {
-            event += &format!("event: camera\ndata: {camera}\n\n");
+            event = format!("event: camera\ndata: {camera}\n\n");
             self.camera = camera;
         }
         // These records are text and numbers, which JSON has.

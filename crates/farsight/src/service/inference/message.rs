@@ -65,7 +65,7 @@ pub(super) struct Asked {
 
 impl Question {
     /// The request in a body.
-    pub(super) fn read(headers: &HeaderMap, body: Bytes) -> Result<Self, Refusal> {
+    pub(super) fn read(headers: &HeaderMap, body: &Bytes) -> Result<Self, Refusal> {
         let length = match headers.get(JSON_LENGTH) {
             None => body.len(),
             Some(length) => length
@@ -126,7 +126,7 @@ impl Question {
             "UINT8" => false,
             _ => return Err(Refusal::bad_request("input \"image\": expected the datatype BYTES or UINT8")),
         };
-        if is_file && !(shape.iter().all(|side| *side == 1) && !shape.is_empty()) {
+        if is_file && (shape.is_empty() || shape.iter().any(|side| *side != 1)) {
             return Err(Refusal::bad_request("input \"image\": expected one image, of shape [1]"));
         }
         if let Some(size) = parameters.get(BINARY_SIZE) {
@@ -172,7 +172,7 @@ fn pixels(data: &Value) -> Result<Vec<u8>, Refusal> {
 }
 
 /// The response.
-pub(super) fn answer(card: &ModelCard, id: Option<&str>, outputs: Vec<Output>, wanted: Option<&[Asked]>) -> Response {
+pub(super) fn answer(card: &ModelCard, id: Option<&str>, outputs: &[Output], wanted: Option<&[Asked]>) -> Response {
     let mut told = Vec::new();
     let mut binary = Vec::new();
     let mut tell = |output: &Output, is_binary: bool| {

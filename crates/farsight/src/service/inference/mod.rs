@@ -1,5 +1,5 @@
 //! The Open Inference Protocol, version 2 (<https://github.com/kserve/open-inference-protocol>), with its extension for binary tensors:
-//! what clients of Triton and KServe speak.
+//! what clients of Triton and `KServe` speak.
 //!
 //! One request is one image: `image` as a file's bytes (`BYTES [1]`, base64 in JSON) or as pixels (`UINT8 [height, width, 3]`, RGB). Its
 //! camera stands in the request's parameters, by the names that `/v1/range` has.
@@ -95,13 +95,13 @@ pub(super) async fn infer(
     }
     let (body, place) = admitted(&shared, &headers, body)?;
     let bytes: Bytes = read(body, deadline).await?;
-    let question = Question::read(&headers, bytes)?;
+    let question = Question::read(&headers, &bytes)?;
     let query = CameraQuery::from_parameters(question.camera_parameters())?;
     let cameras = query.source(&shared.config)?;
     let wanted = question.wanted()?;
     let task = Task { bytes: question.image()?, name: PathBuf::from(UNNAMED), cameras };
     let record = shared.queue.answer(task, place, deadline).await?;
-    Ok(message::answer(&shared.card, question.id(), outputs(&record), wanted.as_deref()))
+    Ok(message::answer(&shared.card, question.id(), &outputs(&record), wanted.as_deref()))
 }
 
 fn check_model(shared: &Shared, name: &str) -> Result<(), Refusal> {
