@@ -151,9 +151,10 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
         bail!("no image to look at");
     }
     let job = Job::new(args, found.images, printer)?;
-    let builder = args.pipeline.builder(printer)?.range(args.range.kind());
+    let builder = args.pipeline.builder_for(&args.camera, printer)?.range(args.range.kind());
     let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
     let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?;
+    pipeline_args::tell_doubt(&pipeline, printer);
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }
