@@ -68,15 +68,6 @@ pub(super) async fn calibrate(
     let shown_px = shown_px.filter(|shown| shown.is_finite() && *shown >= 1.0).unwrap_or(SCREEN_PX);
     let sigmas = sigmas(&rectangle, size, &found, CLICK_PX * f64::from(width) / shown_px);
     let RoadCamera { camera, hfov_deg, height_m, pitch_deg, roll_deg, residual_px } = found;
-    let calibration = Calibration {
-        p2: camera.projection,
-        p0: None,
-        p1: None,
-        p3: None,
-        r0_rect: None,
-        tr_velo_to_cam: None,
-        tr_imu_to_velo: None,
-    };
     Ok(Json(Answer {
         hfov_deg,
         hfov_sigma_deg: sigmas.map(|[hfov, _]| hfov),
@@ -86,7 +77,7 @@ pub(super) async fn calibrate(
         roll_deg,
         residual_px,
         projection: camera.projection,
-        calibration: calibration.to_text(),
+        calibration: Calibration::from_camera(&camera).to_text(),
     }))
 }
 
