@@ -5,7 +5,10 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 /// Size of an image in most requests, bytes: a small JPEG.
-pub(crate) const IMAGE_BYTES: usize = 20_000;
+const IMAGE_BYTES: usize = 20_000;
+
+/// That image. The stand-in does not look into it.
+pub(crate) static IMAGE: [u8; IMAGE_BYTES] = [0; IMAGE_BYTES];
 
 /// One connection at a time.
 pub(crate) struct Client {
@@ -20,14 +23,13 @@ impl Client {
 
     /// Sends a request and reads its answer: the status.
     pub(crate) fn ask(&mut self, first_line: &str, length: usize, body: &[u8]) -> io::Result<u16> {
-        let mut stream = match self.stream.take() {
-            Some(stream) => stream,
-            None => {
-                let stream = TcpStream::connect(self.address)?;
-                stream.set_nodelay(true)?;
-                stream.set_read_timeout(Some(Duration::from_secs(30)))?;
-                BufReader::new(stream)
-            }
+        let mut stream = if let Some(stream) = self.stream.take() {
+            stream
+        } else {
+            let stream = TcpStream::connect(self.address)?;
+            stream.set_nodelay(true)?;
+            stream.set_read_timeout(Some(Duration::from_secs(30)))?;
+            BufReader::new(stream)
         };
         let mut request =
             format!("{first_line} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n").into_bytes();

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::scope;
 
-use crate::client::{Client, IMAGE_BYTES};
+use crate::client::{Client, IMAGE};
 use crate::stand_in::{NO_IMAGE, PANIC};
 use crate::timed::unit;
 
@@ -39,9 +39,7 @@ pub(crate) fn run(address: SocketAddr, count: usize) -> Result<String, Box<dyn E
                     let is_bad = unit(&mut random) < BAD;
                     let kind = (unit(&mut random) * (WRONG.len() + 1) as f64) as usize;
                     let (answer, expected, place) = match WRONG.get(kind) {
-                        _ if !is_bad => {
-                            (client.ask("POST /v1/range?hfov=65", IMAGE_BYTES, &[0; IMAGE_BYTES]), 200, right)
-                        }
+                        _ if !is_bad => (client.ask("POST /v1/range?hfov=65", IMAGE.len(), &IMAGE), 200, right),
                         Some((line, body, length, status)) => {
                             (client.ask(line, length.unwrap_or(body.len()), body), *status, wrong)
                         }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::{scope, sleep};
 use std::time::{Duration, Instant};
 
-use crate::client::{Client, IMAGE_BYTES};
+use crate::client::{Client, IMAGE};
 
 const ASK: &str = "POST /v1/range?hfov=65";
 
@@ -122,7 +122,7 @@ fn next(todo: &Mutex<Receiver<()>>) -> bool {
 fn ask(client: &mut Client) -> Answer {
     let begun = Instant::now();
     // 0 is no answer.
-    let status = client.ask(ASK, IMAGE_BYTES, &[0; IMAGE_BYTES]).unwrap_or(0);
+    let status = client.ask(ASK, IMAGE.len(), &IMAGE).unwrap_or(0);
     (status, begun.elapsed().as_secs_f64() * 1e3)
 }
 

@@ -71,12 +71,10 @@ impl Video for Film {
         let mut state = 1_u32;
         Ok(Box::new((0..self.frames).map(move |number| {
             let _ = &reading;
-            let noise = |_, _| {
+            let image = RgbImage::from_fn(SIZE[0], SIZE[1], |_, _| {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 image::Rgb([(state >> 24) as u8; 3])
-            };
-            let mut noise = noise;
-            let image = RgbImage::from_fn(SIZE[0], SIZE[1], |x, y| noise(x, y));
+            });
             Ok(frame(number, number as f64 * frame_s, image, 65.0))
         })))
     }
