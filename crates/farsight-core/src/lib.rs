@@ -26,6 +26,7 @@ pub mod pose;
 pub mod range_error;
 pub mod references;
 pub mod road;
+pub mod road_rectangle;
 pub mod samplers;
 pub mod scalar;
 pub mod scale;

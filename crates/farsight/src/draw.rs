@@ -1,9 +1,12 @@
 //! Drawing what was found.
 
-use farsight_core::{Camera, Lens};
-use farsight_viz::{DrawOptions, Scene, picture};
+use std::fmt::Write;
+
+use farsight_core::{Camera, Detection, Lens};
+use farsight_viz::{DrawOptions, Scene, picture, picture_with_words};
 use image::RgbImage;
 
+use crate::json::TrackRecord;
 use crate::object::{DetectedObject, RangeKind, detections};
 
 /// The image with boxes and distances, and the view from above beside or below it.
@@ -33,4 +36,29 @@ fn drawn(
 ) -> RgbImage {
     let options = DrawOptions { distance_m: range.measure(), lens, ..DrawOptions::default() };
     picture(image, &Scene { camera, detections: &detections(objects), truth: &[] }, &options)
+}
+
+/// The frame of a video with its tracks, as [`draw`] has it: identities, distances, speeds, times to collision.
+///
+/// `tracks` and `detections` are the same, in the same order.
+pub fn draw_tracks(image: &RgbImage, camera: &Camera, detections: &[Detection], tracks: &[TrackRecord]) -> RgbImage {
+    let words: Vec<String> = tracks.iter().map(words).collect();
+    picture_with_words(image, &Scene { camera, detections, truth: &[] }, &DrawOptions::default(), &words)
+}
+
+/// `#7 Car 23.4 ±1.2 m  +3.1 ±0.4 m/s  6.9 s`.
+fn words(track: &TrackRecord) -> String {
+    let TrackRecord { id, class, range_m, range_sigma_m, .. } = track;
+    let mut words = format!("#{id} {class} {range_m:.1} ±{range_sigma_m:.1} m");
+    // Writing to a string cannot fail.
+    if let (Some(mps), Some(sigma)) = (track.closing_mps, track.closing_sigma_mps) {
+        let _ = write!(words, "  {mps:+.1} ±{sigma:.1} m/s");
+    }
+    if let Some(ttc_s) = track.ttc_s {
+        let _ = write!(words, "  {ttc_s:.1} s");
+    }
+    if track.coasting {
+        words.push_str("  hidden");
+    }
+    words
 }

@@ -18,7 +18,7 @@
 //! that look again at what it found, suppression of what stands in one place, and the road plane under all of it.
 //! [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
 //! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw()`]
-//! draws it. A [`Tracker`] follows what the pipeline finds through the frames of a video.
+//! draws it. [`video`] follows what the pipeline finds through the frames of a video, by a [`Tracker`].
 //!
 //! Frames of reference are KITTI's: camera coordinates are metres with x right, y down, z forward; an object stands at
 //! the centre of its bottom face.
@@ -43,6 +43,7 @@ pub mod service;
 pub mod shipped;
 pub mod source;
 mod stages;
+pub mod video;
 
 use std::path::Path;
 

@@ -1,240 +1,151 @@
-//! Paths, requests and responses.
+//! The paths of the service.
 
-use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 
-use axum::body::{Body, Bytes, to_bytes};
-use axum::extract::rejection::QueryRejection;
-use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Query, Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
-use axum::middleware::{Next, from_fn_with_state};
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{MethodRouter, get, post};
 use axum::{Json, Router};
-use http_body_util::LengthLimitError;
-use serde::Deserialize;
 use serde_json::json;
-use tokio::sync::watch;
 
-use super::metrics::Metrics;
-use super::queue::{Queue, Task, deadline_in};
-use super::{Config, MAX_BODY_BYTES, Refusal};
-use crate::CameraSource;
-use crate::json::ImageRecord;
+use super::refusal::Refusal;
+use super::shared::{Service, Shared};
+use super::{calibrate, guard, inference, range, streams};
 
-/// What answers call an image that has no name.
-const UNNAMED: &str = "image";
-
-/// The page may load and ask this service, and nothing else.
-const CONTENT_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
-                              connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-/// What all requests share.
-pub(super) struct Shared {
-    pub(super) queue: Queue,
-    pub(super) metrics: Arc<Metrics>,
-    pub(super) config: Config,
-    pub(super) stopped: watch::Receiver<bool>,
+/// A path, what it answers to, and whether it asks for the token.
+struct Route {
+    #[cfg_attr(not(test), expect(dead_code, reason = "read by the test of the description"))]
+    method: &'static str,
+    path: &'static str,
+    needs_token: bool,
+    answer: MethodRouter<Arc<Shared>>,
 }
 
-type Service = State<Arc<Shared>>;
+/// What the page is made of: path, kind, text.
+const PAGE: [(&str, &str, &str); 7] = [
+    ("/", "text/html", include_str!("page/index.html")),
+    ("/page.css", "text/css", include_str!("page/page.css")),
+    ("/page.js", "text/javascript", include_str!("page/page.js")),
+    ("/geometry.js", "text/javascript", include_str!("page/geometry.js")),
+    ("/drawing.js", "text/javascript", include_str!("page/drawing.js")),
+    ("/film.js", "text/javascript", include_str!("page/film.js")),
+    ("/corners.js", "text/javascript", include_str!("page/corners.js")),
+];
+
+/// The description of all paths (`OpenAPI` 3.1).
+const DESCRIPTION: &str = include_str!("openapi.json");
+
+/// All paths.
+fn routes() -> Vec<Route> {
+    let open = |path, answer| Route { method: "get", path, needs_token: false, answer };
+    let page = |(path, kind, text): (&'static str, &'static str, &'static str)| {
+        open(path, get(move || async move { ([(header::CONTENT_TYPE, format!("{kind}; charset=utf-8"))], text) }))
+    };
+    let reads = |path, answer| Route { method: "get", path, needs_token: true, answer };
+    let asks = |path, answer| Route { method: "post", path, needs_token: true, answer };
+    let description = || async { ([(header::CONTENT_TYPE, "application/json")], DESCRIPTION) };
+    let mut routes: Vec<Route> = PAGE.into_iter().map(page).collect();
+    routes.extend([
+        open("/openapi.json", get(description)),
+        open("/v2", get(inference::server)),
+        open("/v2/health/live", get(inference::live)),
+        open("/v2/health/ready", get(inference::ready)),
+        reads("/v2/models/{model}", get(inference::model)),
+        reads("/v2/models/{model}/ready", get(inference::model_ready)),
+        asks("/v2/models/{model}/infer", post(inference::infer)),
+        asks("/v1/range", post(range::range)),
+        asks("/v1/calibrate", post(calibrate::calibrate)),
+        reads("/v1/cameras", get(cameras)),
+        reads("/v1/videos/{video}/tracks", get(streams::tracks)),
+        reads("/v1/videos/{video}/frames", get(streams::frames)),
+        reads("/metrics", get(metrics)),
+    ]);
+    routes
+}
 
 /// The paths of the service.
 pub(super) fn router(shared: Arc<Shared>) -> Router {
-    let guarded = Router::new()
-        .route("/v1/range", post(range))
-        .route("/v1/cameras", get(cameras))
-        .route("/metrics", get(metrics))
-        .layer(from_fn_with_state(Arc::clone(&shared), check_token));
-    let page =
-        |kind: &'static str, text: &'static str| get(move || async move { ([(header::CONTENT_TYPE, kind)], text) });
-    Router::new()
-        .route("/", page("text/html; charset=utf-8", include_str!("page/index.html")))
-        .route("/page.css", page("text/css; charset=utf-8", include_str!("page/page.css")))
-        .route("/page.js", page("text/javascript; charset=utf-8", include_str!("page/page.js")))
-        .route("/v2/health/live", get(|| async { Json(json!({"live": true})) }))
-        .route("/v2/health/ready", get(ready))
-        .merge(guarded)
-        .fallback(|| async {
-            Refusal::new(StatusCode::NOT_FOUND, "not_found", "no such path; docs/service.md has them")
+    let check_token = from_fn_with_state(Arc::clone(&shared), guard::check_token);
+    let observed = from_fn_with_state(Arc::clone(&shared), guard::observed);
+    let add = |router: Router<Arc<Shared>>, Route { path, needs_token, answer, .. }: Route| {
+        router.route(path, if needs_token { answer.layer(check_token.clone()) } else { answer })
+    };
+    routes()
+        .into_iter()
+        .fold(Router::new(), add)
+        .fallback(|| async { Refusal::not_found("not_found", "no such path; /openapi.json has them") })
+        .method_not_allowed_fallback(|| async {
+            let message = "the path does not answer to this method; /openapi.json says to which";
+            Refusal::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
         })
-        .layer(axum::middleware::map_response(with_headers))
+        .layer(observed)
         .with_state(shared)
 }
 
-/// What browsers are told of every response.
-async fn with_headers(mut response: Response) -> Response {
-    let headers: [(HeaderName, &'static str); 4] = [
-        (header::CONTENT_SECURITY_POLICY, CONTENT_POLICY),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::REFERRER_POLICY, "no-referrer"),
-        (header::CACHE_CONTROL, "no-store"),
-    ];
-    for (name, value) in headers {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
-    }
-    response
-}
-
-async fn check_token(State(shared): Service, request: Request, next: Next) -> Response {
-    let Some(token) = &shared.config.token else { return next.run(request).await };
-    let given = request.headers().get(header::AUTHORIZATION).map(HeaderValue::as_bytes);
-    if given.and_then(|given| given.strip_prefix(b"Bearer ")).is_some_and(|given| token.is(given)) {
-        return next.run(request).await;
-    }
-    drain(request.into_body());
-    let message = "no token, or another one; expected the header Authorization: Bearer TOKEN";
-    Refusal::new(StatusCode::UNAUTHORIZED, "unauthorized", message).into_response()
-}
-
-async fn ready(State(shared): Service) -> Response {
-    if *shared.stopped.borrow() {
-        return Refusal::ending().into_response();
-    }
-    Json(json!({"ready": true})).into_response()
-}
-
 async fn metrics(State(shared): Service) -> Response {
-    let kind = [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")];
-    (kind, shared.metrics.text(shared.queue.inside())).into_response()
+    let kind = [(header::CONTENT_TYPE, "application/openmetrics-text; version=1.0.0; charset=utf-8")];
+    let queue = &shared.queue;
+    (kind, shared.metrics.text(queue.inside(), queue.waiting())).into_response()
 }
 
 async fn cameras(State(shared): Service) -> Response {
-    let names: Vec<&String> = shared.config.cameras.keys().collect();
-    Json(json!({"cameras": names})).into_response()
+    let cameras: Vec<&String> = shared.config.cameras.keys().collect();
+    let videos: Vec<&String> = shared.videos.names().collect();
+    Json(json!({"cameras": cameras, "videos": videos})).into_response()
 }
 
-/// The camera of an image, as the address says it.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraQuery {
-    camera: Option<String>,
-    hfov: Option<f64>,
-    fx: Option<f64>,
-    fy: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-}
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
 
-impl CameraQuery {
-    fn source(&self, config: &Config) -> Result<CameraSource, Refusal> {
-        let Self { camera, hfov, fx, fy, cx, cy } = self;
-        let ways = [camera.is_some(), hfov.is_some(), fx.is_some()].into_iter().filter(|way| *way).count();
-        if ways > 1 {
-            return Err(Refusal::bad_request("several cameras; expected one of camera=, hfov= and fx="));
+    use serde_json::Value;
+
+    use super::{DESCRIPTION, routes};
+
+    /// Methods and paths of the description, and those of them that say that they need the token.
+    fn described() -> [BTreeSet<(String, String)>; 2] {
+        let text: Value = serde_json::from_str(DESCRIPTION).unwrap();
+        let (mut all, mut guarded) = (BTreeSet::new(), BTreeSet::new());
+        for (path, methods) in text["paths"].as_object().unwrap() {
+            for (method, operation) in methods.as_object().unwrap() {
+                all.insert((method.clone(), path.clone()));
+                if operation.get("security").is_some() {
+                    guarded.insert((method.clone(), path.clone()));
+                }
+            }
         }
-        if fx.is_none() && [fy, cx, cy].iter().any(|value| value.is_some()) {
-            return Err(Refusal::bad_request("fy, cx and cy need fx=; expected it beside them"));
-        }
-        if let Some(name) = camera {
-            let known = || config.cameras.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-            let unknown = || {
-                let expected = if config.cameras.is_empty() { "none is stored here".to_owned() } else { known() };
-                let message = format!("no camera {name:?}; expected one of these: {expected}");
-                Refusal::new(StatusCode::NOT_FOUND, "no_camera", message)
-            };
-            return config.cameras.get(name).cloned().ok_or_else(unknown);
-        }
-        Ok(match (*fx, *hfov) {
-            (Some(fx), _) => CameraSource::Intrinsics { fx, fy: fy.unwrap_or(fx), cx: *cx, cy: *cy },
-            (None, Some(degrees)) => CameraSource::FieldOfView(degrees),
-            (None, None) => CameraSource::Exif,
-        })
+        [all, guarded]
     }
-}
 
-async fn range(
-    State(shared): Service,
-    query: Result<Query<CameraQuery>, QueryRejection>,
-    headers: HeaderMap,
-    body: Body,
-) -> Response {
-    let begun = Instant::now();
-    let answer = answer(&shared, query, headers, body).await;
-    let (status, reason) = answer.as_ref().map_or_else(|refusal| (refusal.status, refusal.reason), |_| (200, "ok"));
-    shared.metrics.answered(status, reason, begun.elapsed());
-    answer.map_or_else(IntoResponse::into_response, |record| Json(record).into_response())
-}
+    #[test]
+    fn the_description_has_every_path_and_no_other() {
+        let name = |route: &super::Route| (route.method.to_owned(), route.path.to_owned());
+        let all: BTreeSet<_> = routes().iter().map(name).collect();
+        let guarded: BTreeSet<_> = routes().iter().filter(|route| route.needs_token).map(name).collect();
+        assert_eq!(described(), [all, guarded]);
+    }
 
-async fn answer(
-    shared: &Shared,
-    query: Result<Query<CameraQuery>, QueryRejection>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<ImageRecord, Refusal> {
-    let deadline = deadline_in(shared.config.deadline);
-    let admitted = admitted(shared, query, &headers);
-    let (cameras, place) = match admitted {
-        Ok(admitted) => admitted,
-        Err(refusal) => {
-            drain(body);
-            return Err(refusal);
+    #[test]
+    fn everything_that_the_description_refers_to_is_in_it() {
+        fn references(value: &Value, found: &mut Vec<String>) {
+            match value {
+                Value::Object(fields) => {
+                    found.extend(fields.get("$ref").map(|to| to.as_str().unwrap().to_owned()));
+                    fields.values().for_each(|value| references(value, found));
+                }
+                Value::Array(values) => values.iter().for_each(|value| references(value, found)),
+                _ => {}
+            }
         }
-    };
-    let reading = image(headers, body);
-    let read = tokio::time::timeout_at(deadline.into(), reading).await;
-    let (bytes, name) = read.unwrap_or_else(|_| Err(Refusal::slow_body()))?;
-    shared.queue.answer(Task { bytes, name, cameras }, place, deadline).await
-}
-
-/// What shows before the body is read: its camera, and a place in the queue.
-fn admitted(
-    shared: &Shared,
-    query: Result<Query<CameraQuery>, QueryRejection>,
-    headers: &HeaderMap,
-) -> Result<(CameraSource, super::queue::Place), Refusal> {
-    let Query(query) = query.map_err(|error| Refusal::bad_request(error.body_text()))?;
-    let cameras = query.source(&shared.config)?;
-    let length = headers.get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-    if length.is_some_and(|length| length > MAX_BODY_BYTES as u64) {
-        return Err(Refusal::body_too_large());
-    }
-    Ok((cameras, shared.queue.place()?))
-}
-
-/// Reads what a refused client still sends, in moderation: one that is cut off while it sends sees no answer.
-fn drain(body: Body) {
-    tokio::spawn(async move {
-        let reading = to_bytes(body, MAX_BODY_BYTES);
-        // What comes of it does not matter.
-        let _ = tokio::time::timeout(super::PAUSE * 20, reading).await;
-    });
-}
-
-/// The image in a body, raw or in a form, and its name.
-async fn image(headers: HeaderMap, body: Body) -> Result<(Bytes, PathBuf), Refusal> {
-    let bytes = to_bytes(body, MAX_BODY_BYTES).await.map_err(|error| refused_body(&error))?;
-    let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
-    if !kind.trim_start().to_ascii_lowercase().starts_with("multipart/form-data") {
-        return if bytes.is_empty() {
-            Err(Refusal::bad_request("the body is empty; expected an image file"))
-        } else {
-            Ok((bytes, UNNAMED.into()))
-        };
-    }
-    let mut request = Request::new(Body::from(bytes));
-    *request.headers_mut() = headers;
-    // It was counted above.
-    DefaultBodyLimit::disable().apply(&mut request);
-    let broken = |error: String| Refusal::bad_request(format!("the form is broken: {error}"));
-    let mut form = Multipart::from_request(request, &()).await.map_err(|error| broken(error.body_text()))?;
-    while let Some(field) = form.next_field().await.map_err(|error| broken(error.body_text()))? {
-        if field.file_name().is_some() || field.name() == Some("image") {
-            let name = field.file_name().and_then(|name| Path::new(name).file_name());
-            let name = name.map_or_else(|| PathBuf::from(UNNAMED), PathBuf::from);
-            let bytes = field.bytes().await.map_err(|error| broken(error.body_text()))?;
-            return Ok((bytes, name));
+        let text: Value = serde_json::from_str(DESCRIPTION).unwrap();
+        let mut found = Vec::new();
+        references(&text, &mut found);
+        assert!(found.len() > 20, "{found:?}");
+        for reference in found {
+            let pointer = reference.strip_prefix('#').unwrap();
+            assert!(text.pointer(pointer).is_some(), "{reference}");
         }
     }
-    Err(Refusal::bad_request("the form has no file; expected a field \"image\" with an image file"))
-}
-
-/// A body that is too long or broke off.
-fn refused_body(error: &axum::Error) -> Refusal {
-    if error.source().is_some_and(<dyn Error>::is::<LengthLimitError>) {
-        return Refusal::body_too_large();
-    }
-    Refusal::bad_request("the body broke off")
 }

@@ -1,103 +1,169 @@
-//! Counts and times, in the text format of Prometheus (0.0.4).
+//! Counts and times, in the text format of `OpenMetrics`, which Prometheus reads.
 
-use std::collections::BTreeMap;
-use std::fmt::Write;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::Duration;
 
+use farsight_runtime::StageTimes;
+use prometheus_client::encoding::EncodeLabelSet;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::{Registry, Unit};
+
 /// Upper ends of the bins of times, seconds.
-const BINS_S: [f64; 10] = [0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
+const BINS_S: [f64; 12] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
+
+/// The weight of the newest time in the mean of times.
+const NEWEST: f64 = 0.1;
+
+/// What became of a request.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Outcome {
+    route: String,
+    status: u16,
+    reason: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Stage {
+    stage: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Route {
+    route: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Video {
+    video: String,
+}
+
+type Times<L> = Family<L, Histogram, fn() -> Histogram>;
 
 /// What has happened since the service began.
-#[derive(Default)]
 pub(super) struct Metrics {
-    counts: Mutex<Counts>,
+    registry: Registry,
+    requests: Family<Outcome, Counter>,
+    answered: Times<Route>,
+    inside: Gauge,
+    waiting: Gauge,
+    connections: Gauge,
+    waited: Histogram,
+    worked: Histogram,
+    stages: Times<Stage>,
+    frames: Family<Video, Counter>,
+    failed_frames: Family<Video, Counter>,
+    watchers: Family<Video, Gauge>,
+    /// Of the work, seconds, the newest counting most; the bits of a float.
+    mean_work_s: AtomicU64,
 }
 
-#[derive(Default)]
-struct Counts {
-    /// By status and reason.
-    requests: BTreeMap<(u16, &'static str), u64>,
-    /// From the head of a request to its answer.
-    answered: Times,
-    /// Of the work alone.
-    worked: Times,
+fn histogram() -> Histogram {
+    Histogram::new(BINS_S)
 }
 
-#[derive(Default)]
-struct Times {
-    bins: [u64; BINS_S.len()],
-    count: u64,
-    sum_s: f64,
-}
-
-impl Times {
-    fn add(&mut self, time: Duration) {
-        let time_s = time.as_secs_f64();
-        for (bin, end_s) in self.bins.iter_mut().zip(BINS_S) {
-            *bin += u64::from(time_s <= end_s);
-        }
-        self.count += 1;
-        self.sum_s += time_s;
-    }
-
-    fn write(&self, name: &str, help: &str, text: &mut String) {
-        let Self { bins, count, sum_s } = self;
-        let mut line = |line: String| {
-            text.push_str(&line);
-            text.push('\n');
-        };
-        line(format!("# HELP {name} {help}"));
-        line(format!("# TYPE {name} histogram"));
-        for (bin, end_s) in bins.iter().zip(BINS_S) {
-            line(format!("{name}_bucket{{le=\"{end_s}\"}} {bin}"));
-        }
-        line(format!("{name}_bucket{{le=\"+Inf\"}} {count}"));
-        line(format!("{name}_sum {sum_s}"));
-        line(format!("{name}_count {count}"));
-    }
+fn times<L: Clone + Eq + std::hash::Hash>() -> Times<L> {
+    Family::new_with_constructor(histogram)
 }
 
 impl Metrics {
-    fn counts(&self) -> MutexGuard<'_, Counts> {
-        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn new() -> Self {
+        let new = Self {
+            registry: Registry::with_prefix("farsight"),
+            requests: Family::default(),
+            answered: times(),
+            inside: Gauge::default(),
+            waiting: Gauge::default(),
+            connections: Gauge::default(),
+            waited: histogram(),
+            worked: histogram(),
+            stages: times(),
+            frames: Family::default(),
+            failed_frames: Family::default(),
+            watchers: Family::default(),
+            mean_work_s: AtomicU64::new(0),
+        };
+        new.registered()
     }
 
-    /// An image that was asked about, with the status of its response.
-    pub(super) fn answered(&self, status: u16, reason: &'static str, time: Duration) {
-        let mut counts = self.counts();
-        *counts.requests.entry((status, reason)).or_insert(0) += 1;
-        counts.answered.add(time);
+    fn registered(mut self) -> Self {
+        let all = &mut self.registry;
+        all.register("requests", "Requests by path, status and reason", self.requests.clone());
+        all.register("requests_inside", "Images that wait or are looked at", self.inside.clone());
+        all.register("requests_waiting", "Images whose work has not begun", self.waiting.clone());
+        all.register("connections", "Connections that are open", self.connections.clone());
+        all.register("video_frames", "Frames of videos that were looked at", self.frames.clone());
+        all.register("video_failures", "Frames of videos that could not be looked at", self.failed_frames.clone());
+        all.register("video_watchers", "Streams of videos that are open", self.watchers.clone());
+        let help = "From the head of a request to the head of its answer";
+        all.register_with_unit("request", help, Unit::Seconds, self.answered.clone());
+        all.register_with_unit(
+            "wait",
+            "From the body to the beginning of the work",
+            Unit::Seconds,
+            self.waited.clone(),
+        );
+        all.register_with_unit("work", "Decoding and looking", Unit::Seconds, self.worked.clone());
+        all.register_with_unit("stage", "Each stage of the work", Unit::Seconds, self.stages.clone());
+        self
     }
 
-    /// An image that was looked at.
-    pub(super) fn worked(&self, time: Duration) {
-        self.counts().worked.add(time);
+    /// A request that was answered.
+    pub(super) fn answered(&self, route: &str, status: u16, reason: &'static str, time: Duration) {
+        self.requests.get_or_create(&Outcome { route: route.to_owned(), status, reason }).inc();
+        self.answered.get_or_create(&Route { route: route.to_owned() }).observe(time.as_secs_f64());
+    }
+
+    /// An image whose work began after so long a wait.
+    pub(super) fn began(&self, waited: Duration) {
+        self.waited.observe(waited.as_secs_f64());
+    }
+
+    /// An image that was looked at, with its stages if it got an answer.
+    pub(super) fn worked(&self, time: Duration, stages: Option<StageTimes>) {
+        let time_s = time.as_secs_f64();
+        self.worked.observe(time_s);
+        let mean_s = self.mean_work_s();
+        let mean_s = if mean_s == 0.0 { time_s } else { mean_s + NEWEST * (time_s - mean_s) };
+        self.mean_work_s.store(mean_s.to_bits(), Ordering::Relaxed);
+        let Some(StageTimes { load, warp, network, decode, refine }) = stages else { return };
+        let stages = [("load", load), ("warp", warp), ("network", network), ("decode", decode), ("refine", refine)];
+        for (stage, time) in stages {
+            self.stages.get_or_create(&Stage { stage }).observe(time.as_secs_f64());
+        }
     }
 
     /// Mean time of the work, seconds; zero before there was some.
     pub(super) fn mean_work_s(&self) -> f64 {
-        let Times { count, sum_s, .. } = self.counts().worked;
-        if count == 0 { 0.0 } else { sum_s / count as f64 }
+        f64::from_bits(self.mean_work_s.load(Ordering::Relaxed))
     }
 
-    /// The page of metrics.
-    pub(super) fn text(&self, inside: usize) -> String {
-        let counts = self.counts();
+    /// How many connections are open.
+    pub(super) fn connections(&self) -> &Gauge<i64, AtomicI64> {
+        &self.connections
+    }
+
+    /// A frame of a video that was looked at, or could not be.
+    pub(super) fn frame(&self, video: &str, is_good: bool) {
+        let frames = if is_good { &self.frames } else { &self.failed_frames };
+        frames.get_or_create(&Video { video: video.to_owned() }).inc();
+    }
+
+    /// How many streams of a video are open.
+    pub(super) fn watchers(&self, video: &str) -> Gauge {
+        self.watchers.get_or_create_owned(&Video { video: video.to_owned() })
+    }
+
+    /// The page of metrics, with so many requests inside and so many of them waiting.
+    pub(super) fn text(&self, inside: usize, waiting: usize) -> String {
+        self.inside.set(inside as i64);
+        self.waiting.set(waiting as i64);
         let mut text = String::new();
-        text.push_str("# HELP farsight_requests_total Images that were asked about, by status and reason.\n");
-        text.push_str("# TYPE farsight_requests_total counter\n");
-        for ((status, reason), count) in &counts.requests {
-            let labels = format!("status=\"{status}\",reason=\"{reason}\"");
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "farsight_requests_total{{{labels}}} {count}");
-        }
-        text.push_str("# HELP farsight_requests_inside Images that wait or are looked at.\n");
-        text.push_str("# TYPE farsight_requests_inside gauge\n");
-        let _ = writeln!(text, "farsight_requests_inside {inside}");
-        let help = "From the head of a request to its answer.";
-        counts.answered.write("farsight_request_seconds", help, &mut text);
-        counts.worked.write("farsight_work_seconds", "Decoding and looking.", &mut text);
+        // Writing to a string cannot fail.
+        let _ = encode(&mut text, &self.registry);
         text
     }
 }

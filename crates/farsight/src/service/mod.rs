@@ -2,14 +2,26 @@
 //!
 //! A [`Server`] looks at images with a [`Look`], a [`Pipeline`](crate::Pipeline) in use. At most so many requests are
 //! inside at once; one more is refused at once with 429, before its body is read. What waited past its deadline is
-//! answered with 504 and never begun. A panic of one request answers 500 and harms no other. No image is kept.
+//! answered with 504 and never begun. A panic of one request answers 500 and harms no other. Films and cameras run while
+//! somebody watches them. No image is kept.
 
+mod accept;
+mod calibrate;
+mod camera_query;
+mod guard;
 mod http;
+mod inference;
+mod log;
 mod look;
 mod metrics;
 mod queue;
+mod range;
 mod refusal;
+mod shared;
+mod streams;
+mod tls;
 mod token;
+mod videos;
 
 use std::collections::BTreeMap;
 use std::future::poll_fn;
@@ -20,37 +32,28 @@ use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
 
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
-use hyper_util::service::TowerToHyperService;
 use tokio::runtime::Runtime;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::CameraSource;
-use http::Shared;
 use metrics::Metrics;
 use queue::Queue;
+use shared::Shared;
+use videos::Videos;
 
-pub use look::{Look, LookError};
+pub use log::{Log, LogRecord};
+pub use look::{Look, LookError, Looked, ModelCard};
 pub use refusal::Refusal;
+pub use tls::{Tls, TlsError};
 pub use token::{Token, TokenError};
+pub use videos::{SeenFrame, SeenFrames, Video, VideoFailure};
 
 /// Most pixels of an image, told from its header.
 pub const MAX_PIXELS: u64 = 40_000_000;
 
 /// Largest body of a request, bytes.
 pub const MAX_BODY_BYTES: usize = 16 << 20;
-
-/// Connections that are open at once; further ones wait to be accepted.
-const MAX_CONNECTIONS: usize = 256;
-
-/// How long a connection may take to say what it wants.
-const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// How long requests that are inside have when the service ends.
-const DRAIN_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// How long the service waits after an error of the system, for want of file handles for instance.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -68,12 +71,33 @@ pub struct Config {
     pub token: Option<Token>,
     /// Cameras by the names that requests may use.
     pub cameras: BTreeMap<String, CameraSource>,
+    /// Films and cameras that may be watched, by their names.
+    pub videos: BTreeMap<String, Arc<dyn Video>>,
+    /// Names of hosts that requests may be for, beside addresses and localhost; any, where there is a token.
+    pub hosts: Vec<String>,
+    /// The certificate, if it speaks TLS.
+    pub tls: Option<Tls>,
+    /// A client that takes nothing of its answer for so long is cut off.
+    pub write_timeout: Duration,
+    /// Who is told of each request.
+    pub log: Log,
 }
 
 impl Default for Config {
-    /// One worker, 32 that wait, ten seconds, no token.
+    /// One worker, 32 that wait, ten seconds, no token, no TLS.
     fn default() -> Self {
-        Self { workers: 1, queue: 32, deadline: Duration::from_secs(10), token: None, cameras: BTreeMap::new() }
+        Self {
+            workers: 1,
+            queue: 32,
+            deadline: Duration::from_secs(10),
+            token: None,
+            cameras: BTreeMap::new(),
+            videos: BTreeMap::new(),
+            hosts: Vec::new(),
+            tls: None,
+            write_timeout: Duration::from_secs(10),
+            log: Log::default(),
+        }
     }
 }
 
@@ -93,16 +117,18 @@ impl Server {
     pub fn start(listener: TcpListener, look: &Arc<dyn Look>, config: Config) -> io::Result<Self> {
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
-        let metrics = Arc::new(Metrics::default());
+        let metrics = Arc::new(Metrics::new());
         let queue = Queue::start(look, config.workers.max(1), config.queue, Arc::clone(&metrics))?;
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
         let (stop, stopped) = watch::channel(false);
-        let shared = Arc::new(Shared { queue, metrics, config, stopped: stopped.clone() });
+        let videos = Videos::new(&config.videos, &metrics, &config.log, &stopped);
+        let card = look.card();
+        let shared = Arc::new(Shared { queue, metrics, config, card, videos, stopped: stopped.clone() });
         let listener = {
             let _inside = runtime.enter();
             tokio::net::TcpListener::from_std(listener)?
         };
-        let accepting = runtime.spawn(accept(listener, shared, stopped));
+        let accepting = runtime.spawn(accept::accept(listener, shared, stopped));
         Ok(Self { address, runtime, stop, accepting })
     }
 
@@ -157,36 +183,4 @@ where
         Poll::Pending => Pin::new(&mut work).poll(context).map(Some),
     })
     .await
-}
-
-/// Accepts connections until the service ends, and waits for what is inside then.
-async fn accept(listener: tokio::net::TcpListener, shared: Arc<Shared>, mut stopped: watch::Receiver<bool>) {
-    let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-    let (service, graceful) = (TowerToHyperService::new(http::router(shared)), GracefulShutdown::new());
-    let mut stopping = Box::pin(async move {
-        // A server that is gone has been stopped, too.
-        let _ = stopped.wait_for(|stopped| *stopped).await;
-    });
-    loop {
-        let next = Box::pin(async {
-            let permit = Arc::clone(&connections).acquire_owned().await;
-            (permit, listener.accept().await)
-        });
-        let Some((permit, accepted)) = unless(&mut stopping, next).await else { break };
-        let (Ok(permit), Ok((stream, _))) = (permit, accepted) else {
-            tokio::time::sleep(PAUSE).await;
-            continue;
-        };
-        let mut builder = http1::Builder::new();
-        builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
-        let connection = graceful.watch(builder.serve_connection(TokioIo::new(stream), service.clone()));
-        tokio::spawn(async move {
-            // A client that went away, or speaks no HTTP.
-            let _ = connection.await;
-            drop(permit);
-        });
-    }
-    drop(listener);
-    // What is inside after this long is cut off with the runtime.
-    let _ = tokio::time::timeout(DRAIN_TIMEOUT, graceful.shutdown()).await;
 }

@@ -3,7 +3,7 @@
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
+use super::look::Look;
 use super::metrics::Metrics;
-use super::{Look, Refusal};
+use super::refusal::Refusal;
 use crate::CameraSource;
 use crate::json::ImageRecord;
 
@@ -24,13 +25,14 @@ pub(super) struct Task {
     pub(super) cameras: CameraSource,
 }
 
-type Answer = Result<ImageRecord, Refusal>;
+pub(super) type Answer = Result<ImageRecord, Refusal>;
 
 /// What is on its way through the queue.
 struct Job {
     task: Task,
     turn: Arc<Turn>,
     reply: oneshot::Sender<Answer>,
+    since: Instant,
     /// Given back when the job is done or dropped: what a client left behind still counts.
     place: OwnedSemaphorePermit,
 }
@@ -57,6 +59,8 @@ pub(super) struct Queue {
     places: Arc<Semaphore>,
     all_places: usize,
     workers: usize,
+    /// Jobs that are done now.
+    working: Arc<AtomicUsize>,
     metrics: Arc<Metrics>,
 }
 
@@ -70,13 +74,18 @@ impl Queue {
     ) -> io::Result<Self> {
         let (jobs, todo) = channel();
         let todo = Arc::new(Mutex::new(todo));
+        let working = Arc::new(AtomicUsize::new(0));
         for number in 0..workers {
-            let (look, todo, metrics) = (Arc::clone(look), Arc::clone(&todo), Arc::clone(&metrics));
-            let name = format!("farsight-{number}");
-            thread::Builder::new().name(name).spawn(move || work(&*look, &todo, &metrics))?;
+            let worker = Worker {
+                look: Arc::clone(look),
+                todo: Arc::clone(&todo),
+                working: Arc::clone(&working),
+                metrics: Arc::clone(&metrics),
+            };
+            thread::Builder::new().name(format!("farsight-{number}")).spawn(move || worker.work())?;
         }
         let all_places = workers + waiting;
-        Ok(Self { jobs, places: Arc::new(Semaphore::new(all_places)), all_places, workers, metrics })
+        Ok(Self { jobs, places: Arc::new(Semaphore::new(all_places)), all_places, workers, working, metrics })
     }
 
     /// A place for one more, at once or not at all.
@@ -90,6 +99,11 @@ impl Queue {
         self.all_places - self.places.available_permits()
     }
 
+    /// Requests that are inside and whose work has not begun.
+    pub(super) fn waiting(&self) -> usize {
+        self.inside().saturating_sub(self.working.load(Ordering::Relaxed))
+    }
+
     /// How long the queue takes to be empty at its present speed, seconds, at least one.
     fn retry_after_s(&self) -> u64 {
         let rounds = self.inside().div_ceil(self.workers) as f64;
@@ -100,7 +114,7 @@ impl Queue {
     pub(super) async fn answer(&self, task: Task, Place(place): Place, deadline: Instant) -> Answer {
         let (reply, mut answer) = oneshot::channel();
         let turn = Arc::new(Turn::default());
-        let job = Job { task, turn: Arc::clone(&turn), reply, place };
+        let job = Job { task, turn: Arc::clone(&turn), reply, since: Instant::now(), place };
         if self.jobs.send(job).is_err() {
             return Err(Refusal::ending());
         }
@@ -116,24 +130,41 @@ impl Queue {
 }
 
 /// One thread: does jobs until the service is gone.
-fn work(look: &dyn Look, todo: &Mutex<Receiver<Job>>, metrics: &Metrics) {
-    loop {
-        let next = todo.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(Job { task, turn, reply, place }) = next else { return };
-        // Nobody waits for what was given up or whose client went away.
-        if reply.is_closed() || !turn.take(Turn::BEGUN) {
-            continue;
+struct Worker {
+    look: Arc<dyn Look>,
+    todo: Arc<Mutex<Receiver<Job>>>,
+    working: Arc<AtomicUsize>,
+    metrics: Arc<Metrics>,
+}
+
+impl Worker {
+    fn work(self) {
+        loop {
+            let next = self.todo.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let Ok(Job { task, turn, reply, since, place }) = next else { return };
+            // Nobody waits for what was given up or whose client went away.
+            if reply.is_closed() || !turn.take(Turn::BEGUN) {
+                continue;
+            }
+            self.metrics.began(since.elapsed());
+            self.working.fetch_add(1, Ordering::Relaxed);
+            let answer = self.answer(&task);
+            self.working.fetch_sub(1, Ordering::Relaxed);
+            drop(place);
+            // The client may be gone by now.
+            let _ = reply.send(answer);
         }
+    }
+
+    fn answer(&self, task: &Task) -> Answer {
         let begun = Instant::now();
-        let looked = catch_unwind(AssertUnwindSafe(|| look.look(&task.bytes, &task.name, &task.cameras)));
-        metrics.worked(begun.elapsed());
-        let answer = match looked {
-            Ok(answer) => answer.map_err(|error| Refusal::from(&error)),
+        let looked = catch_unwind(AssertUnwindSafe(|| self.look.look(&task.bytes, &task.name, &task.cameras)));
+        let stages = looked.as_ref().ok().and_then(|looked| Some(looked.as_ref().ok()?.times));
+        self.metrics.worked(begun.elapsed(), stages);
+        match looked {
+            Ok(looked) => looked.map(|looked| looked.record).map_err(|error| Refusal::from(&error)),
             Err(_) => Err(Refusal::panicked()),
-        };
-        drop(place);
-        // The client may be gone by now.
-        let _ = reply.send(answer);
+        }
     }
 }
 

@@ -4,9 +4,10 @@ use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use farsight_data::ImageError;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{LookError, MAX_BODY_BYTES};
+use super::MAX_BODY_BYTES;
+use super::look::LookError;
 use crate::CameraSourceError;
 
 /// Why a request gets no answer.
@@ -29,6 +30,10 @@ impl Refusal {
 
     pub(super) fn bad_request(message: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, "bad_request", message)
+    }
+
+    pub(super) fn not_found(reason: &'static str, message: impl Into<String>) -> Self {
+        Self::new(StatusCode::NOT_FOUND, reason, message)
     }
 
     pub(super) fn queue_full(retry_after_s: u64) -> Self {
@@ -86,12 +91,17 @@ impl From<&LookError> for Refusal {
     }
 }
 
-impl IntoResponse for Refusal {
-    fn into_response(self) -> Response {
-        let Self { status, reason, message, retry_after_s } = self;
+/// The reason of a refusal, for metrics and logs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reason(pub(super) &'static str);
+
+impl Refusal {
+    /// The response with this body instead of the usual one.
+    pub(super) fn response(&self, body: &Value) -> Response {
+        let Self { status, reason, retry_after_s, .. } = *self;
         let status = StatusCode::from_u16(status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        let body = Json(json!({"error": {"reason": reason, "message": message}}));
-        let mut response = (status, body).into_response();
+        let mut response = (status, Json(body)).into_response();
+        response.extensions_mut().insert(Reason(reason));
         if let Some(seconds) = retry_after_s {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
@@ -99,5 +109,11 @@ impl IntoResponse for Refusal {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
         response
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        self.response(&json!({"error": {"reason": self.reason, "message": self.message}}))
     }
 }

@@ -8,19 +8,19 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use farsight::RgbImage;
+use farsight::draw::draw_tracks;
 use farsight::json::{FrameRecord, TrackRecord};
+use farsight::video::{Followed, VideoFrame, VideoSource};
 use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
 use farsight_files::write_atomically;
-use farsight_viz::{DrawOptions, Scene, picture_with_words};
 use image::codecs::png::PngEncoder;
 use tempfile::NamedTempFile;
 
+use super::TrackArgs;
 use super::film::Film;
 use super::scratch::{scratch_beside, unwritable};
-use super::source::{Source, VideoFrame};
-use super::{Told, TrackArgs};
 use crate::inputs::identity;
 use crate::outputs;
 use crate::printer::Printer;
@@ -64,7 +64,7 @@ last_speed_mps,last_speed_sigma_mps";
 
 impl Sinks {
     /// Checks what can be checked before the first frame.
-    pub(super) fn check(args: &TrackArgs, source: &Source) -> Result<Self> {
+    pub(super) fn check(args: &TrackArgs, source: &VideoSource) -> Result<Self> {
         let TrackArgs { json, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
         let inputs = || {
             let camera = args.camera.calib.iter().chain(&args.ego).cloned();
@@ -121,11 +121,11 @@ impl Sinks {
     pub(super) fn add(
         &mut self,
         frame: &VideoFrame,
-        record: &FrameRecord,
-        told: &Told,
+        followed: &Followed,
         fps: Option<f64>,
         printer: &mut Printer,
     ) -> Result<()> {
+        let record = &followed.record;
         let line = serde_json::to_string(record)?;
         if self.prints_json {
             printer.line(&line);
@@ -140,20 +140,20 @@ impl Sinks {
             file.write_all((line + "\n").as_bytes()).with_context(|| unwritable(path))?;
         }
         if let Some((path, file)) = &mut self.kitti {
-            file.write_all(kitti_rows(record, &told.detections).as_bytes()).with_context(|| unwritable(path))?;
+            file.write_all(kitti_rows(record, &followed.detections()).as_bytes()).with_context(|| unwritable(path))?;
         }
         for track in &record.tracks {
             Summary::add(&mut self.summary, record, track);
         }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
-                let picture = drawn(frame, record, told);
+                let picture = drawn(frame, followed);
                 let target = folder.join(format!("{:06}.png", record.frame));
                 write_atomically(&target, |out| {
                     picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other)
                 })?;
             }
-            Some(Pictures::Film(film)) => film.add(record.time_s, &drawn(frame, record, told), fps)?,
+            Some(Pictures::Film(film)) => film.add(record.time_s, &drawn(frame, followed), fps)?,
             None => {}
         }
         Ok(())
@@ -282,25 +282,6 @@ fn kitti_rows(record: &FrameRecord, detections: &[Detection]) -> String {
 }
 
 /// The frame with its tracks.
-fn drawn(frame: &VideoFrame, record: &FrameRecord, told: &Told) -> RgbImage {
-    let scene = Scene { camera: &told.camera, detections: &told.detections, truth: &[] };
-    let words: Vec<String> = record.tracks.iter().map(words).collect();
-    picture_with_words(&frame.image, &scene, &DrawOptions::default(), &words)
-}
-
-/// `#7 Car 23.4 ±1.2 m  closing 3.1 ±0.4 m/s  ttc 6.9 s`.
-fn words(track: &TrackRecord) -> String {
-    let TrackRecord { id, class, range_m, range_sigma_m, .. } = track;
-    let mut words = format!("#{id} {class} {range_m:.1} ±{range_sigma_m:.1} m");
-    if let (Some(mps), Some(sigma)) = (track.closing_mps, track.closing_sigma_mps) {
-        // Writing to a string cannot fail.
-        let _ = write!(words, "  {mps:+.1} ±{sigma:.1} m/s");
-    }
-    if let Some(ttc_s) = track.ttc_s {
-        let _ = write!(words, "  {ttc_s:.1} s");
-    }
-    if track.coasting {
-        words.push_str("  hidden");
-    }
-    words
+fn drawn(frame: &VideoFrame, followed: &Followed) -> RgbImage {
+    draw_tracks(&frame.image, &followed.camera, &followed.detections(), &followed.record.tracks)
 }

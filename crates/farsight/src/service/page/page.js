@@ -1,267 +1,208 @@
-const COLORS = { Car: "#4da3ff", Van: "#37c2b4", Truck: "#ff9f40", Pedestrian: "#ff5f7e", Cyclist: "#c98bff" };
-const OTHER_COLOR = "#9bd14b";
-const MARKS_M = [10, 20, 40];
-const LONGEST_SIDE = 1920;
+import { Corners } from "./corners.js";
+import { color, distance, drawAbove, drawPicture, title } from "./drawing.js";
+import { watch } from "./film.js";
+import { levelProjection } from "./geometry.js";
+
 const WAIT_MS = 250;
-/** On a photo that is shown smaller than this, error bars are left to the list. */
-const SMALL_PX = 600;
+/** How much of a track's way is shown, seconds. */
+const TRAIL_S = 5;
+/** The choice of the camera that four points told; no name of a stored camera is as odd. */
+const MARKED = "\u0000marked";
 
 const find = (id) => document.getElementById(id);
-const [photo, above, objects, status] = ["photo", "above", "objects", "status"].map(find);
+const [photo, above, rows, status] = ["photo", "above", "objects", "status"].map(find);
 
-/** What is shown: the file, its pixels, the answer, the object that is chosen, the request on its way. */
-const state = { file: null, image: null, answer: null, chosen: -1, request: null, timer: 0, token: "" };
+/** What is shown: the photo's file, the pixels, the objects, whose camera, who is chosen. */
+const state = {
+  file: null,
+  image: null,
+  objects: [],
+  /** Projection of the answer, and the field of view that was asked for. */
+  answered: null,
+  askedHfov: null,
+  chosen: null,
+  trails: new Map(),
+  reach: { farthest: 30, widest: 10 },
+  /** The request or film on its way. */
+  request: null,
+  timer: 0,
+  token: "",
+  isFilm: false,
+  /** What four points told. */
+  marked: null,
+};
 
-const color = (object) => COLORS[object.class] ?? OTHER_COLOR;
 const degrees = () => Number(find("hfov").value);
-const namedCamera = () => find("camera").value;
+const chosenCamera = () => find("camera").value;
+const key = (object) => String(object.id ?? state.objects.indexOf(object));
+const headers = () => (state.token ? { Authorization: `Bearer ${state.token}` } : {});
 
 function tell(text, isBad = false) {
   status.textContent = text;
   status.classList.toggle("bad", isBad);
 }
 
-/** Distance and error bar, metres. */
-function distance(object) {
-  const sigma = object.range_sigma_m === null ? "" : ` ±${object.range_sigma_m.toFixed(1)}`;
-  return `${object.range_m.toFixed(1)}${sigma} m`;
-}
-
-/** The pixel of a point in camera coordinates; null behind the camera. */
-function pixel(projection, [x, y, z]) {
-  const [u, v, w] = projection.map((row) => row[0] * x + row[1] * y + row[2] * z + row[3]);
-  return w > 0.1 ? [u / w, v / w] : null;
-}
-
-/** Corners on the road, front first, then the same above them. */
-function corners(object) {
-  const [height, width, length] = object.dimensions_hwl;
-  const [x, y, z] = object.location;
-  const [sin, cos] = [Math.sin(object.rotation_y), Math.cos(object.rotation_y)];
-  const flat = [[1, 1], [1, -1], [-1, -1], [-1, 1]].map(([l, w]) => [l * length / 2, w * width / 2]);
-  const at = (up) => flat.map(([l, w]) => [x + cos * l + sin * w, y - up, z - sin * l + cos * w]);
-  return [...at(0), ...at(height)];
-}
-
-const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
-
-/** The camera that is shown: that of the answer, or the one that the slider says. */
+/** The camera that is shown: that of the answer, or the one that the controls say. */
 function projection() {
-  const { width, height } = state.image;
-  if (state.answer && (namedCamera() || state.answer.hfov === degrees())) return state.answer.camera.projection;
-  const focal = width / 2 / Math.tan(degrees() * Math.PI / 360);
-  return [[focal, 0, (width - 1) / 2, 0], [0, focal, (height - 1) / 2, 0], [0, 0, 1, 0]];
+  const isAnswered = state.answered && (state.isFilm || chosenCamera() || state.askedHfov === degrees());
+  if (isAnswered) return state.answered;
+  if (chosenCamera() === MARKED) return state.marked.projection;
+  return levelProjection(state.image, degrees());
 }
 
-function drawPhoto() {
-  if (!state.image) return;
-  const { width, height } = state.image;
-  const scale = Math.min(1, LONGEST_SIDE / Math.max(width, height));
-  photo.width = Math.round(width * scale);
-  photo.height = Math.round(height * scale);
-  const pen = photo.getContext("2d");
-  pen.drawImage(state.image, 0, 0, photo.width, photo.height);
-  pen.scale(scale, scale);
-  // What a pixel of the page is in pixels of the image, so that labels can be read on a phone, too.
-  const unit = width / Math.max(photo.clientWidth, 1);
-  labels.length = 0;
-  drawRoad(pen, unit);
-  const found = state.answer ? state.answer.detections : [];
-  // Near ones last, over what is behind them.
-  [...found.keys()].sort((a, b) => found[b].range_m - found[a].range_m).forEach((index) => drawBox(pen, index, unit));
-  const list = found.map((object) => `${object.class} ${distance(object)}`).join(", ");
-  photo.setAttribute("aria-label", found.length ? `Photo with ${list}` : "Photo");
-}
-
-/** The horizon of a level camera, and distances on the road below it. */
-function drawRoad(pen, unit) {
-  const camera = projection();
-  const line = (row, dash, text) => {
-    pen.setLineDash(dash.map((length) => length * unit));
-    pen.lineWidth = 1.5 * unit;
-    pen.strokeStyle = "#ffe14d";
-    pen.beginPath();
-    pen.moveTo(0, row);
-    pen.lineTo(state.image.width, row);
-    pen.stroke();
-    pen.setLineDash([]);
-    label(pen, text, 4 * unit, row, "#ffe14d", unit, false);
+/** What the drawings need to know. */
+function view() {
+  return {
+    image: state.image,
+    objects: state.objects,
+    projection: state.image ? projection() : null,
+    answered: state.answered,
+    heightM: Number(find("height").value),
+    corners: corners.points,
+    cursor: corners.cursor,
+    isChosen: (object) => key(object) === state.chosen,
+    trail: (object) => state.trails.get(object.id)?.map(({ location }) => location) ?? [],
+    reach,
   };
-  line(camera[1][2] / camera[2][2], [10, 6], "horizon");
-  for (const depth of MARKS_M) {
-    const mark = pixel(camera, [0, Number(find("height").value), depth]);
-    if (mark && mark[1] < state.image.height) line(mark[1], [2, 6], `${depth} m`);
+}
+
+/** How far the view from above reaches; through a film it only grows, so that it does not jump. */
+function reach() {
+  const ends = state.objects.map((object) => (object.range_interval_m ?? [0, object.range_m])[1]);
+  const sides = state.objects.map((object) => Math.abs(object.location[0]) * 1.15 + 2);
+  const now = { farthest: Math.max(30, ...ends) * 1.08, widest: Math.max(10, ...sides) };
+  if (state.isFilm) {
+    now.farthest = Math.max(now.farthest, state.reach.farthest);
+    now.widest = Math.max(now.widest, state.reach.widest);
   }
-}
-
-/** Where labels are already: left, top, right, bottom. */
-const labels = [];
-
-/** A label above a point; where there is one already, farther up, or none if it may not move. */
-function label(pen, text, x, y, background, unit, mayMove = true) {
-  pen.font = `${Math.round(13 * unit)}px system-ui, sans-serif`;
-  const [width, height] = [pen.measureText(text).width + 6 * unit, 17 * unit];
-  const left = Math.max(0, Math.min(x, state.image.width - width));
-  let top = y - height;
-  const isTaken = ([l, t, r, b]) => left < r && left + width > l && top < b && top + height > t;
-  if (!mayMove && labels.some(isTaken)) return;
-  while (top > 0 && labels.some(isTaken)) top -= height / 2;
-  top = Math.max(0, top);
-  labels.push([left, top, left + width, top + height]);
-  pen.fillStyle = background;
-  pen.fillRect(left, top, width, height);
-  pen.fillStyle = "#101010";
-  pen.fillText(text, left + 3 * unit, top + 13 * unit);
-}
-
-function drawBox(pen, index, unit) {
-  const object = state.answer.detections[index];
-  const points = corners(object).map((corner) => pixel(state.answer.camera.projection, corner));
-  pen.strokeStyle = color(object);
-  pen.lineWidth = (index === state.chosen ? 4 : 2) * unit;
-  for (const [a, b] of EDGES) {
-    if (!points[a] || !points[b]) continue;
-    pen.beginPath();
-    pen.moveTo(...points[a]);
-    pen.lineTo(...points[b]);
-    pen.stroke();
-  }
-  const isSmall = photo.clientWidth < SMALL_PX;
-  const text = isSmall ? object.range_m.toFixed(1) : distance(object);
-  label(pen, text, object.box2d[0], object.box2d[1], color(object), unit);
-}
-
-function drawAbove() {
-  above.width = Math.max(240, above.parentElement.clientWidth - 24);
-  above.height = Math.round(Math.min(above.width * 1.1, 720));
-  const pen = above.getContext("2d");
-  const style = getComputedStyle(document.documentElement);
-  const [back, soft, line, text] = ["panel", "soft", "line", "text"].map((name) => style.getPropertyValue(`--${name}`));
-  const { width, height } = above;
-  pen.fillStyle = back;
-  pen.fillRect(0, 0, width, height);
-  const found = state.answer ? state.answer.detections : [];
-  const farthest = Math.max(30, ...found.map((object) => (object.range_interval_m ?? [0, object.range_m])[1])) * 1.08;
-  const widest = Math.max(10, ...found.map((object) => Math.abs(object.location[0]) * 1.15 + 2));
-  const scale = Math.min((height - 40) / farthest, width / 2 / widest);
-  const at = (x, z) => [width / 2 + x * scale, height - 24 - z * scale];
-  pen.font = "13px system-ui, sans-serif";
-  const step = farthest > 80 ? 20 : 10;
-  for (let z = step; z < farthest; z += step) {
-    pen.strokeStyle = line;
-    pen.beginPath();
-    pen.moveTo(0, at(0, z)[1]);
-    pen.lineTo(width, at(0, z)[1]);
-    pen.stroke();
-    pen.fillStyle = soft;
-    pen.fillText(`${z} m`, 4, at(0, z)[1] - 3);
-  }
-  pen.fillStyle = text;
-  pen.beginPath();
-  pen.moveTo(...at(0, 0));
-  pen.lineTo(width / 2 - 7, height - 8);
-  pen.lineTo(width / 2 + 7, height - 8);
-  pen.fill();
-  found.forEach((object, index) => {
-    pen.strokeStyle = color(object);
-    pen.lineWidth = index === state.chosen ? 4 : 2;
-    pen.beginPath();
-    corners(object).slice(0, 4).forEach(([x, , z], place) => pen[place ? "lineTo" : "moveTo"](...at(x, z)));
-    pen.closePath();
-    pen.stroke();
-    const [x, , z] = object.location;
-    if (object.range_interval_m) {
-      // Along the ray of the object, as far as the interval goes.
-      pen.lineWidth = 1.5;
-      pen.beginPath();
-      object.range_interval_m.forEach((end, place) => {
-        const share = end / object.range_m;
-        pen[place ? "lineTo" : "moveTo"](...at(x * share, z * share));
-      });
-      pen.stroke();
-    }
-    pen.fillStyle = text;
-    pen.fillText(object.range_m.toFixed(1), at(x, z)[0] + 8, at(x, z)[1] + 4);
-  });
-  above.setAttribute("aria-label", `${found.length} objects seen from above`);
-}
-
-function listObjects() {
-  const found = state.answer ? state.answer.detections : [];
-  objects.replaceChildren(...found.map((object, index) => {
-    const row = document.createElement("tr");
-    row.tabIndex = 0;
-    row.setAttribute("aria-selected", String(index === state.chosen));
-    const interval = object.range_interval_m;
-    const between = interval ? `${interval[0].toFixed(1)} to ${interval[1].toFixed(1)} m` : "";
-    for (const text of [object.class, distance(object), between, object.score.toFixed(2)]) {
-      row.insertCell().textContent = text;
-    }
-    row.cells[0].style.borderLeft = `0.4rem solid ${color(object)}`;
-    row.addEventListener("focus", () => choose(index));
-    row.addEventListener("click", () => choose(index));
-    return row;
-  }));
-}
-
-function choose(index) {
-  if (state.chosen === index) return;
-  state.chosen = index;
-  [...objects.rows].forEach((row, place) => row.setAttribute("aria-selected", String(place === index)));
-  drawPhoto();
-  drawAbove();
+  state.reach = now;
+  return now;
 }
 
 function drawAll() {
-  drawPhoto();
-  drawAbove();
+  if (state.image) drawPicture(photo, view());
+  drawAbove(above, view());
+}
+
+/** Rows stay the same elements while their objects stay, so that the focus does, too. */
+function listObjects() {
+  find("last-column").textContent = state.isFilm ? "Closing" : "Score";
+  const old = new Map([...rows.rows].map((row) => [row.dataset.key, row]));
+  const kept = new Set(state.objects.map(key));
+  for (const [name, row] of old) if (!kept.has(name)) row.remove();
+  for (const object of state.objects) {
+    const row = old.get(key(object)) ?? rows.appendChild(newRow(key(object)));
+    const interval = object.range_interval_m;
+    const between = interval ? `${interval[0].toFixed(1)} to ${interval[1].toFixed(1)} m` : "";
+    [title(object), distance(object), between, lastCell(object)].forEach((text, place) => {
+      if (row.cells[place].textContent !== text) row.cells[place].textContent = text;
+    });
+    row.style.setProperty("--own", color(object));
+    row.setAttribute("aria-selected", String(key(object) === state.chosen));
+  }
+}
+
+function lastCell(object) {
+  if (!state.isFilm) return object.score.toFixed(2);
+  if (object.coasting) return "hidden";
+  const { closing_mps: speed, closing_sigma_mps: sigma, ttc_s: ttc } = object;
+  if (speed === null) return "";
+  return `${speed.toFixed(1)} ±${sigma.toFixed(1)} m/s${ttc === null ? "" : `, ${ttc.toFixed(1)} s`}`;
+}
+
+function newRow(name) {
+  const row = document.createElement("tr");
+  row.dataset.key = name;
+  row.tabIndex = 0;
+  for (let place = 0; place < 4; place += 1) row.insertCell();
+  for (const event of ["focus", "click"]) row.addEventListener(event, () => choose(name));
+  return row;
+}
+
+function choose(name) {
+  if (state.chosen === name) return;
+  state.chosen = name;
+  for (const row of rows.rows) row.setAttribute("aria-selected", String(row.dataset.key === name));
+  drawAll();
+}
+
+function showObjects(objects) {
+  state.objects = objects;
+  drawAll();
   listObjects();
 }
 
-const headers = () => (state.token ? { Authorization: `Bearer ${state.token}` } : {});
+/** Forgets what was shown, and stops what is on its way. */
+function begin(isFilm) {
+  state.request?.abort();
+  clearTimeout(state.timer);
+  Object.assign(state, { isFilm, objects: [], answered: null, chosen: null, reach: { farthest: 30, widest: 10 } });
+  state.trails.clear();
+  rows.replaceChildren();
+  find("stop").hidden = !isFilm;
+  showControls();
+}
+
+function showControls() {
+  find("hfov-row").hidden = state.isFilm || Boolean(chosenCamera());
+}
 
 async function asked(address, options = {}) {
-  const response = await fetch(address, { ...options, headers: headers() });
+  const response = await fetch(address, { ...options, headers: { ...options.headers, ...headers() } });
   const answer = await response.json().catch(() => ({}));
   if (response.status === 401) find("token-row").hidden = false;
   if (!response.ok) throw new Error(answer.error?.message ?? `the service answered ${response.status}`);
   return answer;
 }
 
-async function open(file) {
-  state.request?.abort();
+/** What is told of an error. */
+function failure(error) {
+  // What fetch throws when there is nobody.
+  return error instanceof TypeError ? "The service does not answer." : `${error.message}.`;
+}
+
+async function openPhoto(file) {
+  find("video").value = "";
+  begin(false);
   try {
     state.image = await createImageBitmap(file);
   } catch {
+    state.file = null;
     tell(`${file.name}: no image that this browser can show; expected JPEG, PNG or WebP`, true);
+    listObjects();
     return;
   }
-  Object.assign(state, { file, answer: null, chosen: -1 });
-  drawAll();
+  state.file = file;
+  corners.clear();
+  showObjects([]);
   await look();
 }
 
+function cameraQuery() {
+  if (chosenCamera() === MARKED) return { projection: state.marked.projection.flat().join(",") };
+  return chosenCamera() ? { camera: chosenCamera() } : { hfov: degrees() };
+}
+
 async function look() {
-  if (!state.file) return;
+  if (!state.file || state.isFilm) return;
   state.request?.abort();
   const request = new AbortController();
   const hfov = degrees();
-  const camera = namedCamera() ? { camera: namedCamera() } : { hfov };
   state.request = request;
   tell("Looking …");
   try {
     const options = { method: "POST", body: state.file, signal: request.signal };
-    const answer = await asked(`v1/range?${new URLSearchParams(camera)}`, options);
-    state.answer = { ...answer, hfov };
-    state.chosen = -1;
+    const answer = await asked(`v1/range?${new URLSearchParams(cameraQuery())}`, options);
+    Object.assign(state, { answered: answer.camera.projection, askedHfov: hfov, chosen: null });
     const count = answer.detections.length;
     tell(count ? `${count} ${count === 1 ? "object" : "objects"} found.` : "Nothing found.");
+    showObjects(answer.detections);
   } catch (error) {
     if (request.signal.aborted) return;
-    state.answer = null;
-    tell(error instanceof TypeError ? "The service does not answer." : error.message, true);
+    state.answered = null;
+    tell(failure(error), true);
+    showObjects([]);
   }
-  drawAll();
 }
 
 function soon() {
@@ -269,16 +210,126 @@ function soon() {
   state.timer = setTimeout(look, WAIT_MS);
 }
 
+async function openFilm(name) {
+  begin(true);
+  state.file = null;
+  const request = new AbortController();
+  state.request = request;
+  tell(`${name}: begins …`);
+  try {
+    const end = await watch(name, {
+      headers: headers(),
+      signal: request.signal,
+      camera: (camera) => { state.answered = camera.projection; },
+      show: (image, record) => {
+        if (!request.signal.aborted) showFrame(name, image, record);
+      },
+    });
+    if (end === "failed") tell(`${name}: cannot be read; the service's log says why.`, true);
+    else tell(`${name}: ended.`);
+  } catch (error) {
+    if (request.signal.aborted) return;
+    if (error.status === 401) find("token-row").hidden = false;
+    tell(`${name}: ${failure(error)}`, true);
+  }
+  find("stop").hidden = true;
+}
+
+function showFrame(name, image, record) {
+  if (state.image?.width !== image.width) corners.clear();
+  state.image = image;
+  if (!record) return;
+  for (const { id, location, coasting } of record.tracks) {
+    const trail = (state.trails.get(id) ?? []).filter(({ time }) => time > record.time_s - TRAIL_S);
+    if (!coasting) trail.push({ time: record.time_s, location });
+    state.trails.set(id, trail);
+  }
+  const count = record.tracks.length;
+  tell(`${name}: ${record.time_s.toFixed(1)} s, ${count} ${count === 1 ? "object" : "objects"}.`);
+  showObjects(record.tracks);
+}
+
 async function listCameras() {
   try {
-    const { cameras } = await asked("v1/cameras");
-    const options = ["", ...cameras].map((name) => new Option(name || "by its field of view", name));
-    find("camera").replaceChildren(...options);
+    const { cameras, videos } = await asked("v1/cameras");
+    const named = cameras.map((name) => new Option(name, name));
+    find("camera").replaceChildren(new Option("by its field of view", ""), ...named);
     find("camera-row").hidden = cameras.length === 0;
-    if (!state.file) tell("No photo yet.");
+    find("video").replaceChildren(new Option("none", ""), ...videos.map((name) => new Option(name, name)));
+    find("video-row").hidden = videos.length === 0;
+    if (!state.file) tell(videos.length ? "No photo or film yet." : "No photo yet.");
   } catch (error) {
-    tell(error.message, true);
+    tell(failure(error), true);
   }
+}
+
+// Calibration with four points.
+
+const corners = new Corners(photo, () => state.image, () => {
+  if (state.image) drawPicture(photo, view());
+  clearTimeout(corners.timer);
+  corners.timer = setTimeout(calibrate, WAIT_MS);
+});
+
+function tellCorners(text, isBad = false) {
+  find("corners-told").textContent = text;
+  find("corners-told").classList.toggle("bad", isBad);
+}
+
+/** What the corners say, or what is missing. */
+async function calibrate() {
+  const told = JSON.stringify([corners.points, find("side-a").value, find("side-b").value]);
+  if (corners.told === told) return;
+  corners.told = told;
+  state.measured = null;
+  for (const id of ["corners-use", "corners-save"]) find(id).disabled = true;
+  const count = corners.points.length;
+  if (count < 4) {
+    tellCorners(count ? `${count} of 4 corners.` : "No corner yet.");
+    return;
+  }
+  const { width, height } = state.image;
+  const sides = [Number(find("side-a").value), Number(find("side-b").value)];
+  const question = { width, height, corners_px: corners.points, sides_m: sides, shown_px: photo.clientWidth };
+  try {
+    const options = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(question) };
+    const answer = await asked("v1/calibrate", options);
+    if (corners.told !== told) return;
+    state.measured = answer;
+    for (const id of ["corners-use", "corners-save"]) find(id).disabled = false;
+    find("corners-use").disabled = state.isFilm;
+    const error = (sigma) => (sigma === null ? "" : ` ±${sigma.toFixed(1)}`);
+    const down = `looks ${Math.abs(answer.pitch_deg).toFixed(1)}° ${answer.pitch_deg < 0 ? "up" : "down"}`;
+    const seen = `Field of view ${answer.hfov_deg.toFixed(1)}${error(answer.hfov_sigma_deg)}°`;
+    const above = `${answer.height_m.toFixed(1)}${error(answer.height_sigma_m)} m above the road`;
+    tellCorners(`${seen}, ${above}, ${down}; the corners are off by ${answer.residual_px.toFixed(1)} pixels.`);
+  } catch (error) {
+    tellCorners(failure(error), true);
+  }
+}
+
+function useMarked() {
+  state.marked = state.measured;
+  const select = find("camera");
+  if (![...select.options].some((option) => option.value === MARKED)) select.add(new Option("by four points", MARKED));
+  select.value = MARKED;
+  find("camera-row").hidden = false;
+  find("height").value = String(state.marked.height_m);
+  showHeight();
+  showControls();
+  look();
+}
+
+function saveMarked() {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([state.measured.calibration], { type: "text/plain" }));
+  link.download = "camera.txt";
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+function showHeight() {
+  find("height-value").textContent = `${Number(find("height").value).toFixed(2)} m`;
 }
 
 function listen() {
@@ -287,43 +338,58 @@ function listen() {
     document.addEventListener(name, (event) => {
       event.preventDefault();
       drop.classList.toggle("over", name === "dragover");
-      if (name === "drop" && event.dataTransfer.files.length) open(event.dataTransfer.files[0]);
+      if (name === "drop" && event.dataTransfer.files.length) openPhoto(event.dataTransfer.files[0]);
     });
   }
-  find("file").addEventListener("change", (event) => event.target.files.length && open(event.target.files[0]));
+  find("file").addEventListener("change", (event) => event.target.files.length && openPhoto(event.target.files[0]));
   find("hfov").addEventListener("input", () => {
     find("hfov-value").textContent = `${degrees()}°`;
-    drawPhoto();
+    drawAll();
     soon();
   });
-  find("height").addEventListener("input", (event) => {
-    find("height-value").textContent = `${Number(event.target.value).toFixed(2)} m`;
-    drawPhoto();
+  find("height").addEventListener("input", () => {
+    showHeight();
+    drawAll();
   });
   find("camera").addEventListener("change", () => {
-    find("hfov-row").hidden = Boolean(namedCamera());
+    showControls();
     look();
   });
+  find("video").addEventListener("change", (event) => {
+    if (event.target.value) openFilm(event.target.value);
+    else stop();
+  });
+  find("stop").addEventListener("click", stop);
   find("token-use").addEventListener("click", async () => {
     state.token = find("token").value.trim();
     await listCameras();
     await look();
   });
-  objects.addEventListener("keydown", (event) => {
-    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-    const next = step && objects.rows[state.chosen + step];
+  rows.addEventListener("keydown", (event) => {
+    const row = event.target.closest("tr");
+    const next = { ArrowDown: row?.nextElementSibling, ArrowUp: row?.previousElementSibling }[event.key];
     if (next) {
       event.preventDefault();
       next.focus();
     }
   });
-  addEventListener("resize", () => {
-    drawPhoto();
-    drawAbove();
-  });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAbove);
+  find("corners-panel").addEventListener("toggle", (event) => corners.turn(event.target.open));
+  find("corners-clear").addEventListener("click", () => corners.clear());
+  find("corners-use").addEventListener("click", useMarked);
+  find("corners-save").addEventListener("click", saveMarked);
+  for (const id of ["side-a", "side-b"]) find(id).addEventListener("input", calibrate);
+  addEventListener("resize", drawAll);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+}
+
+/** Stops the film; its last frame stays. */
+function stop() {
+  state.request?.abort();
+  find("stop").hidden = true;
+  find("video").value = "";
+  tell("Stopped.");
 }
 
 listen();
-drawAbove();
+drawAll();
 listCameras();

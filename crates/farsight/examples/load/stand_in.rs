@@ -1,0 +1,49 @@
+//! The service around a stand-in for the pipeline.
+
+use std::error::Error;
+use std::io::Read;
+use std::net::TcpListener;
+use std::path::Path;
+use std::sync::Arc;
+use std::thread::sleep;
+use std::time::Duration;
+
+use farsight::service::{Config, Look, LookError, Looked, ModelCard, Server};
+use farsight::{CameraSource, ImageLimits, StageTimes};
+use farsight_data::decode_image;
+
+/// What the stand-in takes for an image that it does not like, and one at which it panics.
+pub(crate) const NO_IMAGE: &[u8] = b"no image";
+pub(crate) const PANIC: &[u8] = b"panic";
+
+/// Takes 1 ms and finds nothing.
+struct StandIn;
+
+impl Look for StandIn {
+    fn look(&self, bytes: &[u8], name: &Path, _: &CameraSource) -> Result<Looked, LookError> {
+        sleep(Duration::from_millis(1));
+        assert!(bytes != PANIC, "a panic that was asked for");
+        if bytes == NO_IMAGE {
+            decode_image(bytes, name, ImageLimits::default())?;
+        }
+        let record = r#"{"image": "image", "width": 1, "height": 1, "detections": []}"#;
+        let record = serde_json::from_str(record).unwrap_or_else(|error| panic!("{error}"));
+        Ok(Looked { record, times: StageTimes::default() })
+    }
+
+    fn card(&self) -> ModelCard {
+        ModelCard { name: "stand-in".to_owned(), version: "1".to_owned(), platform: "none".to_owned() }
+    }
+}
+
+/// Answers until standard input ends.
+pub(crate) fn serve() -> Result<(), Box<dyn Error>> {
+    // Thousands of panics are asked for.
+    std::panic::set_hook(Box::new(|_| {}));
+    let look: Arc<dyn Look> = Arc::new(StandIn);
+    let server = Server::start(TcpListener::bind("127.0.0.1:0")?, &look, Config::default())?;
+    println!("{}", server.address());
+    std::io::stdin().read_to_end(&mut Vec::new())?;
+    server.stop();
+    Ok(())
+}

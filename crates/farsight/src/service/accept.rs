@@ -1,0 +1,97 @@
+//! Connections: accepting, TLS, and cutting off those who are slow.
+
+use std::pin::Pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::graceful::{GracefulShutdown, Watcher};
+use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Semaphore, watch};
+use tokio::time::{sleep, timeout};
+use tokio_io_timeout::TimeoutStream;
+use tokio_rustls::TlsAcceptor;
+
+use super::shared::Shared;
+use super::{PAUSE, http, unless};
+
+/// Connections that are open at once; further ones wait to be accepted.
+const MAX_CONNECTIONS: usize = 256;
+
+/// How long a connection may take to say what it wants, and before that for the handshake of TLS.
+const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How long requests that are inside have when the service ends.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Accepts connections until the service ends, and waits for what is inside then.
+pub(super) async fn accept(listener: TcpListener, shared: Arc<Shared>, mut stopped: watch::Receiver<bool>) {
+    let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let (service, graceful) = (http::router(Arc::clone(&shared)), GracefulShutdown::new());
+    let acceptor = shared.config.tls.as_ref().map(super::Tls::acceptor);
+    let mut stopping = Box::pin(async move {
+        // A server that is gone has been stopped, too.
+        let _ = stopped.wait_for(|stopped| *stopped).await;
+    });
+    loop {
+        let next = Box::pin(async {
+            let permit = Arc::clone(&connections).acquire_owned().await;
+            (permit, listener.accept().await)
+        });
+        let Some((permit, accepted)) = unless(&mut stopping, next).await else { break };
+        let (Ok(permit), Ok((stream, _))) = (permit, accepted) else {
+            sleep(PAUSE).await;
+            continue;
+        };
+        let open = shared.metrics.connections().clone();
+        let connection = Connection {
+            service: service.clone(),
+            watcher: graceful.watcher(),
+            write_timeout: shared.config.write_timeout,
+        };
+        let acceptor = acceptor.clone();
+        tokio::spawn(async move {
+            open.inc();
+            connection.serve(stream, acceptor).await;
+            open.dec();
+            drop(permit);
+        });
+    }
+    drop(listener);
+    // What is inside after this long is cut off with the runtime.
+    let _ = timeout(DRAIN_TIMEOUT, graceful.shutdown()).await;
+}
+
+/// What a connection needs.
+struct Connection {
+    service: Router,
+    watcher: Watcher,
+    write_timeout: Duration,
+}
+
+impl Connection {
+    async fn serve(self, stream: TcpStream, acceptor: Option<TlsAcceptor>) {
+        // Answers are written in one piece; waiting for more only makes them late.
+        let _ = stream.set_nodelay(true);
+        let mut stream = TimeoutStream::new(stream);
+        stream.set_write_timeout(Some(self.write_timeout));
+        let stream: Pin<Box<TimeoutStream<TcpStream>>> = Box::pin(stream);
+        let Some(acceptor) = acceptor else { return self.answer(stream).await };
+        // A client that speaks no TLS, or none that is spoken here, has nothing to wait for.
+        if let Ok(Ok(stream)) = timeout(HEADER_TIMEOUT, acceptor.accept(stream)).await {
+            self.answer(stream).await;
+        }
+    }
+
+    async fn answer(self, stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static) {
+        let mut builder = http1::Builder::new();
+        builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
+        let service = TowerToHyperService::new(self.service);
+        // A client that went away, reads too slowly, or speaks no HTTP.
+        let _ = self.watcher.watch(builder.serve_connection(TokioIo::new(stream), service)).await;
+    }
+}

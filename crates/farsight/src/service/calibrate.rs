@@ -1,0 +1,95 @@
+//! `POST /v1/calibrate`: a camera from four points of the road.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use axum::extract::rejection::JsonRejection;
+use axum::http::StatusCode;
+use farsight_core::road_rectangle::{RoadCamera, RoadRectangle};
+use farsight_data::kitti::Calibration;
+use serde::{Deserialize, Serialize};
+
+use super::refusal::Refusal;
+use super::shared::Shared;
+
+/// How far a click lies from what was meant, pixels of a screen: standard deviation in each direction.
+const CLICK_PX: f64 = 1.5;
+
+/// Width of the screen that was clicked on when nothing else is said, pixels.
+const SCREEN_PX: f64 = 1000.0;
+
+/// A rectangle on the road.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Question {
+    /// Of the image, pixels.
+    width: u32,
+    height: u32,
+    /// Column and row of each corner, one after the other around it.
+    corners_px: [[f64; 2]; 4],
+    /// From the first corner to the second, and from the second to the third, metres.
+    sides_m: [f64; 2],
+    /// Width of the image where it was clicked on, pixels of the screen.
+    shown_px: Option<f64>,
+}
+
+/// Its camera.
+#[derive(Debug, Serialize)]
+pub(super) struct Answer {
+    hfov_deg: f64,
+    /// What clicks beside the corners by 1.5 pixels make of it; null where another such click tells no camera.
+    hfov_sigma_deg: Option<f64>,
+    height_m: f64,
+    height_sigma_m: Option<f64>,
+    pitch_deg: f64,
+    roll_deg: f64,
+    residual_px: f64,
+    projection: [[f64; 4]; 3],
+    /// What a file for `--calib` says.
+    calibration: String,
+}
+
+/// Finds the camera.
+pub(super) async fn calibrate(
+    State(_): State<Arc<Shared>>,
+    question: Result<Json<Question>, JsonRejection>,
+) -> Result<Json<Answer>, Refusal> {
+    let Json(question) = question.map_err(|error| Refusal::bad_request(error.body_text()))?;
+    let Question { width, height, corners_px, sides_m, shown_px } = question;
+    let (rectangle, size) = (RoadRectangle { corners_px, sides_m }, [width, height]);
+    if width == 0 || height == 0 {
+        return Err(Refusal::bad_request("the image has no pixels; expected its width and height"));
+    }
+    let unknown = |error: farsight_core::road_rectangle::RoadRectangleError| {
+        Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, "no_camera", error.to_string())
+    };
+    let found = rectangle.camera(size).map_err(unknown)?;
+    let shown_px = shown_px.filter(|shown| shown.is_finite() && *shown >= 1.0).unwrap_or(SCREEN_PX);
+    let sigmas = sigmas(&rectangle, size, &found, CLICK_PX * f64::from(width) / shown_px);
+    let RoadCamera { camera, hfov_deg, height_m, pitch_deg, roll_deg, residual_px } = found;
+    Ok(Json(Answer {
+        hfov_deg,
+        hfov_sigma_deg: sigmas.map(|[hfov, _]| hfov),
+        height_m,
+        height_sigma_m: sigmas.map(|[_, height]| height),
+        pitch_deg,
+        roll_deg,
+        residual_px,
+        projection: camera.projection,
+        calibration: Calibration::from_camera(&camera).to_text(),
+    }))
+}
+
+/// Standard deviations of field of view (degrees) and height (metres) when each coordinate is off by `click_px`.
+fn sigmas(rectangle: &RoadRectangle, size: [u32; 2], found: &RoadCamera, click_px: f64) -> Option<[f64; 2]> {
+    let mut squares = [0.0; 2];
+    for place in 0..8 {
+        let mut moved = *rectangle;
+        moved.corners_px[place / 2][place % 2] += click_px;
+        let other = moved.camera(size).ok()?;
+        squares[0] += (other.hfov_deg - found.hfov_deg).powi(2);
+        squares[1] += (other.height_m - found.height_m).powi(2);
+    }
+    Some(squares.map(f64::sqrt))
+}

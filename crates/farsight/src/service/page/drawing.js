@@ -1,0 +1,181 @@
+// The picture with what was found in it, and the same from above.
+
+import { EDGES, boxCorners, horizon, pixel, roadLine } from "./geometry.js";
+
+const COLORS = { Car: "#4da3ff", Van: "#37c2b4", Truck: "#ff9f40", Pedestrian: "#ff5f7e", Cyclist: "#c98bff" };
+const OTHER_COLOR = "#9bd14b";
+const ROAD_COLOR = "#ffe14d";
+const MARK_COLOR = "#ff4fd8";
+const MARKS_M = [10, 20, 40];
+const LONGEST_SIDE = 1920;
+/** On a picture that is shown smaller than this, error bars are left to the list. */
+const SMALL_PX = 600;
+
+export const color = (object) => COLORS[object.class] ?? OTHER_COLOR;
+
+/** What an object is called: `#7 Car`. */
+export const title = (object) => (object.id === undefined ? object.class : `#${object.id} ${object.class}`);
+
+/** Distance and error bar, metres. */
+export function distance(object) {
+  const sigma = object.range_sigma_m === null ? "" : ` ±${object.range_sigma_m.toFixed(1)}`;
+  return `${object.range_m.toFixed(1)}${sigma} m`;
+}
+
+/** Draws the picture: its road, its objects, its marked corners. */
+export function drawPicture(canvas, view) {
+  const { width, height } = view.image;
+  const scale = Math.min(1, LONGEST_SIDE / Math.max(width, height));
+  canvas.width = Math.round(width * scale);
+  canvas.height = Math.round(height * scale);
+  const context = canvas.getContext("2d");
+  context.drawImage(view.image, 0, 0, canvas.width, canvas.height);
+  context.scale(scale, scale);
+  // What a pixel of the page is in pixels of the image, so that labels can be read on a phone, too.
+  const unit = width / Math.max(canvas.clientWidth, 1);
+  const pen = { context, unit, width, labels: [], isSmall: canvas.clientWidth < SMALL_PX };
+  drawRoad(pen, view);
+  // Near ones last, over what is behind them.
+  const order = [...view.objects].sort((a, b) => b.range_m - a.range_m);
+  order.forEach((object) => drawBox(pen, view, object));
+  view.corners.forEach((corner, place) => drawCorner(pen, corner, place, view.corners));
+  if (view.cursor) drawCursor(pen, view.cursor);
+  const list = view.objects.map((object) => `${title(object)} ${distance(object)}`).join(", ");
+  canvas.setAttribute("aria-label", list ? `Picture with ${list}` : "Picture");
+}
+
+/** The horizon, and distances on the road below it. */
+function drawRoad(pen, { projection, heightM, image }) {
+  drawRoadLine(pen, horizon(projection), [10, 6], "horizon", image);
+  for (const depth of MARKS_M) drawRoadLine(pen, roadLine(projection, heightM, depth), [2, 6], `${depth} m`, image);
+}
+
+function drawRoadLine(pen, [from, to], dash, text, image) {
+  if (!from || !to) return;
+  const { context, unit } = pen;
+  // As far as the picture reaches, whatever the line's ends are.
+  const row = (column) => from[1] + (to[1] - from[1]) * (column - from[0]) / (to[0] - from[0]);
+  const [left, right] = dash[0] === 10 ? [0, image.width] : [Math.max(from[0], 0), Math.min(to[0], image.width)];
+  if (!(left < right) || Math.min(row(left), row(right)) > image.height) return;
+  context.setLineDash(dash.map((length) => length * unit));
+  context.lineWidth = 1.5 * unit;
+  context.strokeStyle = ROAD_COLOR;
+  stroke(context, [[left, row(left)], [right, row(right)]]);
+  context.setLineDash([]);
+  drawLabel(pen, text, left + 4 * unit, row(left), ROAD_COLOR, false);
+}
+
+function stroke(context, points) {
+  context.beginPath();
+  points.forEach(([x, y], place) => context[place ? "lineTo" : "moveTo"](x, y));
+  context.stroke();
+}
+
+/** A label above a point; where there is one already, farther up, or none if it may not move. */
+function drawLabel(pen, text, x, y, background, mayMove = true) {
+  const { context, unit, labels } = pen;
+  context.font = `${Math.round(13 * unit)}px system-ui, sans-serif`;
+  const [width, height] = [context.measureText(text).width + 6 * unit, 17 * unit];
+  const left = Math.max(0, Math.min(x, pen.width - width));
+  let top = y - height;
+  const isTaken = ([l, t, r, b]) => left < r && left + width > l && top < b && top + height > t;
+  if (!mayMove && labels.some(isTaken)) return;
+  while (top > 0 && labels.some(isTaken)) top -= height / 2;
+  top = Math.max(0, top);
+  labels.push([left, top, left + width, top + height]);
+  context.fillStyle = background;
+  context.fillRect(left, top, width, height);
+  context.fillStyle = "#101010";
+  context.fillText(text, left + 3 * unit, top + 13 * unit);
+}
+
+function drawBox(pen, view, object) {
+  const { context, unit } = pen;
+  const points = boxCorners(object).map((corner) => pixel(view.answered, corner));
+  context.strokeStyle = color(object);
+  context.setLineDash(object.coasting ? [4 * unit, 4 * unit] : []);
+  context.lineWidth = (view.isChosen(object) ? 4 : 2) * unit;
+  for (const [a, b] of EDGES) {
+    if (points[a] && points[b]) stroke(context, [points[a], points[b]]);
+  }
+  context.setLineDash([]);
+  const number = object.id === undefined ? "" : `#${object.id} `;
+  const text = pen.isSmall ? object.range_m.toFixed(1) : number + distance(object);
+  drawLabel(pen, text, object.box2d[0], object.box2d[1], color(object));
+}
+
+function drawCorner(pen, [x, y], place, corners) {
+  const { context, unit } = pen;
+  context.strokeStyle = MARK_COLOR;
+  context.lineWidth = 2 * unit;
+  const next = corners[(place + 1) % corners.length];
+  if (next && (corners.length === 4 || place + 1 < corners.length)) stroke(context, [[x, y], next]);
+  context.beginPath();
+  context.arc(x, y, 5 * unit, 0, 2 * Math.PI);
+  context.stroke();
+  drawLabel(pen, String(place + 1), x + 6 * unit, y - 4 * unit, MARK_COLOR);
+}
+
+function drawCursor({ context, unit }, [x, y]) {
+  context.strokeStyle = MARK_COLOR;
+  context.lineWidth = 1.5 * unit;
+  stroke(context, [[x - 14 * unit, y], [x + 14 * unit, y]]);
+  stroke(context, [[x, y - 14 * unit], [x, y + 14 * unit]]);
+}
+
+/** Draws objects, their error bars and the ways that they came, from above. */
+export function drawAbove(canvas, view) {
+  canvas.width = Math.max(240, canvas.parentElement.clientWidth - 24);
+  canvas.height = Math.round(Math.min(canvas.width * 1.1, 720));
+  const context = canvas.getContext("2d");
+  const style = getComputedStyle(document.documentElement);
+  const [back, soft, line, text] = ["panel", "soft", "line", "text"].map((name) => style.getPropertyValue(`--${name}`));
+  const { width, height } = canvas;
+  context.fillStyle = back;
+  context.fillRect(0, 0, width, height);
+  const { farthest, widest } = view.reach();
+  const scale = Math.min((height - 40) / farthest, width / 2 / widest);
+  const at = ([x, , z]) => [width / 2 + x * scale, height - 24 - z * scale];
+  context.font = "13px system-ui, sans-serif";
+  const step = farthest > 80 ? 20 : 10;
+  for (let z = step; z < farthest; z += step) {
+    context.strokeStyle = line;
+    stroke(context, [[0, at([0, 0, z])[1]], [width, at([0, 0, z])[1]]]);
+    context.fillStyle = soft;
+    context.fillText(`${z} m`, 4, at([0, 0, z])[1] - 3);
+  }
+  context.fillStyle = text;
+  context.beginPath();
+  context.moveTo(...at([0, 0, 0]));
+  context.lineTo(width / 2 - 7, height - 8);
+  context.lineTo(width / 2 + 7, height - 8);
+  context.fill();
+  for (const object of view.objects) drawFromAbove({ context, at, text }, view, object);
+  canvas.setAttribute("aria-label", `${view.objects.length} objects seen from above`);
+}
+
+function drawFromAbove({ context, at, text }, view, object) {
+  context.strokeStyle = color(object);
+  context.lineWidth = 1.5;
+  context.globalAlpha = 0.6;
+  stroke(context, view.trail(object).map(at));
+  context.globalAlpha = 1;
+  context.lineWidth = view.isChosen(object) ? 4 : 2;
+  context.setLineDash(object.coasting ? [4, 4] : []);
+  const corners = boxCorners(object).slice(0, 4);
+  stroke(context, [...corners, corners[0]].map(at));
+  context.setLineDash([]);
+  const [x, y, z] = object.location;
+  context.lineWidth = 1.5;
+  if (object.range_interval_m) {
+    // Along the ray of the object, as far as the interval goes.
+    stroke(context, object.range_interval_m.map((end) => at([x * end / object.range_m, y, z * end / object.range_m])));
+  }
+  if (object.velocity_mps) {
+    // Where it is in a second, relative to the camera.
+    const [vx, , vz] = object.velocity_mps;
+    stroke(context, [at([x, y, z]), at([x + vx, y, z + vz])]);
+  }
+  context.fillStyle = text;
+  context.fillText(object.range_m.toFixed(1), at([x, y, z])[0] + 8, at([x, y, z])[1] + 4);
+}
