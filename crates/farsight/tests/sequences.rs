@@ -84,7 +84,8 @@ fn a_sequence_is_rendered_and_its_own_truth_has_full_marks() {
 
     let judge = |tracks: &str, more: &[&str]| {
         fs::write(folder.join("tracks.jsonl"), tracks).unwrap();
-        let common = ["eval-tracks", "--labels", "a/training/label_02", "--tracks", "tracks.jsonl", "--json", "out.json"];
+        let common =
+            ["eval-tracks", "--labels", "a/training/label_02", "--tracks", "tracks.jsonl", "--json", "out.json"];
         let printed = done(folder, &[&common[..], more].concat());
         let figures: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("out.json")).unwrap()).unwrap();
         (printed, figures)

@@ -19,7 +19,8 @@ fn a_folder_needs_a_rate_and_a_film_has_one() {
     assert!(told(&folder.path().join("film.mp4"), Some(10.0)).contains("a video has times of its own"));
     let frames = VideoSource::open(folder.path(), Some(4.0)).unwrap().frames(&VideoOptions::default()).unwrap();
     let frames: Vec<_> = frames.map(Result::unwrap).collect();
-    let seen: Vec<_> = frames.iter().map(|frame| (frame.number, frame.time_s, frame.path.file_name().unwrap())).collect();
+    let seen: Vec<_> =
+        frames.iter().map(|frame| (frame.number, frame.time_s, frame.path.file_name().unwrap())).collect();
     assert_eq!(seen, [(0, 0.0, "a.png".as_ref()), (1, 0.25, "b.png".as_ref())]);
 }
 

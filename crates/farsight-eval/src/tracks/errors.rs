@@ -71,7 +71,8 @@ impl Sample {
 }
 
 /// Bins of the true time to collision: TSTTC's (Shi et al. 2023), seconds.
-pub const TTC_BINS: [(&str, [f64; 2]); 3] = [("0 to 3 s", [0.0, 3.0]), ("3 to 6 s", [3.0, 6.0]), ("6 to 10 s", [6.0, 10.0])];
+pub const TTC_BINS: [(&str, [f64; 2]); 3] =
+    [("0 to 3 s", [0.0, 3.0]), ("3 to 6 s", [3.0, 6.0]), ("6 to 10 s", [6.0, 10.0])];
 
 /// Times to collision of a bin.
 #[derive(Debug, Clone, PartialEq, Serialize)]

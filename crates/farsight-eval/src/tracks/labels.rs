@@ -62,8 +62,9 @@ pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<Tru
         let fields: Vec<&str> = line.split_ascii_whitespace().collect();
         let frame = whole(labels, number, 0, &fields, "the number of a frame")?;
         let id = field(labels, number, 1, &fields, "an identity", |text| text.parse::<i64>().ok())?;
-        let row = row_from_fields(fields.get(2..).unwrap_or_default(), RowKind::Label)
-            .map_err(|error| TrackLabelError::Row { path: labels.to_owned(), line: number, problem: error.to_string() })?;
+        let row = row_from_fields(fields.get(2..).unwrap_or_default(), RowKind::Label).map_err(|error| {
+            TrackLabelError::Row { path: labels.to_owned(), line: number, problem: error.to_string() }
+        })?;
         if frames.len() <= frame {
             frames.resize_with(frame + 1, TrueFrame::default);
         }
@@ -150,7 +151,10 @@ mod tests {
         let counts: Vec<_> = frames.iter().map(|frame| (frame.tracks.len(), frame.dont_care.len())).collect();
         assert_eq!(counts, [(1, 0), (0, 1), (1, 0)]);
         assert_eq!(frames[0].tracks[0].velocity_mps, None);
-        assert_eq!((frames[2].tracks[0].velocity_mps, frames[2].tracks[0].speed_mps), (Some([0.5, 0.0, -3.0]), Some(9.0)));
+        assert_eq!(
+            (frames[2].tracks[0].velocity_mps, frames[2].tracks[0].speed_mps),
+            (Some([0.5, 0.0, -3.0]), Some(9.0))
+        );
     }
 
     #[test]

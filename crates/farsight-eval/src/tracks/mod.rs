@@ -10,10 +10,11 @@
 //! | `sequence` | who is whom in each frame |
 //! | `errors` | errors and coverage |
 //! | `report` | several sequences together, and against others |
-//! | `text` | the report for people |
+//! | `text`, `page` | the report for people; the course of each track |
 
 mod errors;
 mod labels;
+mod page;
 mod report;
 mod sequence;
 mod text;
@@ -22,6 +23,7 @@ use farsight_core::{Box2d, Box3d, Label, ObjectClass};
 
 pub use errors::{Errors, Sample, TTC_BINS, TtcBin};
 pub use labels::{TrackLabelError, read_sequence};
+pub use page::page;
 pub use report::{Difference, Figures, TracksReport, differences};
 pub use sequence::{JudgedSequence, judge};
 pub use text::{differences_text, text};

@@ -80,7 +80,10 @@ fn named(metrics: &TrackingMetrics) -> BTreeMap<&'static str, f64> {
 
 /// The frames of sequences as one, with identities of their own: HOTA, CLEAR and identity metrics then are those that
 /// `TrackEval` gives for all sequences together.
-fn together(sequences: &[&JudgedSequence], frames: impl Fn(&JudgedSequence) -> &Vec<TrackedFrame>) -> Vec<TrackedFrame> {
+fn together(
+    sequences: &[&JudgedSequence],
+    frames: impl Fn(&JudgedSequence) -> &Vec<TrackedFrame>,
+) -> Vec<TrackedFrame> {
     let mut all = Vec::new();
     for (place, sequence) in sequences.iter().enumerate() {
         let renamed = |ids: &[u64]| ids.iter().map(|id| id + place as u64 * IDS_OF_SEQUENCE).collect();

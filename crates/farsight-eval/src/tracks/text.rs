@@ -12,12 +12,16 @@ pub fn text(report: &TracksReport) -> String {
         text += &row(name, metrics);
     }
     let errors = &report.errors;
-    let number = |value: Option<f64>, unit: &str| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}{unit}"));
+    let number =
+        |value: Option<f64>, unit: &str| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}{unit}"));
     let shares = |value: Option<[f64; 3]>| {
-        value.map_or_else(|| "-".to_owned(), |value| {
-            let [a, b, c] = value.map(|share| 100.0 * share);
-            format!("{a:.0}% / {b:.0}% / {c:.0}%")
-        })
+        value.map_or_else(
+            || "-".to_owned(),
+            |value| {
+                let [a, b, c] = value.map(|share| 100.0 * share);
+                format!("{a:.0}% / {b:.0}% / {c:.0}%")
+            },
+        )
     };
     let [near, far] = errors.closing_mae_mps.map(|value| number(value, " m/s"));
     let [ground_near, ground_far] = errors.speed_mae_mps.map(|value| number(value, " m/s"));
@@ -67,7 +71,9 @@ fn row(name: &str, metrics: &TrackingMetrics) -> String {
     let TrackingMetrics { hota, det_a, ass_a, loc_a, mota, motp, idf1, switches, fragments, .. } = metrics;
     let [hota, det_a, ass_a, loc_a, mota, motp, idf1] =
         [hota, det_a, ass_a, loc_a, mota, motp, idf1].map(|share| format!("{:.1}%", 100.0 * share));
-    format!("{name:12} {hota:>6} {det_a:>6} {ass_a:>6} {loc_a:>6} {mota:>6} {motp:>6} {idf1:>6}  {switches:>8}  {fragments:>9}\n")
+    format!(
+        "{name:12} {hota:>6} {det_a:>6} {ass_a:>6} {loc_a:>6} {mota:>6} {motp:>6} {idf1:>6}  {switches:>8}  {fragments:>9}\n"
+    )
 }
 
 /// Tracks against others, paired by sequence.

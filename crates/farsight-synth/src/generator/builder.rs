@@ -177,14 +177,22 @@ impl SceneBuilder {
     /// How finely a labelled object is built: by its distance, and more coarsely in a crowd.
     fn detail(&self, box3d: &Box3d) -> Detail {
         let [x, _, z] = box3d.location;
-        let passes = self.stations.iter().map(|at| (x - at[0]).hypot(z - at[1]));
-        let distance_m = passes.reduce(f64::min).unwrap_or_else(|| box3d.center_distance_m());
+        let distance_m = if self.stations.is_empty() { box3d.center_distance_m() } else { self.passes_m([x, z]) };
         let wanted = Detail::at(distance_m, self.view.focal_px());
         match self.labelled_triangles() {
             0..45_000 => wanted,
             45_000..70_000 => wanted.min(Detail::Middle),
             _ => Detail::Far,
         }
+    }
+
+    /// How near to a point on the ground the camera comes, metres.
+    pub(crate) fn passes_m(&self, point: [f64; 2]) -> f64 {
+        let distance = |at: &[f64; 2]| {
+            let [x, z] = [point[0] - at[0], point[1] - at[1]];
+            (x * x + z * z).sqrt()
+        };
+        self.stations.iter().map(distance).reduce(f64::min).unwrap_or_else(|| distance(&[0.0; 2]))
     }
 
     /// Triangles of all labelled objects so far.

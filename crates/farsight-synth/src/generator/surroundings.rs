@@ -206,7 +206,7 @@ impl Surroundings<'_> {
 
     pub(super) fn tree(&mut self, point: [f64; 2], height: f64, room: f64) {
         let mut rng = self.rng.fork();
-        let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
+        let distance = self.builder.passes_m(point);
         let crown = height * 0.33;
         if distance < 4.0
             || self.blocked(point, room)
@@ -244,7 +244,7 @@ impl Surroundings<'_> {
         let mut rng = self.rng.fork();
         let height = rng.log_range(0.5, 3.5);
         let wide = height * rng.range(0.8, 2.0);
-        let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
+        let distance = self.builder.passes_m(point);
         if distance < 4.0
             || self.blocked(point, wide / 2.0)
             || self.builder.hides(point, wide * 0.6)

@@ -92,10 +92,9 @@ impl Mover {
     }
 
     /// Whether they are on their path now.
-    pub(super) fn is_there(&self, time_s: f64) -> bool {
+    pub(super) fn is_there(&self) -> bool {
         let [start, end] = self.path.range();
-        let is_begun = !matches!(self.role, Role::Walk { begin_s } if time_s < begin_s && begin_s.is_infinite());
-        is_begun && self.s > start + 1.0 && self.s < end - 1.0
+        self.s > start + 1.0 && self.s < end - 1.0
     }
 
     fn place(&self, s: f64, time_s: f64) -> [f64; 2] {

@@ -2,19 +2,19 @@
 
 use std::f64::consts::TAU;
 
-use farsight_core::{ObjectClass, Dimensions};
+use farsight_core::{Dimensions, ObjectClass};
 
+use super::Step;
 use super::camera::{Body as Chassis, ego_step};
 use super::follow::{Leader, acceleration};
 use super::frame::Body;
 use super::mover::{Braking, Change, Moment, Mover, Role};
-use super::Step;
 use crate::generator::builder::SceneBuilder;
 use crate::generator::config::Place;
 use crate::generator::ground::Ground;
 use crate::generator::path::Path;
 use crate::generator::plan::Plan;
-use crate::generator::street::LaneUse;
+use crate::generator::street::{Lane, LaneUse};
 use crate::generator::traffic::Traffic as Standing;
 use crate::region::Participant;
 use crate::rng::SceneRng;
@@ -83,9 +83,12 @@ impl Simulation {
         let plan = standing.plan;
         let [start, end] = self.main.range();
         let gap_m = (plan.gap / standing.density.max(0.05)).clamp(8.0, 80.0);
-        let lanes: Vec<_> = plan.main.lanes.iter().filter(|lane| lane.used_for == LaneUse::Drive).collect();
+        let is_own = |lane: &Lane| lane.direction > 0.0 && lane.center.abs() < lane.width / 2.0;
+        let mut lanes: Vec<_> = plan.main.lanes.iter().filter(|lane| lane.used_for == LaneUse::Drive).collect();
+        // Those before the camera matter most, if there are too many.
+        lanes.sort_by_key(|lane| !is_own(lane));
         for lane in lanes {
-            let is_own = lane.direction > 0.0 && lane.center.abs() < lane.width / 2.0;
+            let is_own = is_own(lane);
             let lane_mps = if is_own { self.movers[0].speed } else { usual_mps * rng.range(0.8, 1.2) };
             let mut s = start + 2.0 + rng.range(0.0, gap_m);
             let mut is_next = true;
@@ -124,7 +127,7 @@ impl Simulation {
         for (side, opening) in plan.side.iter().zip(&plan.main.openings) {
             let middle = f64::midpoint(opening[0], opening[1]);
             let way = if rng.chance(0.5) { 1.0 } else { -1.0 };
-            let lanes = |lanes: &[crate::generator::street::Lane], way: f64| -> Option<f64> {
+            let lanes = |lanes: &[Lane], way: f64| -> Option<f64> {
                 let found = lanes.iter().filter(|lane| lane.used_for == LaneUse::Drive && lane.direction * way > 0.0);
                 found.map(|lane| lane.center).reduce(|a, b| if (a - b) * way > 0.0 { a } else { b })
             };
@@ -176,7 +179,8 @@ impl Simulation {
                 let node = street.path.at(rng.range(12.0, 0.6 * end));
                 let reach = [street.edges[0] - 1.2, street.edges[1] + 1.2].map(|edge| sign * edge);
                 let yaw = node.yaw() + sign * std::f64::consts::FRAC_PI_2;
-                let path = Path::new(node.point, yaw, [reach[0].min(reach[1]) - 3.0, reach[0].max(reach[1]) + 3.0], |_| 0.0);
+                let path =
+                    Path::new(node.point, yaw, [reach[0].min(reach[1]) - 3.0, reach[0].max(reach[1]) + 3.0], |_| 0.0);
                 walker = driver(person(ObjectClass::Pedestrian, rng), &path, 1.0, 0.0, rng);
                 walker.s = reach[0].min(reach[1]);
                 walker.role = Role::Walk { begin_s: rng.range(0.0, 4.0) };
@@ -188,6 +192,7 @@ impl Simulation {
                 (walker.role, walker.lift) = (Role::Walk { begin_s: 0.0 }, border.kerb);
             }
             walker.desired = rng.range(0.9, 1.8);
+            walker.speed = if walker.role == (Role::Walk { begin_s: 0.0 }) { walker.desired } else { 0.0 };
             walker.sway = [0.02, 5.0, rng.range(0.0, TAU)];
             self.movers.push(walker);
         }
@@ -196,6 +201,7 @@ impl Simulation {
             let mut rider = driver(person(ObjectClass::Cyclist, rng), &street.path, 1.0, lane, rng);
             rider.s = rng.range(8.0, 0.7 * end);
             (rider.desired, rider.role) = (rng.range(3.0, 7.0), Role::Walk { begin_s: 0.0 });
+            rider.speed = rider.desired;
             self.movers.push(rider);
         }
     }
@@ -216,8 +222,8 @@ impl Simulation {
             let ego = &self.movers[0];
             let ego = ego_step(&self.main, ego.s, ego.speed, ego.acceleration, &chassis, ground);
             let others = self.movers.iter().zip(&starts).skip(1);
-            let movers = others
-                .map(|(mover, start)| mover.is_there(self.time_s).then(|| mover.moment(self.time_s, *start, ground)));
+            let movers =
+                others.map(|(mover, start)| mover.is_there().then(|| mover.moment(self.time_s, *start, ground)));
             steps.push(Step { ego, movers: movers.collect() });
             for substep in 0..substeps {
                 self.time_s = frame as f64 / fps + substep as f64 * dt_s;
@@ -243,7 +249,7 @@ impl Simulation {
 
     fn on_main(&self, mover: &Mover) -> Option<OnMain> {
         match mover.role {
-            _ if !mover.is_there(self.time_s) => None,
+            _ if !mover.is_there() => None,
             Role::Drive => Some([mover.s, mover.offset(self.time_s), mover.way * mover.speed]),
             Role::Turn { .. } | Role::Walk { .. } => {
                 let node = mover.path.at(mover.s);
@@ -441,7 +447,9 @@ fn turning(main: &Path, side: &Path, [middle, way]: [f64; 2], [from, to]: [f64; 
     let p1 = side.at(from).beside(to);
     for k in 1..10 {
         let t = k as f64 / 10.0;
-        points.push([0, 1].map(|axis| (1.0 - t) * (1.0 - t) * p0[axis] + 2.0 * t * (1.0 - t) * p1[axis] + t * t * p2[axis]));
+        points.push(
+            [0, 1].map(|axis| (1.0 - t) * (1.0 - t) * p0[axis] + 2.0 * t * (1.0 - t) * p1[axis] + t * t * p2[axis]),
+        );
     }
     let last = points.len();
     let side_end = side.range()[usize::from(way > 0.0)];

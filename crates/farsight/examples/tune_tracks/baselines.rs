@@ -129,7 +129,13 @@ impl Baseline {
         Self { kind, entries: Vec::new(), next: 1, frame: 0 }
     }
 
-    pub(crate) fn update(&mut self, dt_s: f64, detections: &[Detection], class: &ObjectClass, birth: f64) -> Vec<ToldTrack> {
+    pub(crate) fn update(
+        &mut self,
+        dt_s: f64,
+        detections: &[Detection],
+        class: &ObjectClass,
+        birth: f64,
+    ) -> Vec<ToldTrack> {
         self.frame += 1;
         self.entries.iter_mut().for_each(|entry| entry.predict(dt_s));
         let mut of_class: Vec<&Detection> = detections.iter().filter(|one| one.class == *class).collect();

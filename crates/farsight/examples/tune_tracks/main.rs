@@ -15,7 +15,9 @@ use farsight::json::ImageRecord;
 use farsight::video::EgoFile;
 use farsight::{Box2d, Box3d, Camera, Detection, Frame, ObjectClass, Track, Tracker, TrackerOptions};
 use farsight_core::Dimensions;
-use farsight_eval::tracks::{JudgedSequence, Sample, ToldFrame, ToldTrack, TracksReport, TrueFrame, judge, read_sequence, text};
+use farsight_eval::tracks::{
+    JudgedSequence, Sample, ToldFrame, ToldTrack, TracksReport, TrueFrame, judge, read_sequence, text,
+};
 
 use baselines::{Baseline, Kind};
 

@@ -8,7 +8,8 @@ use clap::Args;
 use farsight::json::{FrameRecord, TrackRecord};
 use farsight_core::{Box2d, Box3d, Dimensions, ObjectClass};
 use farsight_eval::tracks::{
-    JudgedSequence, ToldFrame, ToldTrack, TracksReport, TrueFrame, differences, differences_text, judge, read_sequence, text,
+    JudgedSequence, ToldFrame, ToldTrack, TracksReport, TrueFrame, differences, differences_text, judge, page,
+    read_sequence, text,
 };
 use farsight_files::{read_text, write_atomically};
 
@@ -34,6 +35,9 @@ pub(crate) struct EvalTracksArgs {
     /// Write all figures to FILE as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write a page to FILE (HTML) with the course of each track beside the truth, the worst first
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -41,9 +45,13 @@ pub(crate) fn run(args: &EvalTracksArgs, printer: &mut Printer) -> Result<Outcom
     if let Some(json) = &args.json {
         outputs::check_json(json, [&args.labels, &args.tracks].into_iter().chain(&args.against))?;
     }
+    if let Some(page) = &args.report {
+        outputs::check_kind(page, "json", "a name in .html")?;
+    }
     let truth = truth(&args.labels)?;
     let class = ObjectClass::from_name(&args.class);
-    let report = TracksReport::new(&judged(&truth, &class, &args.tracks)?);
+    let sequences = judged(&truth, &class, &args.tracks)?;
+    let report = TracksReport::new(&sequences);
     printer.line(text(&report).trim_end());
     let compared = match &args.against {
         None => None,
@@ -55,6 +63,9 @@ pub(crate) fn run(args: &EvalTracksArgs, printer: &mut Printer) -> Result<Outcom
             Some(found)
         }
     };
+    if let Some(path) = &args.report {
+        write_atomically(path, |file| file.write_all(page(&report, &sequences).as_bytes()))?;
+    }
     if let Some(path) = &args.json {
         let value = serde_json::json!({"all": report.figures(), "against": compared});
         let text = serde_json::to_string_pretty(&value)? + "\n";
@@ -109,8 +120,8 @@ fn told(path: &Path) -> Result<Vec<Option<ToldFrame>>> {
     let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let mut frames = Vec::new();
     for (line, number) in text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()) {
-        let record: FrameRecord = serde_json::from_str(line)
-            .with_context(|| format!("{}:{number}: no frame of tracks", path.display()))?;
+        let record: FrameRecord =
+            serde_json::from_str(line).with_context(|| format!("{}:{number}: no frame of tracks", path.display()))?;
         let place = usize::try_from(record.frame).ok().filter(|place| *place < MOST_FRAMES);
         let place = place.with_context(|| format!("{}:{number}: frame {}", path.display(), record.frame))?;
         if frames.len() <= place {

@@ -331,7 +331,9 @@ impl Folder {
         let path =
             |folder: &str, extension: &str| self.root.join(format!("training/{folder}/{}.{extension}", frame.id));
         let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
-        write_quickly(&path("image_2", extension), |file| encode(self.jpeg, &frame.image, file).map_err(io::Error::other))?;
+        write_quickly(&path("image_2", extension), |file| {
+            encode(self.jpeg, &frame.image, file).map_err(io::Error::other)
+        })?;
         write_labels(&path("label_2", "txt"), &frame.labels)?;
         for format in FILE_FORMATS {
             format.write(&self.root.join("training"), &frame.id, &frame.annotations)?;

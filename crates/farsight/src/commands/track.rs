@@ -53,7 +53,7 @@ pub(crate) struct TrackArgs {
     /// ffmpeg's encoder of the film, such as `h264_nvenc` [default: ffmpeg's choice for the kind of file]
     #[arg(long, value_name = "NAME", requires = "out")]
     encoder: Option<String>,
-    /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left)
+    /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), poses of KITTI's odometry (12 numbers a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left)
     #[arg(long, value_name = "FILE|DIR")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between

@@ -131,8 +131,7 @@ impl Writer<'_> {
 /// Rows of the tracking benchmark: frame and identity, then a label's columns.
 fn label_rows(number: usize, frame: &SequenceFrame) -> String {
     let ids = frame.tracks.iter().map(|track| i64::from(track.id)).chain(frame.dont_care.iter().map(|_| -1));
-    let labels: Vec<_> =
-        frame.tracks.iter().map(|track| &track.label).chain(&frame.dont_care).cloned().collect();
+    let labels: Vec<_> = frame.tracks.iter().map(|track| &track.label).chain(&frame.dont_care).cloned().collect();
     let rows = text_from_labels(&labels);
     rows.lines().zip(ids).map(|(row, id)| format!("{number} {id} {row}\n")).collect()
 }
@@ -152,9 +151,31 @@ fn oxts_row(ego: &EgoTruth) -> String {
     let (vn, ve) = (speed_mps * yaw.sin(), speed_mps * yaw.cos());
     let sideways = speed_mps * yaw_rate;
     let fields = [
-        degrees[0], degrees[1], 0.0, ego.roll_rad, ego.pitch_rad, yaw, vn, ve, speed_mps, 0.0, 0.0,
-        acceleration_mps2, sideways, 9.81, acceleration_mps2, sideways, 9.81, 0.0, 0.0, yaw_rate, 0.0, 0.0, yaw_rate,
-        0.01, 0.01,
+        degrees[0],
+        degrees[1],
+        0.0,
+        ego.roll_rad,
+        ego.pitch_rad,
+        yaw,
+        vn,
+        ve,
+        speed_mps,
+        0.0,
+        0.0,
+        acceleration_mps2,
+        sideways,
+        9.81,
+        acceleration_mps2,
+        sideways,
+        9.81,
+        0.0,
+        0.0,
+        yaw_rate,
+        0.0,
+        0.0,
+        yaw_rate,
+        0.01,
+        0.01,
     ];
     let fields: String = fields.iter().map(|field| format!("{field:.12} ")).collect();
     fields + "4 10 4 4 4\n"

@@ -119,7 +119,11 @@ impl Sinks {
 
     /// Whether anything is left of the work when nobody reads what is printed.
     pub(super) fn write_files(&self) -> bool {
-        self.json.is_some() || self.events.is_some() || self.tracks.is_some() || self.kitti.is_some() || self.pictures.is_some()
+        self.json.is_some()
+            || self.events.is_some()
+            || self.tracks.is_some()
+            || self.kitti.is_some()
+            || self.pictures.is_some()
     }
 
     /// Writes a frame.
