@@ -40,22 +40,29 @@ fn main() -> std::io::Result<()> {
     let mut options = TrackerOptions { birth_score: BIRTH, low_score: 0.2, ..TrackerOptions::default() };
     arguments.for_each(|setting| set(&mut options, &setting));
     let sequences = sequences(Path::new(&data), Path::new(&folder))?;
-    let tracked: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options))).collect();
+    let tracked: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options, true))).collect();
+    let seen: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options, false))).collect();
     let single: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &single(one))).collect();
     let mut out = text(&TracksReport::new(&tracked));
     out += &against_single(&tracked, &single);
+    out += &short("ours without coasting", &seen);
     for (name, kind) in [("AB3DMOT-style", Kind::Ab3dMot), ("ByteTrack-style", Kind::ByteTrack)] {
         let judged: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &baseline(one, kind))).collect();
-        let report = TracksReport::new(&judged);
-        out += &format!(
-            "{name}: HOTA in the image {:.1}%, in space {:.1}%, IDF1 in space {:.1}%, switches {}\n",
-            100.0 * report.image.hota,
-            100.0 * report.space.hota,
-            100.0 * report.space.idf1,
-            report.image.switches
-        );
+        out += &short(name, &judged);
     }
     std::io::stdout().write_all(out.as_bytes())
+}
+
+/// HOTA with its parts in the image and in space, in one line.
+fn short(name: &str, judged: &[JudgedSequence]) -> String {
+    let report = TracksReport::new(judged);
+    let share = |value: f64| format!("{:.1}%", 100.0 * value);
+    let [image, space] = [&report.image, &report.space].map(|one| {
+        let [hota, detection, association] = [one.hota, one.det_a, one.ass_a].map(share);
+        format!("HOTA {hota} (DetA {detection}, AssA {association})")
+    });
+    let (idf1, switches) = (share(report.space.idf1), report.image.switches);
+    format!("{name}: in the image {image}, in space {space}, IDF1 in space {idf1}, switches {switches}\n")
 }
 
 fn set(options: &mut TrackerOptions, setting: &str) {
@@ -64,6 +71,7 @@ fn set(options: &mut TrackerOptions, setting: &str) {
     let noise = &mut options.noise;
     let place = match name {
         "birth_score" => &mut options.birth_score,
+        "low_score" => &mut options.low_score,
         "min_overlap" => &mut options.min_overlap,
         "gate_sigmas" => &mut options.gate_sigmas,
         "acceleration_psd" => &mut options.acceleration_psd,
@@ -131,7 +139,7 @@ fn judged(sequence: &Sequence, told: &[Option<ToldFrame>]) -> JudgedSequence {
     judge(&sequence.name, &ObjectClass::Car, &sequence.truth, told)
 }
 
-fn tracked(sequence: &Sequence, options: &TrackerOptions) -> Vec<Option<ToldFrame>> {
+fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<Option<ToldFrame>> {
     let mut tracker = Tracker::new(options.clone());
     let frame = |(number, detections): (usize, &Vec<Detection>)| {
         let time_s = number as f64 / sequence.fps;
@@ -148,7 +156,7 @@ fn tracked(sequence: &Sequence, options: &TrackerOptions) -> Vec<Option<ToldFram
             ttc_interval_s: track.closing.and_then(|closing| closing.ttc_interval_s),
             speed_mps: sequence.ego.motion(number as u64, time_s).and_then(|ego| track.speed_mps(&ego)),
         };
-        Some(ToldFrame { time_s, tracks: tracks.iter().map(told).collect() })
+        Some(ToldFrame { time_s, tracks: tracks.iter().filter(|track| coasts || !track.coasting).map(told).collect() })
     };
     sequence.detections.iter().enumerate().map(frame).collect()
 }
