@@ -36,13 +36,13 @@ impl Default for TrackerOptions {
             birth_score: 0.5,
             low_score: 0.1,
             birth_hits: 2,
-            max_coast_s: 1.0,
+            max_coast_s: 0.5,
             max_hidden_s: 2.0,
             max_lost_s: 3.0,
             min_overlap: 0.2,
             gate_sigmas: 4.0,
             acceleration_psd: 4.0,
-            prior_speed_mps: [5.0, 15.0],
+            prior_speed_mps: [5.0, 10.0],
             noise: Noise::default(),
         }
     }

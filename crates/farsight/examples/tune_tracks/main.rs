@@ -40,11 +40,11 @@ fn main() -> std::io::Result<()> {
     let mut options = TrackerOptions { birth_score: BIRTH, low_score: 0.2, ..TrackerOptions::default() };
     arguments.for_each(|setting| set(&mut options, &setting));
     let sequences = sequences(Path::new(&data), Path::new(&folder))?;
-    let tracked: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options, true))).collect();
+    let ours: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options, true))).collect();
     let seen: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options, false))).collect();
     let single: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &single(one))).collect();
-    let mut out = text(&TracksReport::new(&tracked));
-    out += &against_single(&tracked, &single);
+    let mut out = text(&TracksReport::new(&ours));
+    out += &against_single(&ours, &single);
     out += &short("ours without coasting", &seen);
     for (name, kind) in [("AB3DMOT-style", Kind::Ab3dMot), ("ByteTrack-style", Kind::ByteTrack)] {
         let judged: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &baseline(one, kind))).collect();
