@@ -56,6 +56,7 @@
 //! | [`frame`], [`class`], [`difficulty`] | what is evaluated, and the devkit's rules of what counts |
 //! | [`files`], [`findings`] | folders of label and result files, and what is odd about them |
 //! | [`tracking`] | how good are tracks: HOTA, CLEAR, identity metrics |
+//! | [`tracks`] | tracks of sequences against labels: these metrics, errors of distance, speed, time to collision |
 //! | [`text`], `page` | the report for people: tables and notes, HTML and charts |
 
 pub mod ap;
@@ -77,6 +78,7 @@ mod parts;
 pub mod ranging;
 pub mod text;
 pub mod tracking;
+pub mod tracks;
 
 pub use bootstrap::{Bootstrap, Interval};
 pub use class::EvaluatedClass;

@@ -52,7 +52,8 @@ pub fn scene_from_labels(
     for label in &objects {
         let moving = is_along(&label.box3d) && label.box3d.location[0].abs() < 4.0;
         let share = if moving { builder.light.lights_share } else { 0.03 };
-        let state = ObjectState { lights_on: rng.chance(share), braking: moving && rng.chance(0.2), moving };
+        let state =
+            ObjectState { lights_on: rng.chance(share), braking: moving && rng.chance(0.2), moving, stride: None };
         let mut rng = rng.fork();
         let Label { class, box3d, .. } = label;
         let kind = region.and_then(|region| region.kind_of(class, box3d.dimensions, &mut rng));

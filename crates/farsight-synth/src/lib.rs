@@ -19,6 +19,7 @@
 //! | [`sensor`] | what a camera does to light: exposure, blur, noise, tone curve, JPEG |
 //! | [`labels`], `plates` | labels and number plates from what the image shows |
 //! | `stream` | finished frames, by number |
+//! | [`sequence`] | scenes that move, seen by a camera that drives |
 //! | `dataset` | these frames as a data set |
 
 mod dataset;
@@ -35,6 +36,7 @@ pub mod render;
 mod rng;
 pub mod scene;
 pub mod sensor;
+pub mod sequence;
 pub mod sizes;
 mod stream;
 pub(crate) mod vector;
@@ -44,4 +46,5 @@ pub use generator::{CameraRanges, LARGEST_IMAGE_PX, PlaceWeights, SceneConfig, W
 pub use layout::scene_from_labels;
 pub use region::RegionWeights;
 pub use scene::LabelledScene;
+pub use sequence::{EgoTruth, Sequence, SequenceFrame, SequenceStream, TrackTruth};
 pub use stream::{SceneStream, frame_from_labels};

@@ -2,7 +2,8 @@
 
 /// Options of a [`crate::Tracker`].
 ///
-/// The noise was set by hand from the errors of the shipped models in a real sequence, wider than they were.
+/// Acceleration and heights were fitted on rendered sequences (`docs/video.md`); the other noise was set by hand from the
+/// errors of the shipped models in a real sequence, wider than they were.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackerOptions {
     /// From this score on a detection begins a track.
@@ -35,13 +36,13 @@ impl Default for TrackerOptions {
             birth_score: 0.5,
             low_score: 0.1,
             birth_hits: 2,
-            max_coast_s: 1.0,
+            max_coast_s: 0.5,
             max_hidden_s: 2.0,
             max_lost_s: 3.0,
             min_overlap: 0.2,
             gate_sigmas: 4.0,
-            acceleration_psd: 0.2,
-            prior_speed_mps: [5.0, 15.0],
+            acceleration_psd: 4.0,
+            prior_speed_mps: [5.0, 10.0],
             noise: Noise::default(),
         }
     }
@@ -86,7 +87,7 @@ impl Default for Noise {
             least_white: 0.02,
             unknown_sigma: 0.1,
             height_share: 0.02,
-            height_px: 0.6,
+            height_px: 0.3,
             height_s: 0.6,
             white_height_share: 0.006,
             white_height_px: 0.4,

@@ -1,7 +1,7 @@
 //! A scene in the making.
 
 use farsight_core::overlap::Block;
-use farsight_core::{Box3d, ObjectClass};
+use farsight_core::{Box3d, Dimensions, ObjectClass};
 
 use super::ground::Ground;
 use super::light::Light;
@@ -12,7 +12,7 @@ use crate::palette::{Palette, grey};
 use crate::region::{Region, VehicleKind};
 use crate::rng::SceneRng;
 use crate::scene::LabelledScene;
-use crate::scene::{LabelledObject, Lamp, MaterialId, Object, Scene, Vec3};
+use crate::scene::{LabelledObject, Lamp, MaterialId, Mesh, Object, Scene, Vec3};
 
 /// Layers of paint on the ground, from below.
 pub(crate) mod layer {
@@ -46,6 +46,8 @@ pub(crate) struct SceneBuilder {
     pub(crate) lamps: Vec<Lamp>,
     /// What props must not hide.
     pub(crate) sightlines: Vec<Sightline>,
+    /// Where the camera will be, x and z, if it moves.
+    pub(crate) stations: Vec<[f64; 2]>,
     labelled: Vec<LabelledObject>,
     objects: Vec<Object>,
     taken: Vec<Block>,
@@ -73,6 +75,7 @@ impl SceneBuilder {
             solid: MeshBuilder::default(),
             lamps: Vec::new(),
             sightlines: Vec::new(),
+            stations: Vec::new(),
             labelled: Vec::new(),
             objects: Vec::new(),
             taken: Vec::new(),
@@ -89,7 +92,7 @@ impl SceneBuilder {
         let heading = self.view.heading_rad;
         let on_mast = self.region.is_some() && self.view.is_on_mast();
         let (width, length) = if on_mast { (2.0, 2.0) } else { (2.3, 6.0) };
-        let dimensions = farsight_core::Dimensions { height: 2.0, width, length };
+        let dimensions = Dimensions { height: 2.0, width, length };
         let yaw = -std::f64::consts::FRAC_PI_2 - heading;
         let back = if on_mast { 0.0 } else { 0.8 };
         let location = [back * libm::sin(heading), self.ground.at_camera, -back * libm::cos(heading)];
@@ -129,32 +132,53 @@ impl SceneBuilder {
         kind: Option<&'static VehicleKind>,
         box3d: Box3d,
         state: ObjectState,
-        mut rng: SceneRng,
+        rng: SceneRng,
     ) {
         let instance = self.labelled.len() as u16 + 1;
         let detail = self.detail(&box3d);
-        let unusual = self.unusual;
-        let look = self.region.map(|region| region.look(kind, &mut rng));
-        let mut context = BuildContext { palette: &mut self.palette, rng, detail, state, unusual, plate: None, look };
-        let mesh = match kind {
-            Some(kind) => kind.shape.build(box3d.dimensions, &mut context),
-            None => objects::build(&class, box3d.dimensions, &mut context),
-        };
-        let plate = context.plate;
+        let (mesh, plate) = self.mesh(&class, kind, box3d.dimensions, detail, state, rng);
         self.objects.push(objects::placed(&mesh, &box3d, instance));
-        if matches!(class, ObjectClass::Car | ObjectClass::Van | ObjectClass::Truck | ObjectClass::Tram) {
-            self.add_contact_shadow(&box3d);
+        if has_contact_shadow(&class) {
+            add_contact_shadow(&mut self.flat, &box3d, self.contact_shadow);
             if self.light.lamps_on && state.lights_on {
-                self.add_headlights(&box3d);
+                self.lamps.extend(headlights(&box3d));
             }
         }
         self.take(&box3d);
         self.labelled.push(LabelledObject { class, box3d, instance, plate });
     }
 
+    /// A mesh in object coordinates, and what its plates are made of.
+    pub(crate) fn mesh(
+        &mut self,
+        class: &ObjectClass,
+        kind: Option<&'static VehicleKind>,
+        size: Dimensions,
+        detail: Detail,
+        state: ObjectState,
+        mut rng: SceneRng,
+    ) -> (Mesh, Option<MaterialId>) {
+        let unusual = self.unusual;
+        let look = self.region.map(|region| region.look(kind, &mut rng));
+        let mut context = BuildContext { palette: &mut self.palette, rng, detail, state, unusual, plate: None, look };
+        let mesh = match kind {
+            Some(kind) => kind.shape.build(size, &mut context),
+            None if state.stride.is_some() => objects::unfitted_walker(size, &mut context),
+            None => objects::build(class, size, &mut context),
+        };
+        (mesh, context.plate)
+    }
+
+    /// What the ground under vehicles is made of.
+    pub(crate) fn contact_shadow(&self) -> MaterialId {
+        self.contact_shadow
+    }
+
     /// How finely a labelled object is built: by its distance, and more coarsely in a crowd.
     fn detail(&self, box3d: &Box3d) -> Detail {
-        let wanted = Detail::at(box3d.center_distance_m(), self.view.focal_px());
+        let [x, _, z] = box3d.location;
+        let distance_m = if self.stations.is_empty() { box3d.center_distance_m() } else { self.passes_m([x, z]) };
+        let wanted = Detail::at(distance_m, self.view.focal_px());
         match self.labelled_triangles() {
             0..45_000 => wanted,
             45_000..70_000 => wanted.min(Detail::Middle),
@@ -162,34 +186,18 @@ impl SceneBuilder {
         }
     }
 
+    /// How near to a point on the ground the camera comes, metres.
+    pub(crate) fn passes_m(&self, point: [f64; 2]) -> f64 {
+        let distance = |at: &[f64; 2]| {
+            let [x, z] = [point[0] - at[0], point[1] - at[1]];
+            (x * x + z * z).sqrt()
+        };
+        self.stations.iter().map(distance).reduce(f64::min).unwrap_or_else(|| distance(&[0.0; 2]))
+    }
+
     /// Triangles of all labelled objects so far.
     pub(crate) fn labelled_triangles(&self) -> usize {
         self.objects.iter().map(|object| object.mesh.triangles.len()).sum()
-    }
-
-    /// The ground under a vehicle, where hardly any light comes.
-    fn add_contact_shadow(&mut self, box3d: &Box3d) {
-        let half = [box3d.dimensions.length * 0.47, box3d.dimensions.width * 0.45].map(|v| v as f32);
-        let corners =
-            [[-1.0, -0.8], [-0.9, -1.0], [0.9, -1.0], [1.0, -0.8], [1.0, 0.8], [0.9, 1.0], [-0.9, 1.0], [-1.0, 0.8]];
-        let points = corners.map(|[a, b]| objects::point_of(box3d, [a * half[0], -0.012, b * half[1]]));
-        for quad in [[0, 1, 2, 3], [0, 3, 4, 7], [7, 4, 5, 6]] {
-            self.flat.quad(quad.map(|i| points[i]), self.contact_shadow, layer::CONTACT_SHADOW);
-        }
-    }
-
-    fn add_headlights(&mut self, box3d: &Box3d) {
-        let farsight_core::Dimensions { height, width, length } = box3d.dimensions;
-        if box3d.center_distance_m() > 60.0 {
-            return;
-        }
-        for side in [-0.36, 0.36] {
-            let local = [length / 2.0 + 0.05, -0.42 * height.min(2.0), side * width].map(|v| v as f32);
-            let position = objects::point_of(box3d, local);
-            let ahead = objects::point_of(box3d, [local[0] + 10.0, -0.1, local[2]]);
-            let direction = crate::vector::unit(crate::vector::sub(ahead, position));
-            self.lamps.push(Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 });
-        }
     }
 
     pub(crate) fn finish(self) -> LabelledScene {
@@ -210,6 +218,36 @@ impl SceneBuilder {
         };
         LabelledScene { scene, objects: self.labelled }
     }
+}
+
+/// Whether it is so near to the ground that it keeps the light from it.
+pub(crate) fn has_contact_shadow(class: &ObjectClass) -> bool {
+    matches!(class, ObjectClass::Car | ObjectClass::Van | ObjectClass::Truck | ObjectClass::Tram)
+}
+
+/// The ground under a vehicle, where hardly any light comes.
+pub(crate) fn add_contact_shadow(flat: &mut MeshBuilder, box3d: &Box3d, material: MaterialId) {
+    let half = [box3d.dimensions.length * 0.47, box3d.dimensions.width * 0.45].map(|v| v as f32);
+    let corners =
+        [[-1.0, -0.8], [-0.9, -1.0], [0.9, -1.0], [1.0, -0.8], [1.0, 0.8], [0.9, 1.0], [-0.9, 1.0], [-1.0, 0.8]];
+    let points = corners.map(|[a, b]| objects::point_of(box3d, [a * half[0], -0.012, b * half[1]]));
+    for quad in [[0, 1, 2, 3], [0, 3, 4, 7], [7, 4, 5, 6]] {
+        flat.quad(quad.map(|i| points[i]), material, layer::CONTACT_SHADOW);
+    }
+}
+
+/// The headlights of a vehicle that is near enough for them to matter.
+pub(crate) fn headlights(box3d: &Box3d) -> impl Iterator<Item = Lamp> + use<> {
+    let box3d = *box3d;
+    let sides = if box3d.center_distance_m() > 60.0 { &[][..] } else { &[-0.36, 0.36][..] };
+    sides.iter().map(move |side| {
+        let Dimensions { height, width, length } = box3d.dimensions;
+        let local = [length / 2.0 + 0.05, -0.42 * height.min(2.0), side * width].map(|v| v as f32);
+        let position = objects::point_of(&box3d, local);
+        let ahead = objects::point_of(&box3d, [local[0] + 10.0, -0.1, local[2]]);
+        let direction = crate::vector::unit(crate::vector::sub(ahead, position));
+        Lamp { position, direction, cone_cos: 0.86, color: [9.0, 8.5, 7.5], reach_m: 35.0 }
+    })
 }
 
 pub(crate) fn grown(box3d: &Box3d, room: f64) -> Box3d {

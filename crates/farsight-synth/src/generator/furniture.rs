@@ -66,7 +66,7 @@ impl Surroundings<'_> {
         let out = self.rng.range(0.4, 1.0);
         let mut before: Option<[f64; 2]> = None;
         let mut s = self.rng.range(-10.0, 5.0);
-        while s < FAR_M {
+        while s < FAR_M + self.builder.view.travel_m {
             let (node, point) = self.beside(s, side, out);
             if let Some(from) = before {
                 for &[across, up] in &arms {
@@ -122,7 +122,7 @@ impl Surroundings<'_> {
         let height = self.rng.log_range(4.5, 16.0);
         let (pitch, out) = (self.rng.range(7.0, 18.0), self.rng.range(0.8, 3.0));
         let mut s = self.rng.range(0.0, pitch);
-        while s < FAR_M {
+        while s < FAR_M + self.builder.view.travel_m {
             let (_, point) = self.beside(s, side, out);
             let mut rng = self.rng.fork();
             if point[0] * point[0] + point[1] * point[1] > 16.0 && self.may_stand(point, 0.3, height) {
@@ -139,7 +139,7 @@ impl Surroundings<'_> {
     fn billboards(&mut self, side: usize) {
         for _ in 0..self.rng.whole(1, 4) {
             let mut rng = self.rng.fork();
-            let s = rng.range(10.0, 110.0);
+            let s = rng.range(10.0, 110.0 + self.builder.view.travel_m);
             let sign = if side == 0 { -1.0 } else { 1.0 };
             let node = self.plan.main.path.at(s);
             let point = node.beside(sign * (self.plan.main.outer(side) + rng.range(1.5, 9.0)));

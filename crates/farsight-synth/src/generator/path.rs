@@ -44,6 +44,33 @@ impl Path {
         Self { start, nodes }
     }
 
+    /// A path through points, which must be at least two, in their order.
+    pub(crate) fn through(points: &[[f64; 2]]) -> Self {
+        let lengths = points.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]));
+        let ends: Vec<f64> = lengths
+            .scan(0.0, |sum, length| {
+                *sum += length;
+                Some(*sum)
+            })
+            .collect();
+        let all = ends.last().copied().unwrap_or(0.0);
+        let at = |s: f64| {
+            let k = ends.partition_point(|end| *end < s).min(ends.len() - 1);
+            let from = if k == 0 { 0.0 } else { ends[k - 1] };
+            let share = ((s - from) / (ends[k] - from).max(1e-9)).clamp(0.0, 1.0);
+            [0, 1].map(|axis| points[k][axis] + share * (points[k + 1][axis] - points[k][axis]))
+        };
+        let count = ((all / STEP_M) as usize).max(1);
+        let nodes = (0..=count).map(|k| {
+            let s = STEP_M * k as f64;
+            let [before, after] = [at((s - STEP_M / 2.0).max(0.0)), at((s + STEP_M / 2.0).min(all))];
+            let [dx, dz] = [after[0] - before[0], after[1] - before[1]];
+            let norm = (dx * dx + dz * dz).sqrt().max(1e-9);
+            Node { point: at(s), direction: [dx / norm, dz / norm] }
+        });
+        Self { start: 0.0, nodes: nodes.collect() }
+    }
+
     /// Straight, gently bent, or in a bend that starts somewhere.
     pub(crate) fn sample(point: [f64; 2], yaw: f64, range: [f64; 2], tightest_m: f64, rng: &mut SceneRng) -> Self {
         let sign = if rng.chance(0.5) { 1.0 } else { -1.0 };

@@ -193,7 +193,8 @@ impl Plan {
         let yaw = -std::f64::consts::FRAC_PI_2 + askew + turn;
         // Roads that cross the view begin far to its side.
         let before = ACROSS_M * libm::sin(turn).abs();
-        let path = Path::sample([0.0, 0.0], yaw, [-16.0 - before, 170.0 - before], tightest, rng).renumbered(before);
+        let range = [-16.0 - before - 0.3 * view.travel_m, 170.0 - before + view.travel_m];
+        let path = Path::sample([0.0, 0.0], yaw, range, tightest, rng).renumbered(before);
         let borders = [border(place, rng), border(place, rng)];
         let markings = markings(place, rng);
         let main = Street { path, lanes, edges, borders, markings, openings: Vec::new() };

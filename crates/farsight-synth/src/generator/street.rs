@@ -283,7 +283,7 @@ impl Street {
         let [dash, gap] = self.markings.dash;
         for [from, to] in self.closed_ranges() {
             let mut s = from;
-            while s < to.min(110.0) {
+            while s < to.min(110.0 + builder.view.travel_m) {
                 let sides = [(d - half, 0.0), (d + half, 0.0)];
                 self.ribbon(builder, [s, (s + dash).min(to)], sides, paint, layer::MARKING);
                 s += dash + gap;
@@ -294,7 +294,7 @@ impl Street {
     /// Tar, repairs and manhole covers.
     fn patches(&self, builder: &mut SceneBuilder, material: MaterialId, rng: &mut SceneRng) {
         for _ in 0..rng.whole(0, 10) {
-            let s = rng.range(2.0, 60.0);
+            let s = rng.range(2.0, 60.0 + builder.view.travel_m);
             let d = rng.range(self.edges[0], self.edges[1]);
             let (long, wide) = (rng.log_range(0.3, 12.0), rng.log_range(0.08, 1.2));
             let [left, right] = [(d - wide / 2.0).max(self.edges[0]), (d + wide / 2.0).min(self.edges[1])];
@@ -316,7 +316,7 @@ impl Street {
         let mut s = from;
         while s < to - 1e-6 {
             // The same cuts for all strips, so that neighbours meet.
-            let step = if s.abs() < 60.0 { 2.0 } else { 6.0 };
+            let step = if s.abs() < 60.0 + builder.view.travel_m { 2.0 } else { 6.0 };
             let next = ((s / step + 1e-6).floor() * step + step).min(to);
             let (a, b) = (self.path.at(s), self.path.at(next));
             let middle = [f64::midpoint(a.point[0], b.point[0]), f64::midpoint(a.point[1], b.point[1])];

@@ -59,7 +59,7 @@ impl Surroundings<'_> {
         let looks: Vec<HouseLook> =
             (0..self.rng.whole(2, 5)).map(|_| HouseLook::sample(self.builder, lit, &mut self.rng)).collect();
         let mut s = -10.0;
-        while s < FAR_M {
+        while s < FAR_M + self.builder.view.travel_m {
             let width = self.rng.range(roadside.house_width[0], roadside.house_width[1]);
             let depth = self.rng.range(7.0, 13.0);
             let height = self.rng.range(roadside.house_height[0], roadside.house_height[1]);
@@ -194,7 +194,7 @@ impl Surroundings<'_> {
         let inset = if border.verge > 0.8 { border.verge / 2.0 } else { 0.7 };
         let height = self.rng.range(5.0, 14.0);
         let mut s = self.rng.range(-5.0, 5.0);
-        while s < 120.0 {
+        while s < 120.0 + self.builder.view.travel_m {
             let point = self.plan.main.path.at(s).beside(self.plan.main.edges[side] + sign * inset);
             if !self.plan.main.is_open(s) {
                 let height = height * self.rng.range(0.75, 1.25);
@@ -206,7 +206,7 @@ impl Surroundings<'_> {
 
     pub(super) fn tree(&mut self, point: [f64; 2], height: f64, room: f64) {
         let mut rng = self.rng.fork();
-        let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
+        let distance = self.builder.passes_m(point);
         let crown = height * 0.33;
         if distance < 4.0
             || self.blocked(point, room)
@@ -225,7 +225,7 @@ impl Surroundings<'_> {
         let sign = if side == 0 { -1.0 } else { 1.0 };
         let count = (roadside.plants * 1.2) as usize;
         for _ in 0..count {
-            let s = self.rng.range(0.0, 120.0);
+            let s = self.rng.range(0.0, 120.0 + self.builder.view.travel_m);
             let d = self.plan.main.outer(side) + self.rng.log_range(0.8, 30.0);
             let point = self.plan.main.path.at(s).beside(sign * d);
             if self.plan.on_street(point, 0.3) {
@@ -244,7 +244,7 @@ impl Surroundings<'_> {
         let mut rng = self.rng.fork();
         let height = rng.log_range(0.5, 3.5);
         let wide = height * rng.range(0.8, 2.0);
-        let distance = (point[0] * point[0] + point[1] * point[1]).sqrt();
+        let distance = self.builder.passes_m(point);
         if distance < 4.0
             || self.blocked(point, wide / 2.0)
             || self.builder.hides(point, wide * 0.6)
@@ -264,7 +264,7 @@ impl Surroundings<'_> {
         let lamp_pitch = self.rng.range(18.0, 40.0);
         let has_lamps = self.rng.chance(0.6);
         let mut next_lamp = self.rng.range(0.0, lamp_pitch);
-        while has_lamps && next_lamp < 110.0 {
+        while has_lamps && next_lamp < 110.0 + self.builder.view.travel_m {
             let node = self.plan.main.path.at(next_lamp);
             let point = node.beside(edge + sign * 0.6);
             if !self.blocked(point, 0.1)
@@ -281,7 +281,7 @@ impl Surroundings<'_> {
         }
         let count = (roadside.posts * self.rng.range(0.3, 1.2)) as usize;
         for _ in 0..count {
-            let s = self.rng.range(4.0, 80.0);
+            let s = self.rng.range(4.0, 80.0 + self.builder.view.travel_m);
             let node = self.plan.main.path.at(s);
             let point = node.beside(edge + sign * self.rng.range(0.4, 1.6));
             let mut rng = self.rng.fork();
@@ -306,7 +306,7 @@ impl Surroundings<'_> {
         let d = self.plan.main.edges[side] + sign * 0.8;
         let metal = self.materials.metal;
         let mut s = -10.0;
-        while s < 120.0 {
+        while s < 120.0 + self.builder.view.travel_m {
             let (a, b) = (self.plan.main.path.at(s), self.plan.main.path.at(s + 4.0));
             if !self.blocked(a.beside(d), 0.3)
                 && !self.builder.hides(a.beside(d), 4.0)

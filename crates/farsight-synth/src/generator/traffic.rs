@@ -59,6 +59,23 @@ impl Traffic<'_> {
         self.people();
     }
 
+    /// Places what stands only: for scenes whose moving traffic is made elsewhere.
+    pub(crate) fn place_standing(mut self) {
+        let plan = self.plan;
+        for street in plan.streets() {
+            for lane in &street.lanes {
+                match lane.used_for {
+                    LaneUse::ParkAlong => self.park_along(street, lane),
+                    LaneUse::ParkAcross => self.park_across(street, lane),
+                    LaneUse::Drive | LaneUse::Cycle => {}
+                }
+            }
+        }
+        if plan.place == Place::CarPark {
+            self.fill_car_park();
+        }
+    }
+
     /// Vehicles that move along a lane, or wait in it.
     fn drive(&mut self, street: &Street, lane: &Lane, is_main: bool) {
         let plan = self.plan;
@@ -76,7 +93,7 @@ impl Traffic<'_> {
             let yaw = node.yaw() + turned + self.rng.normal(0.0, 0.02);
             let braking = is_queue || self.rng.chance(0.15);
             let lights_on = self.rng.chance(self.builder.light.lights_share);
-            let state = ObjectState { lights_on, braking, moving: true };
+            let state = ObjectState { lights_on, braking, moving: true, stride: None };
             if !street.is_open(s_middle) || !is_main || self.rng.chance(0.5) {
                 self.try_place(who, node.beside(lane.center + across), yaw, 0.0, state);
             }
@@ -86,7 +103,7 @@ impl Traffic<'_> {
     }
 
     /// Somebody who drives: from the region's table, or as KITTI's labels have them.
-    fn vehicle(&mut self) -> Participant {
+    pub(crate) fn vehicle(&mut self) -> Participant {
         let (place, heavy) = (self.plan.place, self.heavy_factor);
         let known = self
             .region

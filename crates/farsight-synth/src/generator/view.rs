@@ -21,6 +21,8 @@ pub(crate) struct View {
     pub(crate) device: Device,
     /// The bonnet of its own car is where it would be.
     pub(crate) has_bonnet: bool,
+    /// How far the camera goes along its road, metres.
+    pub(crate) travel_m: f64,
     /// Tangents of the angles to the image's left and right edge.
     sides: [f64; 2],
 }
@@ -70,6 +72,7 @@ impl View {
             heading_rad: 0.0,
             device: Device::Any,
             has_bonnet: false,
+            travel_m: 0.0,
             sides: [edge(0.0), edge(width)],
         }
     }
@@ -91,6 +94,13 @@ impl View {
         let right = rows.map(|v| edge(width - 0.5, v, 1.0)).into_iter().fold(f64::NEG_INFINITY, f64::max);
         self.sides = [left, right];
         self
+    }
+
+    /// The same view, counting as seen all that a camera sees which goes so far along its road.
+    pub(crate) fn travelling(self, travel_m: f64) -> Self {
+        /// Metres sideways for each metre ahead: roads bend.
+        const WIDEST: f64 = 12.0;
+        Self { travel_m, sides: [-WIDEST, WIDEST], ..self }
     }
 
     /// A point of a pixel's ray, `depth` metres along the camera's axis.
@@ -143,8 +153,27 @@ impl View {
     }
 }
 
+/// A camera turned by a pitch downwards and a roll, radians, beside those that its projection has already.
+pub(crate) fn tilted(camera: &Camera, pitch: f64, roll: f64) -> Camera {
+    let rows = camera.projection.map(|row| [row[0], row[1], row[2]]);
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let [first, second, axis] = rows;
+    let (cx, cy) = (dot(&first, &axis), dot(&second, &axis));
+    let focal = |row: &[f64; 3], center: f64| {
+        let along = [0, 1, 2].map(|i| row[i] - center * axis[i]);
+        dot(&along, &along).sqrt()
+    };
+    let (fx, fy) = (focal(&first, cx), focal(&second, cy));
+    let intrinsics = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
+    let inverse = [[1.0 / fx, 0.0, -cx / fx], [0.0, 1.0 / fy, -cy / fy], [0.0, 0.0, 1.0]];
+    let change = product(&product(&intrinsics, &turn(pitch, roll)), &inverse);
+    let projection =
+        change.map(|row| [0, 1, 2, 3].map(|j| (0..3).map(|i| row[i] * camera.projection[i][j]).sum::<f64>()));
+    Camera { projection }
+}
+
 /// Rotation from the level frame into the camera's: pitch downwards, then roll.
-fn turn(pitch: f64, roll: f64) -> [[f64; 3]; 3] {
+pub(crate) fn turn(pitch: f64, roll: f64) -> [[f64; 3]; 3] {
     let (sp, cp, sr, cr) = (libm::sin(pitch), libm::cos(pitch), libm::sin(roll), libm::cos(roll));
     let pitched = [[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]];
     let rolled = [[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]];

@@ -35,6 +35,9 @@ impl Detail {
     }
 }
 
+/// Parts of two steps.
+pub(crate) const STRIDE: u8 = 16;
+
 /// What a labelled object is doing, as far as it shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct ObjectState {
@@ -44,6 +47,8 @@ pub(crate) struct ObjectState {
     pub(crate) braking: bool,
     /// Someone may be driving, walking, riding; otherwise it is parked.
     pub(crate) moving: bool,
+    /// Where someone on foot is in two steps, in [`STRIDE`] parts; none where a posture is to be drawn.
+    pub(crate) stride: Option<u8>,
 }
 
 /// Paint of private cars, shares.

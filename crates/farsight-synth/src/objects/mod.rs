@@ -27,7 +27,7 @@ mod two_wheeler;
 mod wheels;
 
 pub(crate) use bicycle::bicycle;
-pub(crate) use context::{BuildContext, Detail, Look, ObjectState, Paint, PlateFormat};
+pub(crate) use context::{BuildContext, Detail, Look, ObjectState, Paint, PlateFormat, STRIDE};
 pub(crate) use shape::Shape;
 
 use farsight_core::{Box3d, Dimensions, ObjectClass};
@@ -52,9 +52,34 @@ pub(crate) fn build(class: &ObjectClass, size: Dimensions, context: &mut BuildCo
     fitted(mesh, hwl)
 }
 
+/// Someone who walks, at each of the [`STRIDE`] parts of two steps; `draw` builds one with this state, always of the
+/// same draws. The longest step fills the box, the others are as long as they are.
+pub(crate) fn walker(size: Dimensions, mut draw: impl FnMut(Option<u8>) -> Mesh) -> Vec<Mesh> {
+    let hwl = [size.height, size.width, size.length].map(|v| v as f32);
+    let meshes: Vec<Mesh> = (0..STRIDE).map(|part| draw(Some(part))).collect();
+    let extents: Vec<[Vec3; 2]> = meshes.iter().filter_map(extents).collect();
+    let Some(&longest) = extents.iter().max_by(|a, b| (a[1][0] - a[0][0]).total_cmp(&(b[1][0] - b[0][0]))) else {
+        return meshes;
+    };
+    meshes.into_iter().map(|mesh| stretched(mesh, longest, hwl)).collect()
+}
+
+/// The mesh of someone who walks before it is fitted.
+pub(crate) fn unfitted_walker(size: Dimensions, context: &mut BuildContext) -> Mesh {
+    person::standing([size.height, size.width, size.length].map(|v| v as f32), context)
+}
+
 /// `mesh` stretched so that its extents are exactly the size (height, width, length), standing on y = 0.
-fn fitted(mut mesh: Mesh, [height, width, length]: [f32; 3]) -> Mesh {
-    let Some(first) = mesh.vertices.first().map(|v| v.position) else { return mesh };
+fn fitted(mesh: Mesh, hwl: [f32; 3]) -> Mesh {
+    match extents(&mesh) {
+        Some(extents) => stretched(mesh, extents, hwl),
+        None => mesh,
+    }
+}
+
+/// The smallest and the largest coordinates.
+fn extents(mesh: &Mesh) -> Option<[Vec3; 2]> {
+    let first = mesh.vertices.first()?.position;
     let (mut low, mut high) = (first, first);
     for vertex in &mesh.vertices {
         for axis in 0..3 {
@@ -62,6 +87,11 @@ fn fitted(mut mesh: Mesh, [height, width, length]: [f32; 3]) -> Mesh {
             high[axis] = high[axis].max(vertex.position[axis]);
         }
     }
+    Some([low, high])
+}
+
+/// `mesh` stretched so that these extents become the size.
+fn stretched(mut mesh: Mesh, [low, high]: [Vec3; 2], [height, width, length]: [f32; 3]) -> Mesh {
     let to_low = [-length / 2.0, -height, -width / 2.0];
     let to_high = [length / 2.0, 0.0, width / 2.0];
     for vertex in &mut mesh.vertices {

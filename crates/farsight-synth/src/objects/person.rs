@@ -1,7 +1,7 @@
 //! People: on foot, sitting, in a car, on a bicycle.
 
 use super::bicycle::{CRANK, bicycle};
-use super::context::BuildContext;
+use super::context::{BuildContext, STRIDE};
 use super::human::HumanMesh;
 use super::outfit::Outfit;
 use crate::mesh_builder::{MeshBuilder, sin_cos};
@@ -66,6 +66,26 @@ impl Stance {
         if rng.chance(0.5) { stance.mirrored() } else { stance }
     }
 
+    /// At this part of two steps, from 0 to 1: each foot stands while it goes back, and is lifted while it comes ahead.
+    fn walking(length: f32, part: f32) -> Self {
+        let step = ((length - 0.3) / 1.8).clamp(0.05, 0.5);
+        let foot = |part: f32| {
+            let part = part.fract();
+            if part < 0.5 {
+                ([step * (1.0 - 4.0 * part), 0.09], FLAT)
+            } else {
+                let ahead = 2.0 * part - 1.0;
+                let lift = 4.0 * ahead * (1.0 - ahead);
+                ([step * (2.0 * ahead - 1.0), 0.09 + 0.25 * step * lift], [0.14, 0.04 + 0.08 * lift, 0.0])
+            }
+        };
+        let [left, right] = [foot(part), foot(part + 0.5)];
+        let reach = left.0[0].abs().max(right.0[0].abs());
+        let hips = 0.09 + (0.84f32 * 0.84 - reach * reach).sqrt();
+        let swing = [left, right].map(|([x, _], _)| -x / step);
+        Self { ankles: [left.0, right.0], toes: [left.1, right.1], swing, hips }
+    }
+
     fn mirrored(mut self) -> Self {
         self.ankles.reverse();
         self.toes.reverse();
@@ -113,7 +133,10 @@ impl Arm {
 pub(super) fn standing([_, width, length]: [f32; 3], context: &mut BuildContext) -> Mesh {
     let outfit = Outfit::sample(context);
     let rng = &mut context.rng;
-    let stance = Stance::sample(length, rng);
+    let stance = match context.state.stride {
+        Some(part) => Stance::walking(length, f32::from(part) / f32::from(STRIDE)),
+        None => Stance::sample(length, rng),
+    };
     let mut shape = MeshBuilder::default();
     let mut figure = HumanMesh { shape: &mut shape, detail: context.detail, outfit: &outfit };
     let lean = rng.range32(-0.02, 0.07);

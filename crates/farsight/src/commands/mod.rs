@@ -7,6 +7,7 @@ mod demo;
 mod doctor;
 mod engine;
 pub(crate) mod eval;
+mod eval_tracks;
 mod experiment;
 mod export;
 mod fine_tune;
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Serve(serve::ServeArgs),
     /// Judge result files as KITTI does, and their errors of distance
     Eval(Box<eval::EvalArgs>),
+    /// Judge tracks against labelled sequences: HOTA, and errors of distance, speed and time to collision
+    EvalTracks(eval_tracks::EvalTracksArgs),
     /// Render traffic scenes with exact labels
     Synth(synth::SynthArgs),
     /// Train a model
@@ -104,6 +107,7 @@ impl Command {
             Self::Track(args) => track::run(&args, printer),
             Self::Serve(args) => serve::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),
+            Self::EvalTracks(args) => eval_tracks::run(&args, printer),
             Self::Synth(args) => synth::run(&args, printer),
             Self::Train(args) => train::run(&args, printer),
             Self::FineTune(args) => fine_tune::run(&args, printer),

@@ -1,5 +1,7 @@
 //! `farsight synth`: a data set of rendered scenes in KITTI's layout.
 
+mod sequence;
+
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
@@ -52,6 +54,12 @@ pub(crate) struct SynthArgs {
     /// The cameras of the label files
     #[arg(long, value_name = "DIR", requires = "layout")]
     calib_dir: Option<PathBuf>,
+    /// Render this many sequences with moving traffic and a moving camera, in the layout of KITTI's tracking benchmark; --frames is then the length of each [default: 60]
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1", value_parser = frames_from_text, conflicts_with = "layout", allow_negative_numbers = true)]
+    sequence: Option<usize>,
+    /// Frames a second of a sequence [default: 10]
+    #[arg(long, value_name = "N", requires = "sequence", value_parser = fps_from_text, allow_negative_numbers = true)]
+    fps: Option<f64>,
     /// Go on with an interrupted data set: frames that are there stay; all other options must be as they were
     #[arg(long)]
     resume: bool,
@@ -70,6 +78,8 @@ impl SynthArgs {
             layout: Some(training.join("label_2")),
             split: Some(split.to_owned()),
             calib_dir: Some(training.join("calib")),
+            sequence: None,
+            fps: None,
             resume: true,
         }
     }
@@ -89,8 +99,18 @@ fn frames_from_text(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|frames| *frames > 0).ok_or_else(|| "expected a whole number, at least 1".to_owned())
 }
 
+fn fps_from_text(text: &str) -> Result<f64, String> {
+    let fps = text.parse().ok().filter(|fps: &f64| (1.0..=120.0).contains(fps));
+    fps.ok_or_else(|| "expected a number from 1 to 120".to_owned())
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
+    if let Some(count) = args.sequence {
+        let config = args.world.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
+        sequence::run(args, config, count, printer)?;
+        return Ok(Outcome::Done);
+    }
     let source = Source::new(args)?;
     let ids = source.ids();
     let folder = Folder::new(args, &source)?;
@@ -268,6 +288,14 @@ fn there_already(root: &Path) -> &'static str {
     }
 }
 
+/// Writes a picture as JPEG of this quality, or as PNG.
+fn encode(jpeg: Option<u8>, image: &RgbImage, file: &mut dyn Write) -> ImageResult<()> {
+    if let Some(quality) = jpeg {
+        return image.write_with_encoder(JpegEncoder::new_with_quality(file, quality));
+    }
+    image.write_with_encoder(PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive))
+}
+
 /// A data set being written.
 struct Folder {
     root: PathBuf,
@@ -309,19 +337,14 @@ impl Folder {
         let path =
             |folder: &str, extension: &str| self.root.join(format!("training/{folder}/{}.{extension}", frame.id));
         let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
-        write_quickly(&path("image_2", extension), |file| self.encode(&frame.image, file).map_err(io::Error::other))?;
+        write_quickly(&path("image_2", extension), |file| {
+            encode(self.jpeg, &frame.image, file).map_err(io::Error::other)
+        })?;
         write_labels(&path("label_2", "txt"), &frame.labels)?;
         for format in FILE_FORMATS {
             format.write(&self.root.join("training"), &frame.id, &frame.annotations)?;
         }
         Ok(Calibration::from_camera(&frame.camera).write(&path("calib", "txt"))?)
-    }
-
-    fn encode(&self, image: &RgbImage, file: &mut dyn Write) -> ImageResult<()> {
-        if let Some(quality) = self.jpeg {
-            return image.write_with_encoder(JpegEncoder::new_with_quality(file, quality));
-        }
-        image.write_with_encoder(PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive))
     }
 
     /// Written last: a data set without a split was interrupted. Each region has a split of its own beside that of all.

@@ -38,6 +38,12 @@ pub(crate) struct TrackArgs {
     /// Write a summary to FILE, one row a track (CSV)
     #[arg(long, value_name = "FILE")]
     tracks: Option<PathBuf>,
+    /// Write what happens ahead to FILE, one JSON object a line: who cuts in, brakes hard, or is about to be reached
+    #[arg(long, value_name = "FILE")]
+    events: Option<PathBuf>,
+    /// Tell times to collision below this, seconds
+    #[arg(long, value_name = "S", requires = "events", default_value_t = DEFAULT_TTC_LIMIT_S, value_parser = ttc_limit, allow_negative_numbers = true)]
+    ttc_limit: f64,
     /// Write rows in the format of KITTI's tracking benchmark to FILE
     #[arg(long, value_name = "FILE")]
     kitti_tracking: Option<PathBuf>,
@@ -47,7 +53,7 @@ pub(crate) struct TrackArgs {
     /// ffmpeg's encoder of the film, such as `h264_nvenc` [default: ffmpeg's choice for the kind of file]
     #[arg(long, value_name = "NAME", requires = "out")]
     encoder: Option<String>,
-    /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left)
+    /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), poses of KITTI's odometry (12 numbers a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left)
     #[arg(long, value_name = "FILE|DIR")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between
@@ -76,6 +82,14 @@ fn fps(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| format!("expected a number from {LEAST_FPS} to {MOST_FPS}"))
 }
 
+/// Below this time to collision drivers are warned, seconds.
+const DEFAULT_TTC_LIMIT_S: f64 = 2.0;
+
+fn ttc_limit(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && *value <= 60.0);
+    value.ok_or_else(|| "expected seconds, more than 0 and at most 60".to_owned())
+}
+
 fn score(text: &str) -> Result<f64, String> {
     let value = text.parse().ok().filter(|value| *value > 0.0 && *value < 1.0);
     value.ok_or_else(|| "expected more than 0 and less than 1".to_owned())
@@ -97,7 +111,8 @@ pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let tracker = VideoTracker::new(pipeline, cameras).with_options(options);
     let mut tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
-    let mut frames = source.frames(&VideoOptions { ffmpeg: args.ffmpeg.clone(), realtime: args.realtime })?;
+    let reading = VideoOptions { ffmpeg: args.ffmpeg.clone(), realtime: args.realtime, ..VideoOptions::default() };
+    let mut frames = source.frames(&reading)?;
     let bar = frames.count_known().map_or_else(ProgressBar::hidden, progress_bar);
     let (mut done, mut failed) = (0_u64, 0_u64);
     while let Some(frame) = frames.next() {

@@ -12,6 +12,9 @@ const OXTS_FIELDS: usize = 30;
 const OXTS_SPEED: usize = 8;
 const OXTS_YAW_RATE: usize = 22;
 
+/// Fields of a row of poses (KITTI odometry): a 3x4 matrix from the camera to the world, row by row.
+const POSE_FIELDS: usize = 12;
+
 /// Standard deviations of the readings: what is left when nothing moves, and a share of the reading.
 const SPEED_SIGMA: [f64; 2] = [0.1, 0.01];
 const YAW_RATE_SIGMA: [f64; 2] = [0.003, 0.02];
@@ -49,10 +52,13 @@ pub enum EgoFile {
     Frames(Vec<[f64; 2]>),
     /// Time, speed, yaw rate; in the order of time.
     Times(Vec<[f64; 3]>),
+    /// Where the camera is at each frame: x, z and the angle to the right of z, metres and radians.
+    Poses(Vec<[f64; 3]>),
 }
 
 impl EgoFile {
-    /// Reads rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), or CSV with the
+    /// Reads rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), poses of KITTI's
+    /// odometry (12 numbers a frame, camera coordinates), or CSV with the
     /// columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left).
     ///
     /// # Errors
@@ -65,10 +71,13 @@ impl EgoFile {
         if text.lines().next().is_some_and(|line| line.contains(',')) {
             return Self::from_csv(path, &text);
         }
-        let lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
+        let mut lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()).peekable();
+        if lines.peek().is_some_and(|(line, _)| line.split_ascii_whitespace().count() == POSE_FIELDS) {
+            return Ok(Self::Poses(lines.map(|(line, number)| pose(path, number, line)).collect::<Result<_, _>>()?));
+        }
         let rows: Vec<[f64; 2]> = lines.map(|(line, number)| oxts(path, number, line)).collect::<Result<_, _>>()?;
         if rows.is_empty() {
-            return Err(content(path, None, "empty; expected rows of oxts, or CSV"));
+            return Err(content(path, None, "empty; expected rows of oxts, poses, or CSV"));
         }
         Ok(Self::Frames(rows))
     }
@@ -123,6 +132,11 @@ impl EgoFile {
     pub fn motion(&self, frame: u64, time_s: f64) -> Option<EgoMotion> {
         let [speed, yaw_rate] = match self {
             Self::Frames(rows) => *rows.get(usize::try_from(frame).ok()?)?,
+            Self::Poses(rows) => {
+                // Frames come evenly; the first one has no time that tells how fast.
+                let frame_s = if frame > 0 && time_s > 0.0 { time_s / frame as f64 } else { return None };
+                from_poses(rows, usize::try_from(frame).ok()?, frame_s)?
+            }
             Self::Times(rows) => {
                 let next = rows.partition_point(|row| row[0] < time_s);
                 let around = [next.checked_sub(1).map(|before| rows[before]), rows.get(next).copied()];
@@ -137,6 +151,19 @@ impl EgoFile {
             yaw_rate_sigma: sigma(YAW_RATE_SIGMA, yaw_rate),
         })
     }
+}
+
+/// Speed ahead and yaw rate of a frame, by the frames before and behind it, which are `frame_s` apart.
+fn from_poses(rows: &[[f64; 3]], frame: usize, frame_s: f64) -> Option<[f64; 2]> {
+    let [_, _, heading] = *rows.get(frame)?;
+    let (first, last) = (frame.saturating_sub(1), (frame + 1).min(rows.len() - 1));
+    if first == last {
+        return None;
+    }
+    let ([x, z, before], [new_x, new_z, after]) = (rows[first], rows[last]);
+    let passed_s = (last - first) as f64 * frame_s;
+    let ahead = (new_x - x) * heading.sin() + (new_z - z) * heading.cos();
+    Some([ahead / passed_s, -farsight_core::wrapped_angle(after - before) / passed_s])
 }
 
 /// Speed and yaw rate between two rows, or of the one that is near.
@@ -160,6 +187,20 @@ fn text(path: &Path) -> Result<String, EgoError> {
 fn content(path: &Path, line: Option<usize>, problem: &str) -> EgoError {
     let line = line.map_or_else(String::new, |line| format!(":{line}"));
     EgoError::Content { place: format!("{}{line}", path.display()), problem: problem.to_owned() }
+}
+
+fn pose(path: &Path, line: usize, text: &str) -> Result<[f64; 3], EgoError> {
+    let fields: Vec<&str> = text.split_ascii_whitespace().collect();
+    if fields.len() != POSE_FIELDS {
+        let problem = format!("{} fields; expected the {POSE_FIELDS} of a pose", fields.len());
+        return Err(content(path, Some(line), &problem));
+    }
+    let mut row = [0.0; POSE_FIELDS];
+    for (place, value) in row.iter_mut().enumerate() {
+        *value = finite(path, line, place, fields[place])?;
+    }
+    // The third column is the camera's axis, the fourth its place.
+    Ok([row[3], row[11], row[2].atan2(row[10])])
 }
 
 fn oxts(path: &Path, line: usize, text: &str) -> Result<[f64; 2], EgoError> {
@@ -218,6 +259,24 @@ mod tests {
     }
 
     #[test]
+    fn poses_give_speed_and_yaw_rate() {
+        // A circle to the left: 10 m/s, 0.2 rad/s, ten frames a second.
+        let row = |k: usize| {
+            let angle = 0.02 * k as f64;
+            let (sin, cos) = (-angle.sin(), angle.cos());
+            let [x, z] = [-50.0 * (1.0 - angle.cos()), 50.0 * angle.sin()];
+            format!("{cos} 0 {sin} {x} 0 1 0 0 {} 0 {cos} {z}\n", -sin)
+        };
+        let found = read("poses.txt", &(0..20).map(row).collect::<String>()).unwrap();
+        for frame in [1, 7, 19] {
+            let motion = found.motion(frame, 0.1 * frame as f64).unwrap();
+            assert!((motion.speed_mps - 10.0).abs() < 0.02, "{frame}: {motion:?}");
+            assert!((motion.yaw_rate - 0.2).abs() < 1e-6, "{frame}: {motion:?}");
+        }
+        assert_eq!([found.motion(0, 0.0), found.motion(20, 2.0)], [None; 2]);
+    }
+
+    #[test]
     fn csv_goes_by_time() {
         let found = read("ego.csv", "yaw_rate, time_s, speed_mps\n0.0,1.0,10\n0.2,1.5,12\n0.2,9,5\n").unwrap();
         let motion = |time_s| found.motion(0, time_s).map(|motion| [motion.speed_mps, motion.yaw_rate]);
@@ -231,7 +290,8 @@ mod tests {
     fn what_is_wrong_is_told_with_its_place() {
         let table = [
             ("1 2 3\n", "e:1: 3 fields; expected the 30 of KITTI's oxts, or CSV"),
-            ("", "e: empty; expected rows of oxts, or CSV"),
+            ("", "e: empty; expected rows of oxts, poses, or CSV"),
+            ("1 0 0 0 0 1 0 0 0 0 1 0\n1 0\n", "e:2: 2 fields; expected the 12 of a pose"),
             ("time_s,speed\n", "e:1: no column speed_mps; expected the columns time_s, speed_mps and yaw_rate"),
             ("time_s,speed_mps,yaw_rate\n", "e: no rows; expected time_s, speed_mps and yaw_rate in each"),
             ("time_s,speed_mps,yaw_rate\n0,fast,0\n", "e:2: field 2 is \"fast\"; expected a finite number"),

@@ -54,6 +54,14 @@ pub enum VideoError {
         /// What ffmpeg or the system says.
         told: String,
     },
+    /// Nothing came of a live stream for a while.
+    #[error("{}: no frame for {waited_s} s", path.display())]
+    Stalled {
+        /// The address or device.
+        path: PathBuf,
+        /// How long it was waited for, seconds.
+        waited_s: f64,
+    },
     /// A frame that is too large to be looked at.
     #[error("{place}: {}x{} pixels; expected at most {most} (--max-pixels)", size[0], size[1])]
     TooLarge {

@@ -4,8 +4,9 @@ use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
+use std::time::Duration;
 
 use farsight_data::ImageLimits;
 use image::RgbImage;
@@ -77,13 +78,18 @@ impl Decoder {
         self.fps
     }
 
-    /// The next frame. The last answer of a video that broke off is an error.
-    pub(super) fn next(&mut self) -> Option<Result<Decoded, VideoError>> {
+    /// The next frame. The last answer of a video that broke off, or that was silent for longer than `patience`, is an
+    /// error.
+    pub(super) fn next(&mut self, patience: Option<Duration>) -> Option<Result<Decoded, VideoError>> {
         if self.is_over {
             return None;
         }
         loop {
-            match self.log.recv() {
+            let said = match patience {
+                Some(patience) => self.log.recv_timeout(patience),
+                None => self.log.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            };
+            match said {
                 Ok(Said::Fps(fps)) => self.fps = self.fps.or(Some(fps)),
                 Ok(Said::Complaint(text)) if self.complaints.len() < TOLD_COMPLAINTS => self.complaints.push(text),
                 Ok(Said::Complaint(_)) => {}
@@ -92,7 +98,12 @@ impl Decoder {
                     self.is_over = frame.is_err();
                     return Some(frame);
                 }
-                Err(_) => {
+                Err(RecvTimeoutError::Timeout) => {
+                    self.is_over = true;
+                    let waited_s = patience.unwrap_or_default().as_secs_f64();
+                    return Some(Err(VideoError::Stalled { path: self.path.clone(), waited_s }));
+                }
+                Err(RecvTimeoutError::Disconnected) => {
                     self.is_over = true;
                     return self.ended().err().map(Err);
                 }

@@ -5,7 +5,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use super::error::VideoError;
-use super::ffmpeg::{Decoded, Decoder};
+use super::ffmpeg::Decoded;
+use super::stream::Stream;
 
 /// A video that is read as fast as it comes.
 pub(super) struct Live {
@@ -29,15 +30,15 @@ struct Waiting {
 
 impl Live {
     /// Reads on in a thread of its own, which ends with the video or the process.
-    pub(super) fn start(mut decoder: Decoder) -> Self {
-        let live = Self { path: decoder.path().to_owned(), shared: Arc::default() };
+    pub(super) fn start(mut stream: Stream) -> Self {
+        let live = Self { path: stream.path().to_owned(), shared: Arc::default() };
         let shared = Arc::clone(&live.shared);
         thread::spawn(move || {
             loop {
-                let frame = decoder.next();
+                let frame = stream.next();
                 let is_over = frame.is_none();
                 let mut waiting = shared.waiting();
-                waiting.fps = decoder.fps();
+                waiting.fps = stream.fps();
                 waiting.put(frame);
                 drop(waiting);
                 shared.changed.notify_one();

@@ -22,14 +22,17 @@
 
 pub mod ego;
 mod error;
+pub mod events;
 mod ffmpeg;
 mod live;
 mod scene_cut;
 mod source;
+mod stream;
 mod tracker;
 
 pub use ego::{EgoError, EgoFile};
 pub use error::VideoError;
+pub use events::{Event, EventFinder, EventKind};
 pub use ffmpeg::unstarted;
 pub use source::{VideoFrame, VideoFrames, VideoOptions, VideoSource, is_video};
 pub use tracker::{DEFAULT_LOW_SCORE, Followed, Remark, VideoTracker, low_score};

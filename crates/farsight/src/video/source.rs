@@ -2,13 +2,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use farsight_data::{Exif, Foreign, ImageLimits, has_image_extension, load_image};
 use image::RgbImage;
 
 use super::error::VideoError;
-use super::ffmpeg::{Decoded, Decoder};
+use super::ffmpeg::Decoded;
 use super::live::Live;
+use super::stream::Stream;
 
 /// One frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,11 +62,13 @@ pub struct VideoOptions {
     pub ffmpeg: PathBuf,
     /// Only the latest frame waits; those that came in between are left out. Of images none are.
     pub realtime: bool,
+    /// A live stream or device that gives no frame for so long is opened again.
+    pub patience: Duration,
 }
 
 impl Default for VideoOptions {
     fn default() -> Self {
-        Self { ffmpeg: "ffmpeg".into(), realtime: false }
+        Self { ffmpeg: "ffmpeg".into(), realtime: false, patience: Duration::from_secs(10) }
     }
 }
 
@@ -122,12 +126,21 @@ impl VideoSource {
         let kind = match self {
             Self::Images { files, fps } => Kind::Images { files, fps, next: 0 },
             Self::Video(video) => {
-                let decoder = Decoder::start(&options.ffmpeg, &video)?;
-                if options.realtime { Kind::Live(Live::start(decoder)) } else { Kind::Video(Box::new(decoder)) }
+                let patience = is_live(&video).then_some(options.patience);
+                let stream = Stream::start(&options.ffmpeg, &video, patience)?;
+                if options.realtime { Kind::Live(Live::start(stream)) } else { Kind::Video(Box::new(stream)) }
             }
         };
         Ok(VideoFrames { kind })
     }
+}
+
+/// Addresses that do not begin anew when they are opened again.
+const LIVE_SCHEMES: [&str; 7] = ["rtsp://", "rtsps://", "rtmp://", "udp://", "tcp://", "srt://", "rtp://"];
+
+fn is_live(input: &Path) -> bool {
+    let text = input.to_string_lossy();
+    text.starts_with("/dev/video") || LIVE_SCHEMES.iter().any(|scheme| text.starts_with(scheme))
 }
 
 /// Whether `input` is something that ffmpeg is to read: by its name, or because it is a file and no image.
@@ -139,14 +152,14 @@ pub fn is_video(input: &Path) -> bool {
         || (input.is_file() && !has_image_extension(input) && Foreign::from_name(input).is_none())
 }
 
-/// The frames, one after the other. After an error there may be more: only of a video that broke off there are none.
+/// The frames, one after the other. After an error there may be more: only of a film that broke off there are none.
 pub struct VideoFrames {
     kind: Kind,
 }
 
 enum Kind {
     Images { files: Vec<PathBuf>, fps: f64, next: usize },
-    Video(Box<Decoder>),
+    Video(Box<Stream>),
     Live(Live),
 }
 
@@ -168,7 +181,7 @@ impl VideoFrames {
     pub fn fps(&self) -> Option<f64> {
         match &self.kind {
             Kind::Images { fps, .. } => Some(*fps),
-            Kind::Video(decoder) => decoder.fps(),
+            Kind::Video(stream) => stream.fps(),
             Kind::Live(live) => live.fps(),
         }
     }
@@ -194,7 +207,7 @@ impl Iterator for VideoFrames {
                     is_image: true,
                 }))
             }
-            Kind::Video(decoder) => Some(decoder.next()?.map(|frame| of_video(frame, decoder.path()))),
+            Kind::Video(stream) => Some(stream.next()?.map(|frame| of_video(frame, stream.path()))),
             Kind::Live(live) => Some(live.next()?.map(|frame| of_video(frame, live.path()))),
         }
     }

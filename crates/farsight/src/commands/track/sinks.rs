@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use farsight::RgbImage;
 use farsight::draw::draw_tracks;
 use farsight::json::{FrameRecord, TrackRecord};
-use farsight::video::{Followed, VideoFrame, VideoSource};
+use farsight::video::{EventFinder, Followed, VideoFrame, VideoSource};
 use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
@@ -29,6 +29,7 @@ use crate::printer::Printer;
 pub(super) struct Sinks {
     json: Option<(PathBuf, Option<File>)>,
     prints_json: bool,
+    events: Option<(PathBuf, EventFinder, Option<File>)>,
     tracks: Option<PathBuf>,
     kitti: Option<(PathBuf, NamedTempFile)>,
     pictures: Option<Pictures>,
@@ -65,7 +66,7 @@ last_speed_mps,last_speed_sigma_mps";
 impl Sinks {
     /// Checks what can be checked before the first frame.
     pub(super) fn check(args: &TrackArgs, source: &VideoSource) -> Result<Self> {
-        let TrackArgs { json, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
+        let TrackArgs { json, events, ttc_limit, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
         let inputs = || {
             let camera = args.camera.calib.iter().chain(&args.ego).cloned();
             source.files().iter().cloned().chain(camera).chain(args.pipeline.files())
@@ -74,6 +75,9 @@ impl Sinks {
         let json = json.clone().filter(|_| !prints_json);
         if let Some(json) = &json {
             outputs::check_json(json, inputs())?;
+        }
+        if let Some(events) = events {
+            outputs::check_json(events, inputs())?;
         }
         for file in [tracks, kitti_tracking].into_iter().flatten() {
             outputs::check_file(file)?;
@@ -105,6 +109,7 @@ impl Sinks {
         Ok(Self {
             json: json.map(|json| (json, None)),
             prints_json,
+            events: events.as_ref().map(|path| (path.clone(), EventFinder::new(*ttc_limit), None)),
             tracks: tracks.clone(),
             kitti: kitti.transpose()?,
             pictures: pictures.transpose()?,
@@ -114,7 +119,11 @@ impl Sinks {
 
     /// Whether anything is left of the work when nobody reads what is printed.
     pub(super) fn write_files(&self) -> bool {
-        self.json.is_some() || self.tracks.is_some() || self.kitti.is_some() || self.pictures.is_some()
+        self.json.is_some()
+            || self.events.is_some()
+            || self.tracks.is_some()
+            || self.kitti.is_some()
+            || self.pictures.is_some()
     }
 
     /// Writes a frame.
@@ -132,12 +141,12 @@ impl Sinks {
             printer.flush();
         }
         if let Some((path, file)) = &mut self.json {
-            let file = match file {
-                Some(file) => file,
-                None => file.insert(File::create(&*path).with_context(|| unwritable(path))?),
-            };
-            // In one write, so that a reader sees whole lines.
-            file.write_all((line + "\n").as_bytes()).with_context(|| unwritable(path))?;
+            append(path, file, &(line + "\n"))?;
+        }
+        if let Some((path, finder, file)) = &mut self.events {
+            let events = finder.update(record);
+            let lines: Vec<String> = events.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
+            append(path, file, &lines.into_iter().map(|line| line + "\n").collect::<String>())?;
         }
         if let Some((path, file)) = &mut self.kitti {
             file.write_all(kitti_rows(record, &followed.detections()).as_bytes()).with_context(|| unwritable(path))?;
@@ -206,6 +215,15 @@ impl Summary {
         summary.least_ttc_s = least;
         summary.latest = track.clone();
     }
+}
+
+/// Adds whole lines, in one write so that a reader sees no part of one, to a file that is made by the first.
+fn append(path: &Path, file: &mut Option<File>, lines: &str) -> Result<()> {
+    let file = match file {
+        Some(file) => file,
+        None => file.insert(File::create(path).with_context(|| unwritable(path))?),
+    };
+    file.write_all(lines.as_bytes()).with_context(|| unwritable(path))
 }
 
 /// The table of tracks, CSV; what is not known is empty.

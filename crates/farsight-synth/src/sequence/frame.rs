@@ -1,0 +1,220 @@
+//! A scene seen from where the camera is.
+
+use farsight_core::{Box3d, Label, ObjectClass};
+
+use super::mover::{Moment, Mover};
+use super::{Sequence, SequenceFrame, Step, TrackTruth};
+use crate::generator::builder::{SceneBuilder, add_contact_shadow, has_contact_shadow, headlights};
+use crate::generator::mirror::mirror;
+use crate::generator::view::{tilted, turn};
+use crate::labels::LabelRules;
+use crate::mesh_builder::MeshBuilder;
+use crate::objects::{self, Detail, ObjectState, STRIDE};
+use crate::render::render;
+use crate::rng::SceneRng;
+use crate::scene::{LabelledObject, LabelledScene, MaterialId, Mesh, Object, Vec3};
+
+/// Two steps of someone who is 1.7 m tall, metres.
+const STRIDE_M: f64 = 1.45;
+const STRIDE_HEIGHT_M: f64 = 1.7;
+
+/// Frames of a sequence have noise of their own.
+const NOISE_OF_FRAME: u64 = 0x9E37_79B9_7F4A_7C15;
+
+/// The looks of somebody who moves.
+pub(super) struct Body {
+    class: ObjectClass,
+    /// As they usually look; of people on foot, at each part of two steps.
+    meshes: Vec<Mesh>,
+    /// With its brake lamps lit.
+    braking: Option<Mesh>,
+    plate: Option<MaterialId>,
+    contact_shadow: MaterialId,
+    /// It lights the street.
+    lights_on: bool,
+}
+
+impl Body {
+    /// Builds the meshes of somebody who comes as near as `nearest_m` to the camera.
+    pub(super) fn build(mover: &Mover, nearest_m: f64, builder: &mut SceneBuilder, rng: SceneRng) -> Self {
+        let detail = Detail::at(nearest_m, builder.view.focal_px());
+        let (class, size, kind) = (&mover.who.class, mover.who.size, mover.who.kind);
+        let lights_on = builder.light.lamps_on && mover.lights_on;
+        let state = ObjectState { lights_on: mover.lights_on, moving: true, ..ObjectState::default() };
+        let mut plate = None;
+        let mut braking = None;
+        let first = builder.palette.materials.len();
+        let meshes = if *class == ObjectClass::Pedestrian {
+            objects::walker(size, |stride| {
+                // The same draws make the same materials.
+                builder.palette.materials.truncate(first);
+                builder.mesh(class, None, size, detail, ObjectState { stride, ..state }, rng.clone()).0
+            })
+        } else {
+            let (mesh, its_plate) = builder.mesh(class, kind, size, detail, state, rng.clone());
+            plate = its_plate;
+            if has_contact_shadow(class) {
+                braking = Some(builder.mesh(class, kind, size, detail, ObjectState { braking: true, ..state }, rng).0);
+            }
+            vec![mesh]
+        };
+        Self { class: class.clone(), meshes, braking, plate, contact_shadow: builder.contact_shadow(), lights_on }
+    }
+
+    /// The mesh of a moment.
+    fn mesh(&self, moment: &Moment) -> &Mesh {
+        if let (true, Some(mesh)) = (moment.is_braking, &self.braking) {
+            return mesh;
+        }
+        let stride_m = STRIDE_M * moment.box3d.dimensions.height / STRIDE_HEIGHT_M;
+        let part = (moment.gone_m / stride_m).fract() * f64::from(STRIDE);
+        &self.meshes[(part as usize).min(self.meshes.len() - 1)]
+    }
+}
+
+/// From the street's coordinates to level ones at the camera.
+struct Placement {
+    sin: f64,
+    cos: f64,
+    heading: f64,
+    origin: Vec3d,
+}
+
+type Vec3d = [f64; 3];
+
+impl Placement {
+    fn point(&self, point: Vec3d) -> Vec3d {
+        self.direction([0, 1, 2].map(|axis| point[axis] - self.origin[axis]))
+    }
+
+    fn direction(&self, [x, y, z]: Vec3d) -> Vec3d {
+        [x * self.cos - z * self.sin, y, x * self.sin + z * self.cos]
+    }
+
+    fn box3d(&self, box3d: &Box3d) -> Box3d {
+        let yaw = farsight_core::wrapped_angle(box3d.yaw - self.heading);
+        Box3d { location: self.point(box3d.location), yaw, ..*box3d }
+    }
+
+    fn narrow_point(&self, point: Vec3) -> Vec3 {
+        self.point(point.map(f64::from)).map(|v| v as f32)
+    }
+
+    fn narrow_direction(&self, direction: Vec3) -> Vec3 {
+        self.direction(direction.map(f64::from)).map(|v| v as f32)
+    }
+}
+
+impl Sequence {
+    fn placement(&self, step: &Step) -> Placement {
+        let [x, z] = step.ego.point;
+        let heading = step.ego.heading;
+        let rise = self.ground.y([x, z]) - self.ground.at_camera;
+        Placement { sin: libm::sin(heading), cos: libm::cos(heading), heading, origin: [x, rise, z] }
+    }
+
+    /// Frame number `index`, rendered and captured.
+    ///
+    /// # Panics
+    /// When there are not so many.
+    pub fn frame(&self, index: usize) -> SequenceFrame {
+        let step = &self.steps[index];
+        let (labelled, velocities) = self.scene(step);
+        let LabelledScene { scene, objects } = &labelled;
+        let rendered = render(scene);
+        let mut sensor = self.sensor.clone();
+        sensor.seed = sensor.seed.wrapping_add((index as u64 + 1).wrapping_mul(NOISE_OF_FRAME));
+        let image = sensor.capture(&rendered);
+        let ego = self.ego(step);
+        let labels = LabelRules::for_width(scene.image_size[0]).labels(scene, objects, &rendered);
+        let (mut tracks, mut dont_care) = (Vec::new(), Vec::new());
+        for label in labels {
+            let found = objects.iter().position(|object| object.box3d == label.box3d);
+            match found.filter(|_| label.class != ObjectClass::DontCare) {
+                Some(place) => {
+                    let [velocity_mps, [speed_mps, ..]] = velocities[place];
+                    let label = tilted_label(label, ego.pitch_rad, ego.roll_rad);
+                    tracks.push(TrackTruth { id: place as u32, label, velocity_mps, speed_mps });
+                }
+                None => dont_care.push(label),
+            }
+        }
+        let mut camera = self.street.scene.camera;
+        if self.is_mirrored {
+            camera = camera.mirrored(scene.image_size[0]);
+        }
+        SequenceFrame { time_s: index as f64 / self.fps, image, camera, tracks, dont_care, ego }
+    }
+
+    /// The scene of a frame, and of each object its velocity in the camera's level axes and its speed over the ground.
+    ///
+    /// Objects are in the same order in all frames: who is not there is far behind the camera.
+    fn scene(&self, step: &Step) -> (LabelledScene, Vec<[Vec3d; 2]>) {
+        let placement = self.placement(step);
+        let mut labelled = self.street.clone();
+        let LabelledScene { scene, objects } = &mut labelled;
+        for vertex in scene.objects.iter_mut().flat_map(|object| &mut object.mesh.vertices) {
+            vertex.position = placement.narrow_point(vertex.position);
+            vertex.normal = placement.narrow_direction(vertex.normal);
+        }
+        scene.sun.direction = placement.narrow_direction(scene.sun.direction);
+        for lamp in &mut scene.lamps {
+            lamp.position = placement.narrow_point(lamp.position);
+            lamp.direction = placement.narrow_direction(lamp.direction);
+        }
+        for object in objects.iter_mut() {
+            object.box3d = placement.box3d(&object.box3d);
+        }
+        let mut velocities: Vec<[Vec3d; 2]> =
+            objects.iter().map(|object| relative(step, &placement, &object.box3d, [0.0; 2])).collect();
+        let mut shadows = MeshBuilder::default();
+        for (body, moment) in self.bodies.iter().zip(&step.movers) {
+            let instance = objects.len() as u16 + 1;
+            let Some(moment) = moment else {
+                let location = [0.0, 0.0, -1e4];
+                let dimensions = farsight_core::Dimensions { height: 1.0, width: 1.0, length: 1.0 };
+                let box3d = Box3d { dimensions, location, yaw: 0.0 };
+                objects.push(LabelledObject { class: body.class.clone(), box3d, instance, plate: None });
+                velocities.push([[0.0; 3]; 2]);
+                scene.objects.push(Object { mesh: Mesh::default(), instance, casts_shadow: false });
+                continue;
+            };
+            let box3d = placement.box3d(&moment.box3d);
+            scene.objects.push(objects::placed(body.mesh(moment), &box3d, instance));
+            if has_contact_shadow(&body.class) {
+                add_contact_shadow(&mut shadows, &box3d, body.contact_shadow);
+                if body.lights_on {
+                    scene.lamps.extend(headlights(&box3d));
+                }
+            }
+            velocities.push(relative(step, &placement, &box3d, moment.velocity));
+            objects.push(LabelledObject { class: body.class.clone(), box3d, instance, plate: body.plate });
+        }
+        scene.objects.push(Object { mesh: shadows.mesh, instance: 0, casts_shadow: false });
+        scene.camera = tilted(&scene.camera, step.ego.pitch, step.ego.roll);
+        if self.is_mirrored {
+            mirror(&mut labelled);
+            velocities.iter_mut().for_each(|[velocity, _]| velocity[0] = -velocity[0]);
+        }
+        (labelled, velocities)
+    }
+}
+
+/// The velocity of something in the camera's axes, and its speed over the ground (in the first place).
+fn relative(step: &Step, placement: &Placement, box3d: &Box3d, velocity: [f64; 2]) -> [Vec3d; 2] {
+    let (own, yaw_rate) = (step.ego.velocity, step.ego.yaw_rate);
+    let [x, _, z] = box3d.location;
+    let [vx, _, vz] = placement.direction([velocity[0] - own[0], 0.0, velocity[1] - own[1]]);
+    // The axes turn: to the left, what is ahead goes to the right.
+    let moved = [vx + yaw_rate * z, 0.0, vz - yaw_rate * x];
+    [moved, [velocity[0].hypot(velocity[1]), 0.0, 0.0]]
+}
+
+/// A label in the coordinates of a camera that has pitched and rolled.
+fn tilted_label(mut label: Label, pitch: f64, roll: f64) -> Label {
+    let rotation = turn(pitch, roll);
+    let point = label.box3d.location;
+    label.box3d.location = rotation.map(|row| (0..3).map(|axis| row[axis] * point[axis]).sum());
+    label.alpha = label.box3d.alpha();
+    label
+}
