@@ -125,21 +125,22 @@ class Model:
             return [self._range(one, camera) for one in image]
         return self._range(image, camera)
 
-    def _range(self, image: Any, camera: float | list[list[float]] | None) -> Result:
+    def _range(self, image: Any, camera: float | list[list[float]] | None, name: str | None = None) -> Result:
         _check_process()
+        name = name or _UNNAMED
         pil = sys.modules.get("PIL.Image")
         if pil is not None and isinstance(image, pil.Image):
             image = _upright(image)
         if isinstance(image, (str, os.PathLike)):
             record, pixels, warned = self._pipeline.range_path(os.fspath(image), camera)
         elif isinstance(image, (bytes, bytearray, memoryview)):
-            record, pixels, warned = self._pipeline.range_bytes(bytes(image), _UNNAMED, camera)
+            record, pixels, warned = self._pipeline.range_bytes(bytes(image), name, camera)
         elif isinstance(image, np.ndarray):
             array = checked_image(image)
             if camera is None:
                 raise ValueError("an array does not say which camera took it; expected one of hfov, K and P")
             height, width = array.shape[:2]
-            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], _UNNAMED, camera)
+            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], name, camera)
         else:
             raise TypeError(f"the image is a {type(image).__name__}; expected {_EXPECTED}")
         for text in warned:

@@ -3,6 +3,7 @@
 mod answers;
 mod format;
 mod job;
+mod part;
 #[cfg(test)]
 mod tests;
 
@@ -10,18 +11,19 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight::RangeKind;
+use farsight::{Pipeline, RangeKind};
 
 use super::Outcome;
 use crate::camera_args::CameraArgs;
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
+use crate::shard::ShardArgs;
 use format::Format;
 use job::Job;
 
 /// Arguments of `farsight range`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct RangeArgs {
     /// Images (PNG, JPEG, WebP, BMP, TIFF, GIF, PPM), folders of images, patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
@@ -39,11 +41,14 @@ pub(crate) struct RangeArgs {
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Go on with an interrupted run: images whose answers are in --json FILE, --out and --kitti, as far as these are named, are left as they are
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shard")]
     resume: bool,
     /// Write KITTI result files to DIR/IMAGE.txt, empty where nothing is found
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
+    /// Write a recording for Foxglove and ROS 2 to FILE (MCAP); images have no times, so there is one a second
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "shard"])]
+    mcap: Option<PathBuf>,
     /// Which distance to give
     #[arg(long, value_enum, default_value_t = RangeName::Depth)]
     range: RangeName,
@@ -53,9 +58,11 @@ pub(crate) struct RangeArgs {
     /// What once asked for the exit status that failed images have anyway
     #[arg(long, hide = true)]
     strict: bool,
-    // Last, because its help heading would go on to what follows.
+    // Last, because their help headings would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
+    #[command(flatten)]
+    shard: ShardArgs,
 }
 
 impl RangeArgs {
@@ -69,10 +76,12 @@ impl RangeArgs {
             format: None,
             resume: false,
             kitti: None,
+            mcap: None,
             range: RangeName::Depth,
             min_score: None,
             strict: false,
             camera: CameraArgs::default(),
+            shard: ShardArgs::default(),
         }
     }
 }
@@ -94,6 +103,13 @@ impl RangeArgs {
     /// The file for all answers.
     fn json_file(&self) -> Option<&Path> {
         self.json.as_deref().filter(|path| *path != Path::new("-"))
+    }
+
+    /// What looks at the images.
+    fn open(&self, printer: &mut Printer) -> Result<Pipeline> {
+        let builder = self.pipeline.builder(printer)?.range(self.range.kind());
+        let builder = self.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
+        pipeline_args::open_and_tell(&builder, printer)
     }
 
     fn check_resume(&self) -> Result<()> {
@@ -142,10 +158,15 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     if found.images.is_empty() {
         bail!("no image to look at");
     }
+    if args.shard.asked().is_some() {
+        return part::run(args, found, printer);
+    }
     let job = Job::new(args, found.images, printer)?;
-    let builder = args.pipeline.builder(printer)?.range(args.range.kind());
-    let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
-    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
-    let failed = found.problems.len() + job.run(&pipeline, printer)?;
-    Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
+    let pipeline = args.open(printer)?;
+    let failed = found.problems.len() + job.run(&pipeline, printer)?.len();
+    Ok(outcome(failed))
+}
+
+fn outcome(failed: usize) -> Outcome {
+    if failed > 0 { Outcome::Told } else { Outcome::Done }
 }

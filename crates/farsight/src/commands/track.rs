@@ -47,6 +47,9 @@ pub(crate) struct TrackArgs {
     /// Write rows in the format of KITTI's tracking benchmark to FILE
     #[arg(long, value_name = "FILE")]
     kitti_tracking: Option<PathBuf>,
+    /// Write a recording for Foxglove and ROS 2 to FILE (MCAP)
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
     /// Write annotated frames to the folder DIR (PNG), or a film to FILE (.mp4, .mkv, .mov, .avi, .webm; by ffmpeg)
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,

@@ -105,7 +105,7 @@ fn run(arguments: &[&Path], mut printer: Printer) -> anyhow::Result<usize> {
     let detector = SmokeDetector::new(Box::new(OneCar::new()), &SmokeConfig::default(), None);
     let pipeline = Pipeline::builder().open_with(Box::new(detector)).unwrap();
     let job = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)?;
-    job.run(&pipeline, &mut printer)
+    job.run(&pipeline, &mut printer).map(|failed| failed.len())
 }
 
 fn image_file(path: PathBuf) -> PathBuf {

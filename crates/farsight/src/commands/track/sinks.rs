@@ -13,6 +13,7 @@ use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
 use farsight_files::write_atomically;
+use farsight_recordings::{Found, Moment};
 use farsight_viz::{DrawOptions, Scene, picture_with_words};
 use image::codecs::png::PngEncoder;
 use tempfile::NamedTempFile;
@@ -24,6 +25,7 @@ use super::{Told, TrackArgs};
 use crate::inputs::identity;
 use crate::outputs;
 use crate::printer::Printer;
+use crate::recording_file::RecordingFile;
 
 /// The outputs of one call.
 pub(super) struct Sinks {
@@ -31,6 +33,7 @@ pub(super) struct Sinks {
     prints_json: bool,
     tracks: Option<PathBuf>,
     kitti: Option<(PathBuf, NamedTempFile)>,
+    recording: Option<RecordingFile>,
     pictures: Option<Pictures>,
     summary: BTreeMap<u64, Summary>,
 }
@@ -102,7 +105,9 @@ impl Sinks {
             outputs::make_folder(out)?;
             Ok::<_, anyhow::Error>(Pictures::Folder(out.clone()))
         });
+        let recording = args.mcap.as_deref().map(|path| RecordingFile::begin(path, inputs())).transpose()?;
         Ok(Self {
+            recording,
             json: json.map(|json| (json, None)),
             prints_json,
             tracks: tracks.clone(),
@@ -114,7 +119,11 @@ impl Sinks {
 
     /// Whether anything is left of the work when nobody reads what is printed.
     pub(super) fn write_files(&self) -> bool {
-        self.json.is_some() || self.tracks.is_some() || self.kitti.is_some() || self.pictures.is_some()
+        self.json.is_some()
+            || self.tracks.is_some()
+            || self.kitti.is_some()
+            || self.pictures.is_some()
+            || self.recording.is_some()
     }
 
     /// Writes a frame.
@@ -145,6 +154,11 @@ impl Sinks {
         for track in &record.tracks {
             Summary::add(&mut self.summary, record, track);
         }
+        if let Some(recording) = &mut self.recording {
+            let found = found(record, told);
+            let Told { camera, .. } = told;
+            recording.add(&Moment { time_s: record.time_s, image: &frame.image, camera, found: &found })?;
+        }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
                 let picture = drawn(frame, record, told);
@@ -161,7 +175,8 @@ impl Sinks {
 
     /// Writes what comes at the end, and returns how many tracks there were.
     pub(super) fn finish(self, printer: &mut Printer) -> Result<usize> {
-        let Self { prints_json, tracks, kitti, pictures, summary, .. } = self;
+        let Self { prints_json, tracks, kitti, pictures, recording, summary, .. } = self;
+        recording.map_or(Ok(()), RecordingFile::finish)?;
         if !prints_json {
             print_table(&summary, printer);
         }
@@ -279,6 +294,16 @@ fn kitti_rows(record: &FrameRecord, detections: &[Detection]) -> String {
         let _ = writeln!(text, "{} {} {row}", record.frame, track.id);
     }
     text
+}
+
+/// The tracks as recordings have them.
+fn found(record: &FrameRecord, told: &Told) -> Vec<Found> {
+    let found = |(track, detection): (&TrackRecord, &Detection)| Found {
+        id: track.id.to_string(),
+        detection: detection.clone(),
+        label: words(track),
+    };
+    record.tracks.iter().zip(&told.detections).map(found).collect()
 }
 
 /// The frame with its tracks.
