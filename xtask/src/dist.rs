@@ -89,7 +89,9 @@ fn changes_of(changelog: &str, version: &str) -> Result<String, String> {
     let lines = changelog.lines().skip_while(|line| !line.starts_with(&heading));
     let about: Vec<&str> = lines.take_while(|line| !line.starts_with("## ") || line.starts_with(&heading)).collect();
     if about.len() < 2 {
-        return Err(format!("CHANGELOG.md: nothing about this version; expected a heading \"{heading}\" and what changed"));
+        return Err(format!(
+            "CHANGELOG.md: nothing about this version; expected a heading \"{heading}\" and what changed"
+        ));
     }
     Ok(about.join("\n") + "\n")
 }

@@ -8,7 +8,8 @@ use crate::{cargo, root};
 /// The list as JSON, of everything that is linked into the program on this system.
 pub(crate) fn cyclone_dx(version: &str) -> Result<String, String> {
     let format = "{p}|{l}";
-    let tree = ["tree", "--locked", "--package", "farsight", "--edges", "normal", "--prefix", "none", "--format", format];
+    let tree =
+        ["tree", "--locked", "--package", "farsight", "--edges", "normal", "--prefix", "none", "--format", format];
     let output = cargo(None).args(tree).output().map_err(|error| format!("cargo tree: {error}"))?;
     if !output.status.success() {
         return Err(format!("cargo tree: {}", String::from_utf8_lossy(&output.stderr)));
@@ -48,7 +49,10 @@ fn document(version: &str, tree: &str, checksums: &BTreeMap<(&str, &str), &str>)
         let licences = if licence.is_empty() {
             String::new()
         } else {
-            format!(", \"licenses\": [{{\"expression\": {}}}]", quoted(&licence.replace(" (*)", "").replace('/', " OR ")))
+            format!(
+                ", \"licenses\": [{{\"expression\": {}}}]",
+                quoted(&licence.replace(" (*)", "").replace('/', " OR "))
+            )
         };
         components.insert(format!(
             "    {{\"type\": \"library\", \"name\": {}, \"version\": {}, \"purl\": {}{hashes}{licences}}}",

@@ -98,7 +98,10 @@ fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
     run(Command::new(&python).args(["-I", "-W", "error", "-c", "import farsight; farsight.Model()"]))?;
     run(Command::new(&python).args(pip).arg("-r").arg(package.join("tests").join(options.requirements())))?;
     let mut pytest = Command::new(&python);
-    pytest.args(["-m", "pytest", "--quiet", "-m", if options.ray { "ray" } else { "not ray" }]).env("FARSIGHT_PROGRAM", options.program()).current_dir(package);
+    pytest
+        .args(["-m", "pytest", "--quiet", "-m", if options.ray { "ray" } else { "not ray" }])
+        .env("FARSIGHT_PROGRAM", options.program())
+        .current_dir(package);
     run(&mut pytest)
 }
 

@@ -22,6 +22,7 @@ pub mod reflections;
 pub mod shadow;
 pub mod sharpness;
 pub mod transform;
+pub mod undistort;
 pub mod warp;
 
 pub use augment::AugmentationConfig;
@@ -42,4 +43,5 @@ pub use reflections::Reflections;
 pub use shadow::Shadow;
 pub use sharpness::Sharpness;
 pub use transform::{Sample, Transform};
+pub use undistort::Undistorter;
 pub use warp::{network_input, network_input_into, warp};

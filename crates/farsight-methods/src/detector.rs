@@ -57,6 +57,14 @@ pub enum DetectError {
         /// Its height, pixels.
         height: u32,
     },
+    /// The image is not of the size that its lens was prepared for.
+    #[error("the image is {found:?} pixels; its lens was prepared for {expected:?}")]
+    ImageSize {
+        /// Width and height.
+        found: [u32; 2],
+        /// Width and height of the images that were expected.
+        expected: [u32; 2],
+    },
     /// The images of a batch need inputs of different sizes.
     #[error("image {index} of the batch needs an input of {found:?} pixels; the first one needs {expected:?}")]
     InputSize {

@@ -10,7 +10,7 @@ use crate::options::{DrawOptions, Names, Scene};
 use crate::palette::{Rgba, SHADOW, WHITE};
 use crate::scale::drawing_scale;
 use crate::text::{CAP_HEIGHT, text_width, write};
-use crate::wireframe::Wireframe;
+use crate::wireframe::{Optics, Wireframe};
 
 /// Height of the text on KITTI's images, pixels.
 const TEXT_PX: f64 = 16.0;
@@ -125,7 +125,8 @@ impl Drawing<'_> {
         let margin = 4.0 * LINE_PX * self.scale;
         let bounds = self.canvas.bounds();
         let window = Box2d::new(-margin, -margin, bounds.x2 + margin, bounds.y2 + margin);
-        let wireframe = Wireframe::new(object, self.scene.camera, &window);
+        let optics = Optics { camera: self.scene.camera, lens: self.options.lens };
+        let wireframe = Wireframe::new(object, &optics, &window);
         let height = object.projected(self.scene.camera)?.height();
         let fullness = (height / (FULL_WIDTH_HEIGHT * TEXT_PX * self.scale)).clamp(0.5, 1.0);
         (!wireframe.is_empty()).then_some((wireframe, LINE_PX * self.scale * fullness))

@@ -1,6 +1,6 @@
 //! What to draw, and how.
 
-use farsight_core::{Box3d, Camera, Detection, Label};
+use farsight_core::{Box3d, Camera, Detection, Label, Lens};
 
 /// What there is to draw.
 #[derive(Debug, Clone, Copy)]
@@ -39,11 +39,13 @@ pub struct DrawOptions {
     pub color_by: ColorBy,
     /// The distance that labels give, metres.
     pub distance_m: fn(&Box3d) -> f64,
+    /// What bends the image; boxes are drawn bent alike.
+    pub lens: Option<Lens>,
 }
 
 impl Default for DrawOptions {
     /// Coloured and labelled by depth along the optical axis.
     fn default() -> Self {
-        Self { color_by: ColorBy::Distance, distance_m: Box3d::depth_m }
+        Self { color_by: ColorBy::Distance, distance_m: Box3d::depth_m, lens: None }
     }
 }

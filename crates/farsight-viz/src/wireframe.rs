@@ -1,12 +1,39 @@
 //! A box as the camera sees it: lines and faces in pixels, cut at the near plane and at the border of the picture.
 
 use farsight_core::box3d::{EDGES, FRONT_FACE, NEAR_PLANE_M, near_plane_crossing};
-use farsight_core::{Box2d, Box3d, Camera};
+use farsight_core::{Box2d, Box3d, Camera, Lens};
 
 use crate::canvas::Point;
 
 /// The six faces as indices into [`Box3d::corners`], in order around each: front, rear, both sides, top, bottom.
 const FACES: [[usize; 4]; 6] = [FRONT_FACE, [0, 5, 6, 7], [0, 1, 2, 7], [3, 4, 5, 6], [0, 1, 4, 5], [2, 3, 6, 7]];
+
+/// Pieces of an edge that a lens bends.
+const BENT_PIECES: usize = 12;
+
+/// What makes pixels of points: a pinhole, and the lens before it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Optics<'a> {
+    pub(crate) camera: &'a Camera,
+    pub(crate) lens: Option<Lens>,
+}
+
+impl Optics<'_> {
+    /// The pixel that shows `point` (metres); none for a point not in front of the camera.
+    fn pixel(&self, point: [f64; 3]) -> Option<Point> {
+        let pixel = self.camera.pixel_from_point(point)?;
+        Some(self.lens.map_or(pixel, |lens| lens.distorted_pixel(self.camera, pixel)))
+    }
+
+    /// The places along the line from `a` to `b` that are joined by straight lines.
+    fn places(&self, a: [f64; 3], b: [f64; 3]) -> Vec<[f64; 3]> {
+        let pieces = if self.lens.is_some() { BENT_PIECES } else { 1 };
+        let share = |i: usize| i as f64 / pieces as f64;
+        let between = |t: f64| [0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis]));
+        // The ends exactly.
+        (0..=pieces).map(|i| if i == pieces { b } else { between(share(i)) }).collect()
+    }
+}
 
 /// What to draw of a box.
 #[derive(Debug, Default)]
@@ -24,11 +51,11 @@ pub(crate) struct Wireframe {
 }
 
 impl Wireframe {
-    /// The part of `object` that `camera` shows within `window`.
-    pub(crate) fn new(object: &Box3d, camera: &Camera, window: &Box2d) -> Self {
+    /// The part of `object` that is shown within `window`.
+    pub(crate) fn new(object: &Box3d, optics: &Optics, window: &Box2d) -> Self {
         let corners = object.corners();
         let towards = FACES.map(|face| looks_at_camera(&corners, face, object.center()));
-        let line = |[a, b]: [usize; 2]| projected_line(corners[a], corners[b], camera, window);
+        let line = |[a, b]: [usize; 2]| projected_line(corners[a], corners[b], optics, window);
         let mut wireframe = Self { faces_camera: towards[0], ..Self::default() };
         for edge in EDGES {
             let near =
@@ -37,8 +64,8 @@ impl Wireframe {
             edges.extend(line(edge));
         }
         let [a, b, c, d] = FRONT_FACE;
-        wireframe.cross.extend([[a, c], [b, d]].into_iter().filter_map(line));
-        wireframe.front = projected_face(FRONT_FACE.map(|i| corners[i]), camera, window);
+        wireframe.cross.extend([[a, c], [b, d]].into_iter().flat_map(line));
+        wireframe.front = projected_face(FRONT_FACE.map(|i| corners[i]), optics, window);
         wireframe
     }
 
@@ -54,20 +81,21 @@ fn looks_at_camera(corners: &[[f64; 3]; 8], face: [usize; 4], center: [f64; 3]) 
     (0..3).map(|axis| -middle[axis] * (middle[axis] - center[axis])).sum::<f64>() > 0.0
 }
 
-fn projected_line(a: [f64; 3], b: [f64; 3], camera: &Camera, window: &Box2d) -> Option<[Point; 2]> {
+/// The visible pieces of a line; one without a lens.
+fn projected_line(a: [f64; 3], b: [f64; 3], optics: &Optics, window: &Box2d) -> Vec<[Point; 2]> {
     let [a, b] = match near_plane_crossing(a, b) {
         Some(cut) if a[2] < NEAR_PLANE_M => [cut, b],
         Some(cut) => [a, cut],
         None => [a, b],
     };
     if a[2] < NEAR_PLANE_M {
-        return None;
+        return Vec::new();
     }
-    let line = [camera.pixel_from_point(a)?, camera.pixel_from_point(b)?];
-    clipped_line(line, window)
+    let pixels: Vec<Option<Point>> = optics.places(a, b).into_iter().map(|place| optics.pixel(place)).collect();
+    pixels.windows(2).filter_map(|pair| clipped_line([pair[0]?, pair[1]?], window)).collect()
 }
 
-fn projected_face(face: [[f64; 3]; 4], camera: &Camera, window: &Box2d) -> Vec<Point> {
+fn projected_face(face: [[f64; 3]; 4], optics: &Optics, window: &Box2d) -> Vec<Point> {
     let mut visible = Vec::new();
     for (i, &corner) in face.iter().enumerate() {
         if corner[2] >= NEAR_PLANE_M {
@@ -75,7 +103,10 @@ fn projected_face(face: [[f64; 3]; 4], camera: &Camera, window: &Box2d) -> Vec<P
         }
         visible.extend(near_plane_crossing(corner, face[(i + 1) % face.len()]));
     }
-    let Some(points) = visible.into_iter().map(|p| camera.pixel_from_point(p)).collect::<Option<Vec<_>>>() else {
+    let sides_of = |i: usize| optics.places(visible[i], visible[(i + 1) % visible.len()]);
+    // The end of a side is the start of the next one.
+    let outline = (0..visible.len()).flat_map(|i| sides_of(i).into_iter().rev().skip(1).rev());
+    let Some(points) = outline.map(|place| optics.pixel(place)).collect::<Option<Vec<_>>>() else {
         return Vec::new();
     };
     sides(window).iter().fold(points, |polygon, side| side.clipped_polygon(&polygon))
@@ -135,10 +166,10 @@ fn clipped_line(line: [Point; 2], window: &Box2d) -> Option<[Point; 2]> {
 #[cfg(test)]
 mod tests {
     use farsight_core::box3d::EDGES;
-    use farsight_core::{Box2d, Box3d, Camera, Dimensions};
+    use farsight_core::{Box2d, Box3d, Camera, Dimensions, Lens};
     use proptest::prelude::*;
 
-    use super::{FACES, Wireframe};
+    use super::{FACES, Optics, Wireframe};
 
     const WINDOW: Box2d = Box2d::new(0.0, 0.0, 1242.0, 375.0);
 
@@ -160,23 +191,49 @@ mod tests {
 
     #[test]
     fn a_car_driving_away_shows_its_rear_and_roof_or_neither_side() {
-        let away = Wireframe::new(&car([0.0, 1.65, 20.0], -std::f64::consts::FRAC_PI_2), &camera(), &WINDOW);
+        let away = Wireframe::new(
+            &car([0.0, 1.65, 20.0], -std::f64::consts::FRAC_PI_2),
+            &Optics { camera: &camera(), lens: None },
+            &WINDOW,
+        );
         assert!(!away.faces_camera);
-        let oncoming = Wireframe::new(&car([0.0, 1.65, 20.0], std::f64::consts::FRAC_PI_2), &camera(), &WINDOW);
+        let oncoming = Wireframe::new(
+            &car([0.0, 1.65, 20.0], std::f64::consts::FRAC_PI_2),
+            &Optics { camera: &camera(), lens: None },
+            &WINDOW,
+        );
         assert!(oncoming.faces_camera);
         // Rear and roof are seen from 1.65 m over the ground: 4 + 3 edges.
         assert_eq!((away.near_edges.len(), away.far_edges.len()), (7, 5));
     }
 
     #[test]
+    fn a_lens_bends_edges_and_moves_their_ends_to_where_it_shows_them() {
+        let (camera, lens) = (camera(), Lens::Brown([-0.3, 0.08, 0.0, 0.0, 0.0]));
+        let object = car([-3.5, 1.65, 12.0], 0.4);
+        let bent = Wireframe::new(&object, &Optics { camera: &camera, lens: Some(lens) }, &WINDOW);
+        let straight = Wireframe::new(&object, &Optics { camera: &camera, lens: None }, &WINDOW);
+        let ends = straight.near_edges.concat();
+        assert!(!ends.is_empty() && bent.near_edges.len() == super::BENT_PIECES * straight.near_edges.len());
+        let shown = |end: &[f64; 2]| lens.distorted_pixel(&camera, *end);
+        let is_there =
+            |end: &[f64; 2]| bent.near_edges.concat().iter().any(|p| (p[0] - end[0]).hypot(p[1] - end[1]) < 1e-6);
+        assert!(ends.iter().map(shown).all(|end| is_there(&end)));
+        assert!(bent.front.len() >= straight.front.len());
+    }
+
+    #[test]
     fn nothing_is_drawn_of_a_car_behind_the_camera() {
-        assert!(Wireframe::new(&car([0.0, 1.65, -20.0], 0.3), &camera(), &WINDOW).is_empty());
+        assert!(
+            Wireframe::new(&car([0.0, 1.65, -20.0], 0.3), &Optics { camera: &camera(), lens: None }, &WINDOW)
+                .is_empty()
+        );
     }
 
     proptest! {
         #[test]
         fn all_points_lie_in_the_window(x in -10.0..10.0, y in -2.0..3.0, z in -5.0..60.0, yaw in -3.2..3.2) {
-            let wireframe = Wireframe::new(&car([x, y, z], yaw), &camera(), &WINDOW);
+            let wireframe = Wireframe::new(&car([x, y, z], yaw), &Optics { camera: &camera(), lens: None }, &WINDOW);
             let lines = wireframe.near_edges.iter().chain(&wireframe.far_edges).chain(&wireframe.cross);
             for point in lines.flatten().chain(&wireframe.front) {
                 prop_assert!((-1e-6..=WINDOW.x2 + 1e-6).contains(&point[0]), "{point:?}");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use farsight_core::Camera;
+use farsight_core::{Camera, Lens};
 use farsight_track::{EgoMotion, Track};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
@@ -82,6 +82,9 @@ pub struct CameraRecord {
     /// Where it comes from, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<CameraOrigin>,
+    /// What distorts the image, as `--lens` takes it; the projection is that of the pinhole behind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<String>,
 }
 
 /// The models of a pipeline.
@@ -113,10 +116,19 @@ impl ImageRecord {
             height: image.height(),
             detections: objects.iter().map(DetectionRecord::from).collect(),
             schema_version: SCHEMA_VERSION,
-            camera: Some(CameraRecord { projection: camera.projection, origin: None }),
+            camera: Some(CameraRecord { projection: camera.projection, origin: None, lens: None }),
             model: Some(pipeline.info().into()),
             program_version: Some(crate::VERSION.to_owned()),
         }
+    }
+
+    /// This record with the lens of its camera.
+    #[must_use]
+    pub fn with_lens(mut self, lens: Lens) -> Self {
+        if let Some(camera) = &mut self.camera {
+            camera.lens = Some(lens.to_string());
+        }
+        self
     }
 
     /// This record with word of where its camera comes from.

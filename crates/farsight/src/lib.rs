@@ -18,7 +18,7 @@
 //! that look again at what it found, suppression of what stands in one place, and the road plane under all of it.
 //! [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
 //! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw()`]
-//! draws it. A [`Tracker`] follows what the pipeline finds through the frames of a video.
+//! draws it. [`video`] follows what the pipeline finds through the frames of a video, by a [`Tracker`].
 //!
 //! Frames of reference are KITTI's: camera coordinates are metres with x right, y down, z forward; an object stands at
 //! the centre of its bottom face.
@@ -43,18 +43,20 @@ pub mod service;
 pub mod shipped;
 pub mod source;
 mod stages;
+pub mod video;
 
 use std::path::Path;
 
 pub use builder::PipelineBuilder;
 pub use camera_source::{CameraSource, CameraSourceError};
-pub use draw::draw;
+pub use draw::{draw, draw_through_lens};
 pub use engine_options::{EngineKind, EngineOptions, Precision};
 pub use error::Error;
 pub use farsight_core::camera::CameraError;
+pub use farsight_core::lens::LensError;
 pub use farsight_core::road::Road;
-pub use farsight_core::{Box2d, Box3d, Camera, Detection, ObjectClass};
-pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage};
+pub use farsight_core::{Box2d, Box3d, Camera, Detection, Lens, ObjectClass};
+pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage, Undistorter};
 pub use farsight_methods::{DetectError, UnfamiliarCamera};
 pub use farsight_runtime::{EngineError, StageTimes};
 pub use farsight_track::{EgoMotion, Frame, Track, TrackError, Tracker, TrackerOptions};

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use farsight_core::box3d::Dimensions;
 use farsight_core::detection::default_min_score;
 use farsight_core::{Box3d, Camera, Detection, ObjectClass};
+use farsight_data::Undistorter;
 use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
@@ -80,6 +81,27 @@ impl Pipeline {
     pub fn detect(&self, image: &RgbImage, camera: &Camera) -> Result<Vec<DetectedObject>, DetectError> {
         let (mut answers, _) = self.detect_batch(&[(image, camera)])?;
         Ok(answers.pop().unwrap_or_default())
+    }
+
+    /// [`Pipeline::detect`] for an image that a lens has distorted: the networks see it as a pinhole would have taken it.
+    /// Locations are as ever; boxes in the image are where `image` shows the objects.
+    ///
+    /// # Errors
+    /// As [`Pipeline::detect`], and when `image` has another size than the images of `undistorter`.
+    pub fn detect_through_lens(
+        &self,
+        image: &RgbImage,
+        undistorter: &Undistorter,
+    ) -> Result<Vec<DetectedObject>, DetectError> {
+        let straight = undistorter.undistorted(image).ok_or_else(|| DetectError::ImageSize {
+            found: [image.width(), image.height()],
+            expected: undistorter.size(),
+        })?;
+        let mut objects = self.detect(&straight, undistorter.camera())?;
+        for object in &mut objects {
+            object.box2d = undistorter.distorted_box(&object.box2d);
+        }
+        Ok(objects)
     }
 
     /// [`Pipeline::detect`] for several images that the detector's engine sees together, and the time of each stage for

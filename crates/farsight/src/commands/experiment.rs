@@ -3,6 +3,8 @@
 #[cfg(feature = "train")]
 mod cell;
 #[cfg(feature = "train")]
+mod record;
+#[cfg(feature = "train")]
 mod run;
 #[cfg(feature = "train")]
 mod twins;
@@ -52,6 +54,9 @@ pub(crate) struct RunArgs {
     /// File of the results, JSON [default: docs/results/NAME.json]
     #[arg(long, value_name = "FILE")]
     results: Option<PathBuf>,
+    /// Folder with a record of each cell that is done; a cell that has one is not run again [default: beside the results]
+    #[arg(long, value_name = "DIR")]
+    records: Option<PathBuf>,
     /// Stop at a checkpoint after this many minutes
     #[arg(long, value_name = "N", value_parser = minutes_from_text, allow_negative_numbers = true)]
     minutes: Option<f64>,
@@ -90,6 +95,15 @@ impl RunArgs {
     }
 }
 
+#[cfg(feature = "train")]
+impl RunArgs {
+    fn records(&self, plan: &Experiment) -> PathBuf {
+        let results = self.results(plan);
+        let name = results.file_stem().unwrap_or_default().to_string_lossy();
+        self.records.clone().unwrap_or_else(|| results.with_file_name(format!("{name}-cells")))
+    }
+}
+
 fn list(args: &RunArgs, plan: &Experiment, printer: &mut Printer) -> Result<Outcome> {
     let path = args.results(plan);
     let results = if path.exists() { Results::read(&path)? } else { Results::default() };
@@ -121,6 +135,7 @@ fn run_cells(args: &RunArgs, plan: &Experiment, printer: &mut Printer) -> Result
     let job = Job {
         out: args.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(&plan.name)),
         results: args.results(plan),
+        records: args.records(plan),
         data: args.data.clone().context("expected --data")?,
         kitti: args.kitti.clone(),
         deadline: args.minutes.map(|minutes| Instant::now() + Duration::from_secs_f64(60.0 * minutes)),

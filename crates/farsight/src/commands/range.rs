@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight::{Pipeline, RangeKind};
+use farsight::{Lens, Pipeline, RangeKind};
 
 use super::Outcome;
 use crate::camera_args::CameraArgs;
@@ -58,6 +58,13 @@ pub(crate) struct RangeArgs {
     /// What once asked for the exit status that failed images have anyway
     #[arg(long, hide = true)]
     strict: bool,
+    /// What the lens does to the image, in OpenCV's order: brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4 (fisheye). Camera options then tell the pinhole
+    #[arg(
+        long,
+        value_name = "LENS",
+        help_heading = "Camera (photos with EXIF data and images in KITTI's layout bring their own)"
+    )]
+    lens: Option<Lens>,
     // Last, because their help headings would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
@@ -80,6 +87,7 @@ impl RangeArgs {
             range: RangeName::Depth,
             min_score: None,
             strict: false,
+            lens: None,
             camera: CameraArgs::default(),
             shard: ShardArgs::default(),
         }

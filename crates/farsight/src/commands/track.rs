@@ -1,34 +1,30 @@
 //! `farsight track`: follows what is in a video.
 
-mod ego;
-mod ffmpeg;
 mod film;
-mod live;
-mod scene_cut;
+mod part;
 mod scratch;
 mod sinks;
-mod source;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Error, Result, bail, ensure};
 use clap::Args;
-use farsight::json::FrameRecord;
-use farsight::{Camera, CameraSource, Exif, Frame, Pipeline, Tracker, TrackerOptions};
-use farsight_core::Detection;
+use farsight::video::{
+    EgoFile, Followed, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score,
+};
+use farsight::{Pipeline, TrackerOptions};
 use indicatif::ProgressBar;
 
 use super::Outcome;
 use crate::camera_args::{CameraArgs, with_hint};
+use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted, progress_bar};
-use ego::EgoFile;
-use scene_cut::SceneCut;
+use crate::shard::ShardArgs;
 use sinks::Sinks;
-use source::{Source, VideoFrame};
 
 /// Arguments of `farsight track`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct TrackArgs {
     /// A video file, an address (rtsp, http) or a camera device, read by ffmpeg; or the frames as images: a folder, files, a pattern such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
@@ -60,7 +56,7 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "FILE|DIR")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shard")]
     realtime: bool,
     /// The ffmpeg program
     #[arg(long, value_name = "FILE", default_value = "ffmpeg")]
@@ -68,13 +64,12 @@ pub(crate) struct TrackArgs {
     /// A detection of this score begins a track; lower ones may continue one [default: 0.25, or 0.5 for a model whose scores are probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
-    // Last, because its help heading would go on to what follows.
+    // Last, because their help headings would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
+    #[command(flatten)]
+    shard: ShardArgs,
 }
-
-/// Detections of this share of the score that begins a track may continue one.
-const LOW_SHARE: f64 = 0.4;
 
 /// The default of the score that begins a track, where it must be known before the model is.
 const USUAL_MIN_SCORE: f64 = 0.5;
@@ -95,41 +90,46 @@ fn score(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
-    let source = Source::find(args, printer)?;
+    if args.shard.asked().is_some() {
+        return part::run(args, printer);
+    }
+    follow(args, None, printer)
+}
+
+/// What looks at the frames.
+fn open(args: &TrackArgs, printer: &mut Printer) -> Result<Pipeline> {
+    let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
+    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(low), printer)
+}
+
+/// Follows what is in one video, with a pipeline that is open or opens now.
+fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) -> Result<Outcome> {
+    let source = source(args, printer)?;
     let cameras = args.camera.source(source.images())?;
     let ego = args.ego.as_deref().map(EgoFile::read).transpose()?;
     let mut sinks = Sinks::check(args, &source)?;
-    let low = LOW_SHARE * args.min_score.unwrap_or(USUAL_MIN_SCORE);
-    let builder = args.pipeline.builder(printer)?.min_score(low);
-    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
+    let pipeline = pipeline.map_or_else(|| open(args, printer), |pipeline| Ok(pipeline.clone()))?;
+    let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
     let birth_score = args.min_score.unwrap_or_else(|| pipeline.default_min_score());
     let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
     if ego.is_none() {
         printer.note("speeds are relative to the camera; --ego FILE gives those over the ground");
     }
-    let mut job = Job {
-        pipeline: &pipeline,
-        cameras: &cameras,
-        ego,
-        tracker: Tracker::new(options),
-        scene_cut: SceneCut::default(),
-        image_size: None,
-        told_ego: false,
-    };
-    let mut frames = source.open(args)?;
-    let bar = frames.count().map_or_else(ProgressBar::hidden, progress_bar);
+    let tracker = VideoTracker::new(pipeline, cameras).with_options(options);
+    let mut tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
+    let mut frames = source.frames(&VideoOptions { ffmpeg: args.ffmpeg.clone(), realtime: args.realtime })?;
+    let bar = frames.count_known().map_or_else(ProgressBar::hidden, progress_bar);
     let (mut done, mut failed) = (0_u64, 0_u64);
     while let Some(frame) = frames.next() {
-        let looked = frame.and_then(|frame| {
-            let (record, told) = job.look(&frame, printer)?;
-            Ok((frame, record, told))
-        });
+        let followed = look(&mut tracker, frame);
         bar.inc(1);
-        let fps = frames.fps();
-        match looked {
-            Ok((frame, record, told)) => {
+        match followed {
+            Ok((frame, followed)) => {
                 done += 1;
-                bar.suspend(|| sinks.add(&frame, &record, &told, fps, printer))?;
+                bar.suspend(|| {
+                    followed.remarks.iter().for_each(|remark| printer.warning(&remark.to_string()));
+                    sinks.add(&frame, &followed, frames.fps(), printer)
+                })?;
             }
             Err(error) => {
                 bar.suspend(|| printer.failure(&error));
@@ -152,55 +152,34 @@ pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }
 
-/// What looks at frames.
-struct Job<'a> {
-    pipeline: &'a Pipeline,
-    cameras: &'a CameraSource,
-    ego: Option<EgoFile>,
-    tracker: Tracker,
-    scene_cut: SceneCut,
-    image_size: Option<[usize; 2]>,
-    told_ego: bool,
+fn look(tracker: &mut VideoTracker, frame: Result<VideoFrame, VideoError>) -> Result<(VideoFrame, Followed)> {
+    let frame = frame?;
+    let followed = tracker.look(&frame).map_err(|error| match error {
+        VideoError::CameraSource(error) => with_hint(error),
+        error => Error::from(error),
+    })?;
+    Ok((frame, followed))
 }
 
-/// What is told of a frame beside its record.
-struct Told {
-    camera: Camera,
-    /// The tracks as detections.
-    detections: Vec<Detection>,
-}
-
-impl Job<'_> {
-    fn look(&mut self, frame: &VideoFrame, printer: &mut Printer) -> Result<(FrameRecord, Told)> {
-        let VideoFrame { number, time_s, image, path, exif, .. } = frame;
-        let place = || frame.place();
-        let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let camera = self.cameras.camera(path, image_size, exif).map_err(with_hint)?;
-        if let Some([width, height]) = self.image_size.replace(image_size).filter(|size| *size != image_size) {
-            let [new_width, new_height] = image_size;
-            let camera = if matches!(self.cameras, CameraSource::Same(_)) { ", with the same calibration" } else { "" };
-            printer.warning(&format!(
-                "{}: {new_width}x{new_height} pixels after {width}x{height}; all tracks begin anew{camera}",
-                place()
-            ));
-        }
-        let looks_cut = self.scene_cut.looks_cut(image);
-        let objects = self.pipeline.detect(image, &camera).with_context(place)?;
-        let mut detections = farsight::object::detections(&objects);
-        // What is all outside the image has no box in it.
-        detections.retain(|one| one.box2d.width() > 0.0 && one.box2d.height() > 0.0 && one.box3d.depth_m() > 0.0);
-        let seen = Frame { time_s: *time_s, image_size, camera: &camera, detections: &detections, looks_cut };
-        let tracks = self.tracker.update(&seen).with_context(place)?;
-        let motion = self.ego.as_ref().and_then(|ego| ego.motion(*number, *time_s));
-        if self.ego.is_some() && motion.is_none() && !self.told_ego {
-            self.told_ego = true;
-            printer.warning(&format!("{}: no ego motion at {time_s:.3} s; its speeds are relative only", place()));
-        }
-        let record = FrameRecord::new(*number, *time_s, &tracks, motion.as_ref());
-        let detections = tracks.iter().map(farsight::Track::detection).collect();
-        Ok((record, Told { camera, detections }))
+/// What the arguments mean.
+fn source(args: &TrackArgs, printer: &mut Printer) -> Result<VideoSource> {
+    let videos: Vec<&PathBuf> = args.inputs.iter().filter(|input| is_video(input)).collect();
+    if let [video] = videos[..] {
+        let is_alone = args.inputs.len() == 1;
+        ensure!(is_alone, "{}: a video beside other inputs; expected it alone", video.display());
+        ensure!(args.fps.is_none(), "--fps is for images; {} has times of its own", video.display());
+        return Ok(VideoSource::Video(video.clone()));
     }
+    ensure!(videos.is_empty(), "{}: one of several videos; expected one", videos[0].display());
+    ensure!(!args.realtime, "--realtime is for videos; images wait");
+    let found = inputs::find(&args.inputs);
+    if let Some(problem) = found.problems.first() {
+        // A list with holes has wrong times.
+        found.problems.iter().skip(1).for_each(|problem| printer.error(problem));
+        bail!("{problem}");
+    }
+    let Some(fps) = args.fps else {
+        bail!("images have no times; expected --fps N, their number in a second");
+    };
+    Ok(VideoSource::Images { files: found.images, fps })
 }
-
-/// No EXIF data: of frames that ffmpeg took out.
-const NO_EXIF: Exif = Exif::NONE;

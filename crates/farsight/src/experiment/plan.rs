@@ -47,6 +47,8 @@ pub(crate) struct Data {
     /// Take the last so many frames of `train` away from learning, and judge on these instead of another split; `evaluate` then is `train`, too.
     #[serde(default)]
     pub(crate) held_out: usize,
+    /// Judge on so many frames, evenly over those of the split, instead of all.
+    pub(crate) evaluate_frames: Option<usize>,
 }
 
 /// What makes an arm differ from the base.

@@ -83,6 +83,11 @@ impl CellFolder {
         self.folder.join(RESULTS_FOLDER)
     }
 
+    /// The file of the answers for a frame.
+    pub(super) fn answer(&self, id: &str) -> PathBuf {
+        self.results().join(format!("{id}.txt"))
+    }
+
     /// Trains, or goes on.
     pub(super) fn train(&self, config: &Table, deadline: Option<Instant>, printer: &mut Printer) -> Result<Step> {
         if self.model().exists() {
@@ -121,8 +126,7 @@ impl CellFolder {
         deadline: Option<Instant>,
         printer: &mut Printer,
     ) -> Result<Step> {
-        let results = self.results();
-        let path = |id: &str| results.join(format!("{id}.txt"));
+        let path = |id: &str| self.answer(id);
         let open: Vec<(usize, String)> =
             dataset.ids().into_iter().enumerate().filter(|(_, id)| !path(id).exists()).collect();
         if open.is_empty() {

@@ -14,6 +14,7 @@ use farsight_graph::weights::Weights;
 use toml::{Table, Value};
 
 use super::cell::{CellFolder, Step, is_over};
+use super::record::{self, Record};
 use super::twins::{Split, prepare};
 use crate::commands::Outcome;
 use crate::experiment::plan::set;
@@ -32,6 +33,8 @@ pub(crate) struct Job {
     pub(crate) out: PathBuf,
     /// File of the results.
     pub(crate) results: PathBuf,
+    /// Folder of the records of cells that are done.
+    pub(crate) records: PathBuf,
     pub(crate) deadline: Option<Instant>,
     /// How the names of the cells start; empty for all.
     pub(crate) only: Vec<String>,
@@ -58,6 +61,9 @@ pub(crate) fn run(job: &Job, printer: &mut Printer) -> Result<Outcome> {
     let parent = job.results.parent().filter(|parent| !parent.as_os_str().is_empty());
     fs::create_dir_all(parent.unwrap_or(Path::new("."))).with_context(|| format!("{}", job.results.display()))?;
     let mut open = open(job, printer)?;
+    for cell in &cells {
+        open.restore(cell)?;
+    }
     let (mut elsewhere, mut worked) = (0, false);
     for cell in asked {
         // However little time there is, something comes forward.
@@ -155,7 +161,8 @@ impl Open<'_> {
     }
 
     fn run_cell(&mut self, cell: &Cell, printer: &mut Printer) -> Result<Ran> {
-        let Some(folder) = CellFolder::take(&self.folder(cell), &self.identity(cell)?)? else {
+        let identity = self.identity(cell)?;
+        let Some(folder) = CellFolder::take(&self.folder(cell), &identity)? else {
             return Ok(Ran::Elsewhere);
         };
         if self.measured(cell).exists() {
@@ -172,9 +179,31 @@ impl Open<'_> {
         }
         let metrics = statistics::metrics(&self.evaluation(&folder.results())?)?;
         let result = CellResult { arm: cell.arm.clone(), seed: cell.seed, steps: folder.steps()?, metrics };
-        let text = serde_json::to_string(&result)? + "\n";
-        write_atomically(&self.measured(cell), |file| file.write_all(text.as_bytes()))?;
+        self.keep(cell, &result)?;
+        let record = Record::of(&folder, &identity, result, &self.split.evaluate)?;
+        record.write(&record::path(&self.job.records, cell))?;
         Ok(Ran::Whole)
+    }
+
+    /// Takes a cell that is done elsewhere from its record, where it is not in the folder.
+    fn restore(&self, cell: &Cell) -> Result<()> {
+        let path = record::path(&self.job.records, cell);
+        if !path.exists() || self.measured(cell).exists() {
+            return Ok(());
+        }
+        let identity = self.identity(cell)?;
+        if let Some(folder) = CellFolder::take(&self.folder(cell), &identity)? {
+            let record = Record::read(&path, &identity)?;
+            record.unpack(&folder).with_context(|| path.display().to_string())?;
+            self.keep(cell, &record.measured)?;
+        }
+        Ok(())
+    }
+
+    /// Says that a cell is done.
+    fn keep(&self, cell: &Cell, result: &CellResult) -> Result<()> {
+        let text = serde_json::to_string(result)? + "\n";
+        Ok(write_atomically(&self.measured(cell), |file| file.write_all(text.as_bytes()))?)
     }
 
     /// The file that says that a cell is done, and what it gave.

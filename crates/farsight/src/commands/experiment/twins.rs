@@ -38,6 +38,12 @@ pub(super) fn prepare(data: &Data, root: &Path, kitti: Option<&Path>, printer: &
         ensure!(data.held_out < frames, "data.held_out is {}; expected fewer than the {frames} frames", data.held_out);
         split.evaluate = split.train.split_off(frames - data.held_out);
     }
+    if let Some(frames) = data.evaluate_frames {
+        let all = split.evaluate.len();
+        ensure!(frames <= all, "data.evaluate_frames is {frames}; expected at most the {all} of the split");
+        // Evenly over the split, whose neighbours are often of one drive.
+        split.evaluate = (0..frames).map(|at| split.evaluate[at * all / frames].clone()).collect();
+    }
     ensure!(!split.train.is_empty() && !split.evaluate.is_empty(), "{}: a split has no frames", root.display());
     Ok(split)
 }

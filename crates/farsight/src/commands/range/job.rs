@@ -5,13 +5,15 @@ use std::fs;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result, bail, ensure};
 use farsight::camera_source::file_stem;
 use farsight::json::{ImageRecord, ModelRecord};
 use farsight::object::detections;
 use farsight::{
-    Camera, CameraSource, DetectedObject, ImageLimits, LoadedImage, Pipeline, UnfamiliarCamera, draw, load_image,
+    Camera, CameraSource, DetectedObject, ImageLimits, LensError, LoadedImage, Pipeline, Undistorter, UnfamiliarCamera,
+    draw, draw_through_lens, load_image,
 };
 use farsight_data::ImageWarning;
 use farsight_data::kitti::write_results;
@@ -61,6 +63,8 @@ pub(super) struct Job<'a> {
     format: Format,
     /// The images to look at, where others look at the rest.
     block: Option<Range<usize>>,
+    /// Of the latest camera with a lens.
+    undistorter: Mutex<Option<Arc<Undistorter>>>,
 }
 
 impl<'a> Job<'a> {
@@ -71,7 +75,8 @@ impl<'a> Job<'a> {
             printer.note("cameras from the calibration files of KITTI's layout (folder calib beside image_2)");
         }
         let names = output_names(&images);
-        let job = Self { args, images, names, cameras, format: args.format()?, block: None };
+        let format = args.format()?;
+        let job = Self { args, images, names, cameras, format, block: None, undistorter: Mutex::default() };
         let inputs: Vec<PathBuf> = job.images.iter().map(|image| identity(image)).collect();
         job.check_folders(&inputs)?;
         job.check_json(&inputs)?;
@@ -278,7 +283,13 @@ impl<'a> Job<'a> {
         let image = &loaded.pixels;
         let size = [image.width() as usize, image.height() as usize];
         let camera = self.cameras.camera(path, size, &loaded.exif).map_err(with_hint)?;
-        let objects = pipeline.detect(image, &camera).with_context(|| path.display().to_string())?;
+        let undistorter =
+            self.undistorter(&camera, [image.width(), image.height()]).with_context(|| path.display().to_string())?;
+        let objects = match &undistorter {
+            Some(undistorter) => pipeline.detect_through_lens(image, undistorter),
+            None => pipeline.detect(image, &camera),
+        };
+        let objects = objects.with_context(|| path.display().to_string())?;
         let (mut notes, mut unwritten) = (Vec::new(), Vec::new());
         if let Some(Ok(found)) = self.cameras.from_exif(path, size, &loaded.exif) {
             notes.push(format!("camera from EXIF data ({}): --hfov {:.1}", found.how, found.hfov_deg));
@@ -295,9 +306,26 @@ impl<'a> Job<'a> {
         }
         let record = ImageRecord::new(path, image, &camera, &objects, pipeline);
         let record = record.with_camera_origin(self.cameras.origin(path));
+        let record = if let Some(lens) = self.args.lens { record.with_lens(lens) } else { record };
         let unfamiliar = pipeline.unfamiliar(size, &camera);
         let LoadedImage { pixels: image, warnings, .. } = loaded;
+        // Recordings tell of a pinhole.
+        let straight = undistorter.as_ref().filter(|_| self.args.mcap.is_some());
+        let image = straight.and_then(|undistorter| undistorter.undistorted(&image)).unwrap_or(image);
         Ok(Looked { image, camera, record, objects, unfamiliar, warnings, notes, unwritten })
+    }
+
+    /// What makes a pinhole's image of one of this camera and size, where there is a lens. One camera's images share it.
+    fn undistorter(&self, camera: &Camera, size: [u32; 2]) -> Result<Option<Arc<Undistorter>>, LensError> {
+        let Some(lens) = self.args.lens else { return Ok(None) };
+        let mut latest = self.undistorter.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = |known: &&Arc<Undistorter>| known.camera() == camera && known.size() == size;
+        if let Some(known) = latest.as_ref().filter(fits) {
+            return Ok(Some(Arc::clone(known)));
+        }
+        let made = Arc::new(Undistorter::new(camera, lens, size)?);
+        *latest = Some(Arc::clone(&made));
+        Ok(Some(made))
     }
 
     fn write_picture(
@@ -307,7 +335,11 @@ impl<'a> Job<'a> {
         camera: &Camera,
         objects: &[DetectedObject],
     ) -> Result<()> {
-        let drawn = draw(image, camera, objects, self.args.range.kind());
+        let range = self.args.range.kind();
+        let drawn = match self.args.lens {
+            Some(lens) => draw_through_lens(image, camera, lens, objects, range),
+            None => draw(image, camera, objects, range),
+        };
         Ok(write_atomically(target, |out| drawn.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?)
     }
 }

@@ -7,10 +7,10 @@ use std::thread::{self, JoinHandle};
 
 use anyhow::{Context, Result, anyhow, bail};
 use farsight::RgbImage;
+use farsight::video::unstarted;
 use image::imageops::{FilterType, resize};
 use tempfile::TempPath;
 
-use super::ffmpeg::unstarted;
 use super::scratch::scratch_beside;
 
 /// Where nothing tells how many frames a second there are.
@@ -80,7 +80,7 @@ impl Film {
             command.args(["-c:v", encoder]);
         }
         command.arg(&scratch).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| unstarted(&self.ffmpeg, &error))?;
+        let mut child = command.spawn().map_err(|error| unstarted(&self.ffmpeg, error))?;
         let errors = child.stderr.take();
         let log = thread::spawn(move || {
             let mut bytes = Vec::new();

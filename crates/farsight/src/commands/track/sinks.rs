@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use farsight::RgbImage;
 use farsight::json::{FrameRecord, TrackRecord};
+use farsight::video::{Followed, VideoFrame, VideoSource};
 use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
@@ -18,10 +19,9 @@ use farsight_viz::{DrawOptions, Scene, picture_with_words};
 use image::codecs::png::PngEncoder;
 use tempfile::NamedTempFile;
 
+use super::TrackArgs;
 use super::film::Film;
 use super::scratch::{scratch_beside, unwritable};
-use super::source::{Source, VideoFrame};
-use super::{Told, TrackArgs};
 use crate::inputs::identity;
 use crate::outputs;
 use crate::printer::Printer;
@@ -67,7 +67,7 @@ last_speed_mps,last_speed_sigma_mps";
 
 impl Sinks {
     /// Checks what can be checked before the first frame.
-    pub(super) fn check(args: &TrackArgs, source: &Source) -> Result<Self> {
+    pub(super) fn check(args: &TrackArgs, source: &VideoSource) -> Result<Self> {
         let TrackArgs { json, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
         let inputs = || {
             let camera = args.camera.calib.iter().chain(&args.ego).cloned();
@@ -130,11 +130,11 @@ impl Sinks {
     pub(super) fn add(
         &mut self,
         frame: &VideoFrame,
-        record: &FrameRecord,
-        told: &Told,
+        followed: &Followed,
         fps: Option<f64>,
         printer: &mut Printer,
     ) -> Result<()> {
+        let record = &followed.record;
         let line = serde_json::to_string(record)?;
         if self.prints_json {
             printer.line(&line);
@@ -149,25 +149,25 @@ impl Sinks {
             file.write_all((line + "\n").as_bytes()).with_context(|| unwritable(path))?;
         }
         if let Some((path, file)) = &mut self.kitti {
-            file.write_all(kitti_rows(record, &told.detections).as_bytes()).with_context(|| unwritable(path))?;
+            file.write_all(kitti_rows(record, &followed.detections()).as_bytes()).with_context(|| unwritable(path))?;
         }
         for track in &record.tracks {
             Summary::add(&mut self.summary, record, track);
         }
         if let Some(recording) = &mut self.recording {
-            let found = found(record, told);
-            let Told { camera, .. } = told;
-            recording.add(&Moment { time_s: record.time_s, image: &frame.image, camera, found: &found })?;
+            let found = found(followed);
+            let moment = Moment { time_s: record.time_s, image: &frame.image, camera: &followed.camera, found: &found };
+            recording.add(&moment)?;
         }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
-                let picture = drawn(frame, record, told);
+                let picture = drawn(frame, followed);
                 let target = folder.join(format!("{:06}.png", record.frame));
                 write_atomically(&target, |out| {
                     picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other)
                 })?;
             }
-            Some(Pictures::Film(film)) => film.add(record.time_s, &drawn(frame, record, told), fps)?,
+            Some(Pictures::Film(film)) => film.add(record.time_s, &drawn(frame, followed), fps)?,
             None => {}
         }
         Ok(())
@@ -297,19 +297,19 @@ fn kitti_rows(record: &FrameRecord, detections: &[Detection]) -> String {
 }
 
 /// The tracks as recordings have them.
-fn found(record: &FrameRecord, told: &Told) -> Vec<Found> {
-    let found = |(track, detection): (&TrackRecord, &Detection)| Found {
+fn found(followed: &Followed) -> Vec<Found> {
+    let found = |(track, detection): (&TrackRecord, Detection)| Found {
         id: track.id.to_string(),
-        detection: detection.clone(),
+        detection,
         label: words(track),
     };
-    record.tracks.iter().zip(&told.detections).map(found).collect()
+    followed.record.tracks.iter().zip(followed.detections()).map(found).collect()
 }
 
 /// The frame with its tracks.
-fn drawn(frame: &VideoFrame, record: &FrameRecord, told: &Told) -> RgbImage {
-    let scene = Scene { camera: &told.camera, detections: &told.detections, truth: &[] };
-    let words: Vec<String> = record.tracks.iter().map(words).collect();
+fn drawn(frame: &VideoFrame, followed: &Followed) -> RgbImage {
+    let scene = Scene { camera: &followed.camera, detections: &followed.detections(), truth: &[] };
+    let words: Vec<String> = followed.record.tracks.iter().map(words).collect();
     picture_with_words(&frame.image, &scene, &DrawOptions::default(), &words)
 }
 

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
-use anyhow::Result;
-
+use super::error::VideoError;
 use super::ffmpeg::{Decoded, Decoder};
 
 /// A video that is read as fast as it comes.
@@ -22,7 +21,7 @@ struct Shared {
 
 #[derive(Default)]
 struct Waiting {
-    frame: Option<Result<Decoded>>,
+    frame: Option<Result<Decoded, VideoError>>,
     fps: Option<f64>,
     dropped: u64,
     is_over: bool,
@@ -64,7 +63,7 @@ impl Live {
     }
 
     /// The latest frame, as soon as there is one.
-    pub(super) fn next(&self) -> Option<Result<Decoded>> {
+    pub(super) fn next(&self) -> Option<Result<Decoded, VideoError>> {
         let mut waiting = self.shared.waiting();
         loop {
             if let Some(frame) = waiting.frame.take() {
@@ -86,7 +85,7 @@ impl Shared {
 
 impl Waiting {
     /// A frame, or the error by which a video broke off, takes the place of a frame that waits.
-    fn put(&mut self, frame: Option<Result<Decoded>>) {
+    fn put(&mut self, frame: Option<Result<Decoded, VideoError>>) {
         match frame {
             None => self.is_over = true,
             Some(frame) => self.dropped += u64::from(self.frame.replace(frame).is_some()),

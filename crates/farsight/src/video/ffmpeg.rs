@@ -7,8 +7,10 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
-use anyhow::{Context, Error, Result, anyhow, bail};
-use farsight::{ImageLimits, RgbImage};
+use farsight_data::ImageLimits;
+use image::RgbImage;
+
+use super::error::VideoError;
 
 /// Complaints of ffmpeg that are told, at most.
 const TOLD_COMPLAINTS: usize = 3;
@@ -41,16 +43,16 @@ pub(super) struct Decoder {
 
 impl Decoder {
     /// Starts `ffmpeg` on a file, an address or a device.
-    pub(super) fn start(ffmpeg: &Path, video: &Path) -> Result<Self> {
+    pub(super) fn start(ffmpeg: &Path, video: &Path) -> Result<Self, VideoError> {
         let mut command = Command::new(ffmpeg);
         command.args(["-nostdin", "-hide_banner", "-loglevel", "level+info"]).args(input(video));
         // Its first video stream, as viewers show it: ffmpeg turns it upright before its filters.
         command.args(["-map", "0:v:0", "-vf", "showinfo", "-fps_mode", "passthrough"]);
         command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "pipe:1"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| unstarted(ffmpeg, &error))?;
+        let mut child = command.spawn().map_err(|error| unstarted(ffmpeg, error))?;
         let (Some(pixels), Some(log)) = (child.stdout.take(), child.stderr.take()) else {
-            bail!("{}: no pipes", ffmpeg.display());
+            return Err(unstarted(ffmpeg, ErrorKind::BrokenPipe.into()));
         };
         let (say, said) = channel();
         thread::spawn(move || listen(log, &say));
@@ -76,7 +78,7 @@ impl Decoder {
     }
 
     /// The next frame. The last answer of a video that broke off is an error.
-    pub(super) fn next(&mut self) -> Option<Result<Decoded>> {
+    pub(super) fn next(&mut self) -> Option<Result<Decoded, VideoError>> {
         if self.is_over {
             return None;
         }
@@ -98,35 +100,40 @@ impl Decoder {
         }
     }
 
-    fn frame(&mut self, time_s: Option<f64>, [width, height]: [u32; 2]) -> Result<Decoded> {
+    fn frame(&mut self, time_s: Option<f64>, size: [u32; 2]) -> Result<Decoded, VideoError> {
         let place = format!("{}: frame {}", self.path.display(), self.next);
-        let most = ImageLimits::default().max_pixels;
+        let ([width, height], most) = (size, ImageLimits::default().max_pixels);
         let count = u64::from(width) * u64::from(height);
         if count > most {
-            bail!("{place}: {width}x{height} pixels; expected at most {most} (--max-pixels)");
+            return Err(VideoError::TooLarge { place, size, most });
         }
         let mut pixels = vec![0; 3 * count as usize];
         if let Err(error) = self.pixels.read_exact(&mut pixels) {
             let told = self.complaints.join("; ");
             let told = if told.is_empty() { error.to_string() } else { told };
-            bail!("{place}: broke off: {told}");
+            return Err(VideoError::BrokeOff { place, told });
         }
-        let time_s = time_s.with_context(|| format!("{place}: has no time"))?;
-        let image = RgbImage::from_raw(width, height, pixels).with_context(|| format!("{place}: has no pixels"))?;
+        let Some(time_s) = time_s else { return Err(VideoError::NoTime { place }) };
+        let Some(image) = RgbImage::from_raw(width, height, pixels) else {
+            return Err(VideoError::BrokeOff { place, told: "no pixels".to_owned() });
+        };
         self.next += 1;
         Ok((self.next - 1, time_s, image))
     }
 
     /// Whether ffmpeg came to the end of the video.
-    fn ended(&mut self) -> Result<()> {
-        let shown = self.path.display();
-        let status = self.child.wait().with_context(|| format!("{shown}: ffmpeg was lost"))?;
+    fn ended(&mut self) -> Result<(), VideoError> {
+        let path = self.path.clone();
+        let status = match self.child.wait() {
+            Ok(status) => status,
+            Err(error) => return Err(VideoError::NoVideo { path, told: format!("ffmpeg was lost: {error}") }),
+        };
         let told = self.complaints.join("; ");
         if !status.success() || self.next == 0 {
             let told = if told.is_empty() { format!("ffmpeg ended with {status}") } else { told };
-            bail!("{shown}: cannot be read as a video: {told}");
+            return Err(VideoError::NoVideo { path, told });
         }
-        if told.is_empty() { Ok(()) } else { Err(anyhow!("{shown}: damaged: {told}")) }
+        if told.is_empty() { Ok(()) } else { Err(VideoError::Damaged { path, told }) }
     }
 }
 
@@ -138,16 +145,14 @@ impl Drop for Decoder {
     }
 }
 
-/// What is to be done where ffmpeg does not start.
-pub(super) fn unstarted(ffmpeg: &Path, error: &std::io::Error) -> Error {
-    let shown = ffmpeg.display();
-    if error.kind() == ErrorKind::NotFound {
-        return anyhow!(
-            "{shown}: no such program; videos need ffmpeg: install it (apt install ffmpeg, brew install ffmpeg), \
-             name it with --ffmpeg FILE, or give the frames as images"
-        );
+/// The error of an ffmpeg that does not start.
+pub fn unstarted(ffmpeg: &Path, source: std::io::Error) -> VideoError {
+    let ffmpeg = ffmpeg.to_owned();
+    if source.kind() == ErrorKind::NotFound {
+        VideoError::NoFfmpeg(ffmpeg)
+    } else {
+        VideoError::Ffmpeg { ffmpeg, source }
     }
-    anyhow!("{shown}: cannot be started: {error}")
 }
 
 /// The arguments by which ffmpeg opens it.

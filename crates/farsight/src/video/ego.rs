@@ -1,11 +1,11 @@
 //! How the camera moves: KITTI's oxts, or CSV.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
-use anyhow::{Context, Result, bail, ensure};
-use farsight::EgoMotion;
 use farsight_files::read_text;
+use farsight_track::EgoMotion;
+use thiserror::Error;
 
 /// Fields of a row of oxts (KITTI raw, `dataformat.txt`): velocity ahead, m/s, and turn about the axis up, rad/s.
 const OXTS_FIELDS: usize = 30;
@@ -19,9 +19,32 @@ const YAW_RATE_SIGMA: [f64; 2] = [0.003, 0.02];
 /// No reading is used for frames that are farther away in time, seconds.
 const LARGEST_GAP_S: f64 = 0.5;
 
+/// A file that does not tell how the camera moves.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum EgoError {
+    /// It cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// What is in it is not what was expected.
+    #[error("{place}: {problem}")]
+    Content {
+        /// The file, and the line where it is one.
+        place: String,
+        /// What is wrong, and what was expected.
+        problem: String,
+    },
+}
+
 /// Ego motion of a video.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum EgoFile {
+#[non_exhaustive]
+pub enum EgoFile {
     /// Speed and yaw rate of each frame.
     Frames(Vec<[f64; 2]>),
     /// Time, speed, yaw rate; in the order of time.
@@ -29,46 +52,52 @@ pub(super) enum EgoFile {
 }
 
 impl EgoFile {
-    /// Reads a file, or a folder of oxts.
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    /// Reads rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), or CSV with the
+    /// columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left).
+    ///
+    /// # Errors
+    /// When it cannot be read, or is neither.
+    pub fn read(path: &Path) -> Result<Self, EgoError> {
         if path.is_dir() {
             return Self::read_folder(path);
         }
-        let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = text(path)?;
         if text.lines().next().is_some_and(|line| line.contains(',')) {
             return Self::from_csv(path, &text);
         }
         let lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
-        let rows: Vec<[f64; 2]> = lines.map(|(line, number)| oxts(path, number, line)).collect::<Result<_>>()?;
-        ensure!(!rows.is_empty(), "{}: empty; expected rows of oxts, or CSV", path.display());
+        let rows: Vec<[f64; 2]> = lines.map(|(line, number)| oxts(path, number, line)).collect::<Result<_, _>>()?;
+        if rows.is_empty() {
+            return Err(content(path, None, "empty; expected rows of oxts, or CSV"));
+        }
         Ok(Self::Frames(rows))
     }
 
-    fn read_folder(folder: &Path) -> Result<Self> {
+    fn read_folder(folder: &Path) -> Result<Self, EgoError> {
         let data = folder.join("data");
         let folder = if data.is_dir() { &data } else { folder };
-        let entries = fs::read_dir(folder).with_context(|| format!("{}: cannot be listed", folder.display()))?;
-        let mut paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+        let unread = |source| EgoError::Read { path: folder.to_owned(), source };
+        let entries = fs::read_dir(folder).map_err(unread)?;
+        let mut paths: Vec<PathBuf> =
+            entries.map(|entry| Ok(entry?.path())).collect::<io::Result<_>>().map_err(unread)?;
         paths.retain(|path| path.extension().is_some_and(|extension| extension == "txt"));
         paths.sort();
-        ensure!(!paths.is_empty(), "{}: no .txt in this folder; expected KITTI's oxts", folder.display());
-        let row = |path: &PathBuf| {
-            let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-            oxts(path, 1, text.lines().next().unwrap_or_default())
-        };
-        Ok(Self::Frames(paths.iter().map(row).collect::<Result<_>>()?))
+        if paths.is_empty() {
+            return Err(content(folder, None, "no .txt in this folder; expected KITTI's oxts"));
+        }
+        let row = |path: &PathBuf| oxts(path, 1, text(path)?.lines().next().unwrap_or_default());
+        Ok(Self::Frames(paths.iter().map(row).collect::<Result<_, _>>()?))
     }
 
-    fn from_csv(path: &Path, text: &str) -> Result<Self> {
-        let shown = path.display();
+    fn from_csv(path: &Path, text: &str) -> Result<Self, EgoError> {
         let mut lines = text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty());
         let header: Vec<&str> =
             lines.next().map(|(line, _)| line.split(',').map(str::trim).collect()).unwrap_or_default();
         let mut columns = [0; 3];
         for (column, name) in columns.iter_mut().zip(["time_s", "speed_mps", "yaw_rate"]) {
-            let found = header.iter().position(|known| *known == name);
-            *column = found.with_context(|| {
-                format!("{shown}:1: no column {name}; expected the columns time_s, speed_mps and yaw_rate")
+            *column = header.iter().position(|known| *known == name).ok_or_else(|| {
+                let problem = format!("no column {name}; expected the columns time_s, speed_mps and yaw_rate");
+                content(path, Some(1), &problem)
             })?;
         }
         let mut rows: Vec<[f64; 3]> = Vec::new();
@@ -79,16 +108,19 @@ impl EgoFile {
                 *value = finite(path, number, column, fields.get(column).copied().unwrap_or_default())?;
             }
             if let Some([before_s, ..]) = rows.last().filter(|before| before[0] >= row[0]) {
-                bail!("{shown}:{number}: {} s after {} s; expected a later time", row[0], before_s);
+                let problem = format!("{} s after {before_s} s; expected a later time", row[0]);
+                return Err(content(path, Some(number), &problem));
             }
             rows.push(row);
         }
-        ensure!(!rows.is_empty(), "{shown}: no rows; expected time_s, speed_mps and yaw_rate in each");
+        if rows.is_empty() {
+            return Err(content(path, None, "no rows; expected time_s, speed_mps and yaw_rate in each"));
+        }
         Ok(Self::Times(rows))
     }
 
     /// The motion at a frame; none where the file tells nothing of that time.
-    pub(super) fn motion(&self, frame: u64, time_s: f64) -> Option<EgoMotion> {
+    pub fn motion(&self, frame: u64, time_s: f64) -> Option<EgoMotion> {
         let [speed, yaw_rate] = match self {
             Self::Frames(rows) => *rows.get(usize::try_from(frame).ok()?)?,
             Self::Times(rows) => {
@@ -121,21 +153,29 @@ fn interpolated(around: [Option<[f64; 3]>; 2], time_s: f64) -> Option<[f64; 2]> 
     }
 }
 
-fn oxts(path: &Path, line: usize, text: &str) -> Result<[f64; 2]> {
+fn text(path: &Path) -> Result<String, EgoError> {
+    read_text(path).map_err(|source| EgoError::Read { path: path.to_owned(), source })
+}
+
+fn content(path: &Path, line: Option<usize>, problem: &str) -> EgoError {
+    let line = line.map_or_else(String::new, |line| format!(":{line}"));
+    EgoError::Content { place: format!("{}{line}", path.display()), problem: problem.to_owned() }
+}
+
+fn oxts(path: &Path, line: usize, text: &str) -> Result<[f64; 2], EgoError> {
     let fields: Vec<&str> = text.split_ascii_whitespace().collect();
-    ensure!(
-        fields.len() == OXTS_FIELDS,
-        "{}:{line}: {} fields; expected the {OXTS_FIELDS} of KITTI's oxts, or CSV",
-        path.display(),
-        fields.len()
-    );
+    if fields.len() != OXTS_FIELDS {
+        let problem = format!("{} fields; expected the {OXTS_FIELDS} of KITTI's oxts, or CSV", fields.len());
+        return Err(content(path, Some(line), &problem));
+    }
     Ok([finite(path, line, OXTS_SPEED, fields[OXTS_SPEED])?, finite(path, line, OXTS_YAW_RATE, fields[OXTS_YAW_RATE])?])
 }
 
-fn finite(path: &Path, line: usize, column: usize, field: &str) -> Result<f64> {
+fn finite(path: &Path, line: usize, column: usize, field: &str) -> Result<f64, EgoError> {
     let value = field.trim().parse().ok().filter(|value: &f64| value.is_finite());
-    value.with_context(|| {
-        format!("{}:{line}: field {} is \"{field}\"; expected a finite number", path.display(), column + 1)
+    value.ok_or_else(|| {
+        let problem = format!("field {} is \"{field}\"; expected a finite number", column + 1);
+        content(path, Some(line), &problem)
     })
 }
 
@@ -150,7 +190,7 @@ mod tests {
         let path = folder.path().join(name);
         fs::write(&path, text).unwrap();
         let shown = format!("{}/", folder.path().display());
-        EgoFile::read(&path).map_err(|error| format!("{error:#}").replace(&shown, ""))
+        EgoFile::read(&path).map_err(|error| error.to_string().replace(&shown, ""))
     }
 
     fn row(speed: f64, yaw_rate: f64) -> String {

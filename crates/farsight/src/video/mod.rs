@@ -1,0 +1,35 @@
+//! Vehicles through a video: what `farsight track` does with each frame.
+//!
+//! ```no_run
+//! use farsight::video::{DEFAULT_LOW_SCORE, VideoOptions, VideoSource, VideoTracker};
+//!
+//! // A film, an address or a camera device, which the user's ffmpeg reads; or a folder of images with frames a second.
+//! let source = VideoSource::open("film.mp4", None)?;
+//! // Detections of low scores continue tracks, so the pipeline is to tell them.
+//! let pipeline = farsight::Pipeline::builder().min_score(DEFAULT_LOW_SCORE).open()?;
+//! let mut tracker = VideoTracker::new(pipeline, farsight::CameraSource::FieldOfView(65.0));
+//! for frame in source.frames(&VideoOptions::default())? {
+//!     let followed = tracker.look(&frame?)?;
+//!     for track in &followed.record.tracks {
+//!         println!("{} {} {:.1} m, closing {:?} m/s", track.id, track.class, track.range_m, track.closing_mps);
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Who has frames already makes [`VideoFrame`]s of them and needs no source. Who has detections already hands them to
+//! [`VideoTracker::follow`].
+
+pub mod ego;
+mod error;
+mod ffmpeg;
+mod live;
+mod scene_cut;
+mod source;
+mod tracker;
+
+pub use ego::{EgoError, EgoFile};
+pub use error::VideoError;
+pub use ffmpeg::unstarted;
+pub use source::{VideoFrame, VideoFrames, VideoOptions, VideoSource, is_video};
+pub use tracker::{DEFAULT_LOW_SCORE, Followed, Remark, VideoTracker, low_score};

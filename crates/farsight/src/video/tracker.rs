@@ -1,0 +1,195 @@
+//! From frames to tracks: pipeline, cameras, scene cuts, ego motion and tracker together.
+
+use std::fmt;
+
+use farsight_core::{Camera, Detection};
+use farsight_track::{Frame, Track, Tracker, TrackerOptions};
+use image::RgbImage;
+
+use super::ego::EgoFile;
+use super::error::VideoError;
+use super::scene_cut::SceneCut;
+use super::source::VideoFrame;
+use crate::camera_source::CameraSource;
+use crate::json::FrameRecord;
+use crate::object::{DetectedObject, detections};
+use crate::pipeline::Pipeline;
+
+/// Detections of this share of the score that begins a track may continue one.
+const LOW_SHARE: f64 = 0.4;
+
+/// [`low_score`] of the score that begins a track where scores are probabilities.
+pub const DEFAULT_LOW_SCORE: f64 = LOW_SHARE * 0.5;
+
+/// The least score that a pipeline is to tell ([`crate::PipelineBuilder::min_score`]) where detections of `birth_score`
+/// begin tracks.
+pub fn low_score(birth_score: f64) -> f64 {
+    LOW_SHARE * birth_score
+}
+
+/// Follows what a pipeline finds in the frames of one video. It knows nothing of files, and keeps no frame.
+pub struct VideoTracker {
+    pipeline: Pipeline,
+    cameras: CameraSource,
+    ego: Option<EgoFile>,
+    tracker: Tracker,
+    scene_cut: SceneCut,
+    image_size: Option<[usize; 2]>,
+    told_ego: bool,
+}
+
+/// What is known after a frame.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Followed {
+    /// What `farsight track --json` writes of it.
+    pub record: FrameRecord,
+    /// The tracks of the record, in its order.
+    pub tracks: Vec<Track>,
+    /// The camera that distances were computed with.
+    pub camera: Camera,
+    /// What the user should hear.
+    pub remarks: Vec<Remark>,
+}
+
+impl Followed {
+    /// The tracks as detections, to draw or write them.
+    pub fn detections(&self) -> Vec<Detection> {
+        self.tracks.iter().map(Track::detection).collect()
+    }
+}
+
+/// Something that is odd about a frame, and no error.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Remark {
+    /// It has another size than the one before; all tracks begin anew.
+    Size {
+        /// The frame.
+        place: String,
+        /// Width and height before it, pixels.
+        before: [usize; 2],
+        /// Its width and height, pixels.
+        now: [usize; 2],
+        /// Whether the same calibration was taken for both.
+        same_camera: bool,
+    },
+    /// The camera's motion is not known at its time, for the first time.
+    NoEgo {
+        /// The frame.
+        place: String,
+        /// Its time, seconds.
+        time_s: f64,
+    },
+}
+
+impl fmt::Display for Remark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size { place, before: [width, height], now: [new_width, new_height], same_camera } => {
+                let camera = if *same_camera { ", with the same calibration" } else { "" };
+                write!(
+                    f,
+                    "{place}: {new_width}x{new_height} pixels after {width}x{height}; all tracks begin anew{camera}"
+                )
+            }
+            Self::NoEgo { place, time_s } => {
+                write!(f, "{place}: no ego motion at {time_s:.3} s; its speeds are relative only")
+            }
+        }
+    }
+}
+
+impl VideoTracker {
+    /// A tracker that has seen nothing. Detections begin tracks from the pipeline's usual score on
+    /// ([`Pipeline::default_min_score`]).
+    pub fn new(pipeline: Pipeline, cameras: CameraSource) -> Self {
+        let birth_score = pipeline.default_min_score();
+        let options = TrackerOptions { birth_score, low_score: low_score(birth_score), ..TrackerOptions::default() };
+        Self {
+            pipeline,
+            cameras,
+            ego: None,
+            tracker: Tracker::new(options),
+            scene_cut: SceneCut::default(),
+            image_size: None,
+            told_ego: false,
+        }
+    }
+
+    /// As it is, with other options of the tracker.
+    #[must_use]
+    pub fn with_options(mut self, options: TrackerOptions) -> Self {
+        self.tracker = Tracker::new(options);
+        self
+    }
+
+    /// As it is, with the camera's own motion, which gives speeds over the ground.
+    #[must_use]
+    pub fn with_ego(mut self, ego: EgoFile) -> Self {
+        self.ego = Some(ego);
+        self
+    }
+
+    /// The pipeline that looks at the frames.
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
+    /// Looks at the next frame.
+    ///
+    /// # Errors
+    /// When its camera is not known, the pipeline fails, or it is not later than the one before. The tracks are then as
+    /// before, and the next frame may follow.
+    pub fn look(&mut self, frame: &VideoFrame) -> Result<Followed, VideoError> {
+        let camera = self.camera(frame)?;
+        let objects = self.pipeline.detect(&frame.image, &camera);
+        let objects = objects.map_err(|source| VideoError::Detect { place: frame.place(), source })?;
+        self.follow(frame, &camera, &objects)
+    }
+
+    /// The camera of a frame.
+    ///
+    /// # Errors
+    /// When it is not known.
+    pub fn camera(&self, frame: &VideoFrame) -> Result<Camera, VideoError> {
+        Ok(self.cameras.camera(&frame.path, size(&frame.image), &frame.exif)?)
+    }
+
+    /// As [`VideoTracker::look`], for a frame in which these objects were found already.
+    ///
+    /// # Errors
+    /// When it is not later than the one before. The tracks are then as before.
+    pub fn follow(
+        &mut self,
+        frame: &VideoFrame,
+        camera: &Camera,
+        objects: &[DetectedObject],
+    ) -> Result<Followed, VideoError> {
+        let VideoFrame { number, time_s, image, .. } = frame;
+        let (mut remarks, image_size) = (Vec::new(), size(image));
+        if let Some(before) = self.image_size.replace(image_size).filter(|before| *before != image_size) {
+            let same_camera = matches!(self.cameras, CameraSource::Same(_));
+            remarks.push(Remark::Size { place: frame.place(), before, now: image_size, same_camera });
+        }
+        let looks_cut = self.scene_cut.looks_cut(image);
+        let mut detections = detections(objects);
+        // What is all outside the image has no box in it.
+        detections.retain(|one| one.box2d.width() > 0.0 && one.box2d.height() > 0.0 && one.box3d.depth_m() > 0.0);
+        let seen = Frame { time_s: *time_s, image_size, camera, detections: &detections, looks_cut };
+        let tracks = self.tracker.update(&seen);
+        let tracks = tracks.map_err(|source| VideoError::Track { place: frame.place(), source })?;
+        let motion = self.ego.as_ref().and_then(|ego| ego.motion(*number, *time_s));
+        if self.ego.is_some() && motion.is_none() && !self.told_ego {
+            self.told_ego = true;
+            remarks.push(Remark::NoEgo { place: frame.place(), time_s: *time_s });
+        }
+        let record = FrameRecord::new(*number, *time_s, &tracks, motion.as_ref());
+        Ok(Followed { record, tracks, camera: *camera, remarks })
+    }
+}
+
+/// Width and height, pixels.
+fn size(image: &RgbImage) -> [usize; 2] {
+    [image.width(), image.height()].map(|side| side as usize)
+}
