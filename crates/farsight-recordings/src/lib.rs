@@ -1,4 +1,5 @@
-//! What was found, as recordings that other programs play: MCAP for Foxglove and ROS 2 ([`McapRecording`]).
+//! What was found, as recordings that other programs play: MCAP for Foxglove and ROS 2 ([`McapRecording`]), and rerun's
+//! own (`RerunRecording`, with the feature `rerun`).
 //!
 //! A recording is a list of [`Moment`]s. Frames of reference, as all messages name them:
 //!
@@ -13,9 +14,13 @@
 mod boxes;
 mod cdr;
 mod detection3d;
+mod error;
 mod geometry;
 mod mcap_file;
 mod moment;
+mod rerun_file;
 
-pub use mcap_file::{McapRecording, RecordingError};
+pub use error::RecordingError;
+pub use mcap_file::McapRecording;
 pub use moment::{Found, Moment};
+pub use rerun_file::RerunRecording;

@@ -8,18 +8,14 @@ use foxglove::messages::{
     CameraCalibration, Color, CompressedImage, CubePrimitive, Duration, FrameTransform, KeyValuePair, Pose, Quaternion,
     SceneEntity, SceneEntityDeletion, SceneUpdate, TextPrimitive, Timestamp, Vector3, scene_entity_deletion,
 };
-use image::codecs::jpeg::JpegEncoder;
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
-use thiserror::Error;
 
 use crate::boxes::Placed;
 use crate::detection3d;
+use crate::error::RecordingError;
 use crate::geometry::{OPTICAL_FROM_LINK, Parts};
 use crate::moment::{Found, Moment};
-
-/// Quality of the images, of 100.
-const JPEG_QUALITY: u8 = 90;
 
 /// Letters of labels, metres high.
 const FONT_M: f64 = 0.6;
@@ -33,29 +29,6 @@ const WHITE: Color = Color { r: 1.0, g: 1.0, b: 1.0, a: 1.0 };
 const LINK: &str = "camera_link";
 const CAMERA: &str = "camera";
 const OPTICAL: &str = "camera_optical";
-
-/// A recording that could not be written.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum RecordingError {
-    /// The file.
-    #[error("MCAP: {0}")]
-    Mcap(#[from] mcap::McapError),
-    /// An image that JPEG cannot hold.
-    #[error("image: {0}")]
-    Image(#[from] image::ImageError),
-    /// A message that did not become bytes.
-    #[error("message of {topic}: {problem}")]
-    Message {
-        /// Where it was to go.
-        topic: &'static str,
-        /// What went wrong.
-        problem: String,
-    },
-    /// A time that the format has no place for.
-    #[error("time of {0} seconds; expected one from 0 to 136 years")]
-    Time(f64),
-}
 
 /// A recording for Foxglove (protobuf: image, calibration, transforms, boxes) and for ROS 2 (`vision_msgs/Detection3DArray`).
 ///
@@ -118,8 +91,7 @@ impl<W: Write + Seek> McapRecording<W> {
             self.log(self.transform, time_ns, &transform)?;
         }
         self.log(self.calibration, time_ns, &calibration(timestamp, moment, &parts))?;
-        let mut data = Vec::new();
-        moment.image.write_with_encoder(JpegEncoder::new_with_quality(&mut data, JPEG_QUALITY))?;
+        let data = moment.jpeg()?;
         let frame_id = OPTICAL.to_owned();
         self.log(
             self.image,

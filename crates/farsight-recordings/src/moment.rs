@@ -2,6 +2,12 @@
 
 use farsight_core::{Camera, Detection};
 use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+
+use crate::error::RecordingError;
+
+/// Quality of the images, of 100.
+const JPEG_QUALITY: u8 = 90;
 
 /// One image and what was found in it.
 #[derive(Debug, Clone)]
@@ -14,6 +20,15 @@ pub struct Moment<'a> {
     pub camera: &'a Camera,
     /// What was found.
     pub found: &'a [Found],
+}
+
+impl Moment<'_> {
+    /// The image as a JPEG file.
+    pub(crate) fn jpeg(&self) -> Result<Vec<u8>, RecordingError> {
+        let mut data = Vec::new();
+        self.image.write_with_encoder(JpegEncoder::new_with_quality(&mut data, JPEG_QUALITY))?;
+        Ok(data)
+    }
 }
 
 /// One object.

@@ -12,7 +12,7 @@ use image::{Rgb, RgbImage};
 use serde_json::Value;
 
 /// Prints every message as JSON.
-const READER: &str = include_str!("reader.py");
+const READER: &str = include_str!("support/mcap_reader.py");
 
 /// KITTI's left colour camera, which stands 6 cm beside the frame of the boxes.
 const PROJECTION: [[f64; 4]; 3] =

@@ -18,6 +18,7 @@ use crate::camera_args::CameraArgs;
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
+use crate::recording_file::RecordingArgs;
 use crate::shard::ShardArgs;
 use format::Format;
 use job::Job;
@@ -41,14 +42,13 @@ pub(crate) struct RangeArgs {
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Go on with an interrupted run: images whose answers are in --json FILE, --out and --kitti, as far as these are named, are left as they are
-    #[arg(long, conflicts_with = "shard")]
+    #[arg(long, conflicts_with_all = ["shard", "mcap", "rerun"])]
     resume: bool,
     /// Write KITTI result files to DIR/IMAGE.txt, empty where nothing is found
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
-    /// Write a recording for Foxglove and ROS 2 to FILE (MCAP); images have no times, so there is one a second
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "shard"])]
-    mcap: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: RecordingArgs,
     /// Which distance to give
     #[arg(long, value_enum, default_value_t = RangeName::Depth)]
     range: RangeName,
@@ -83,7 +83,7 @@ impl RangeArgs {
             format: None,
             resume: false,
             kitti: None,
-            mcap: None,
+            recordings: RecordingArgs::default(),
             range: RangeName::Depth,
             min_score: None,
             strict: false,

@@ -20,6 +20,7 @@ use crate::camera_args::{CameraArgs, with_hint};
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted, progress_bar};
+use crate::recording_file::RecordingArgs;
 use crate::shard::ShardArgs;
 use sinks::Sinks;
 
@@ -43,9 +44,8 @@ pub(crate) struct TrackArgs {
     /// Write rows in the format of KITTI's tracking benchmark to FILE
     #[arg(long, value_name = "FILE")]
     kitti_tracking: Option<PathBuf>,
-    /// Write a recording for Foxglove and ROS 2 to FILE (MCAP)
-    #[arg(long, value_name = "FILE")]
-    mcap: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: RecordingArgs,
     /// Write annotated frames to the folder DIR (PNG), or a film to FILE (.mp4, .mkv, .mov, .avi, .webm; by ffmpeg)
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,

@@ -32,7 +32,7 @@ use crate::inputs::identity;
 use crate::names::output_names;
 use crate::outputs;
 use crate::printer::{Printer, counted, progress_bar};
-use crate::recording_file::RecordingFile;
+use crate::recording_file::{RecordingArgs, Recordings};
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
@@ -133,8 +133,8 @@ impl<'a> Job<'a> {
 
     /// Whether anything is left of the work when nobody reads what is printed.
     fn writes_files(&self) -> bool {
-        let RangeArgs { out, kitti, mcap, .. } = self.args;
-        self.args.json_file().is_some() || [out, kitti, mcap].into_iter().any(Option::is_some)
+        let RangeArgs { out, kitti, recordings: RecordingArgs { mcap, rerun }, .. } = self.args;
+        self.args.json_file().is_some() || [out, kitti, mcap, rerun].into_iter().any(Option::is_some)
     }
 
     /// Looks at every image and returns those that failed.
@@ -151,7 +151,7 @@ impl<'a> Job<'a> {
             printer.note(&format!("{} left out, whose answers are there (--resume)", counted(skipped, "image")));
         }
         let mut file = self.begin_file(&mut left, &todo)?;
-        let mut recording = self.begin_recording()?;
+        let mut recordings = self.begin_recordings()?;
         let mut answers = Answers::new(self.format, &self.names);
         let count = todo.iter().filter(|todo| **todo).count();
         let bar = if count < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(count) };
@@ -162,10 +162,10 @@ impl<'a> Job<'a> {
                 Ok(looked) => {
                     Self::tell(&looked, image, &mut tally, printer);
                     answers.print(name, &looked.objects, &looked.record, printer)?;
-                    if let Some(Err(error)) = recording.as_mut().map(|file| record(file, &looked, tally.done)) {
+                    if let Err(error) = record(&mut recordings, &looked, tally.done) {
                         printer.failure(&error);
                         tally.unwritten += 1;
-                        recording = None;
+                        recordings = Recordings::default();
                     }
                     tally.done += 1;
                     // The other outputs of this image and the next ones are still made.
@@ -199,14 +199,13 @@ impl<'a> Job<'a> {
             answers.finish(printer);
         }
         self.finish(file, &tally, printer)?;
-        recording.map_or(Ok(()), RecordingFile::finish)?;
+        recordings.finish()?;
         Ok(tally.failed)
     }
 
-    fn begin_recording(&self) -> Result<Option<RecordingFile>> {
-        let RangeArgs { mcap, camera, pipeline, .. } = self.args;
-        let inputs = self.images.iter().chain(&camera.calib).cloned().chain(pipeline.files());
-        mcap.as_deref().map(|path| RecordingFile::begin(path, inputs)).transpose()
+    fn begin_recordings(&self) -> Result<Recordings> {
+        let RangeArgs { recordings, camera, pipeline, .. } = self.args;
+        Recordings::begin(recordings, self.images.iter().chain(&camera.calib).cloned().chain(pipeline.files()))
     }
 
     /// The answers of an earlier run, where this one goes on with it.
@@ -310,8 +309,7 @@ impl<'a> Job<'a> {
         let unfamiliar = pipeline.unfamiliar(size, &camera);
         let LoadedImage { pixels: image, warnings, .. } = loaded;
         // Recordings tell of a pinhole.
-        let straight = undistorter.as_ref().filter(|_| self.args.mcap.is_some());
-        let image = straight.and_then(|undistorter| undistorter.undistorted(&image)).unwrap_or(image);
+        let image = undistorter.and_then(|undistorter| undistorter.undistorted(&image)).unwrap_or(image);
         Ok(Looked { image, camera, record, objects, unfamiliar, warnings, notes, unwritten })
     }
 
@@ -345,9 +343,12 @@ impl<'a> Job<'a> {
 }
 
 /// Records image number `place`, at a second each.
-fn record(file: &mut RecordingFile, looked: &Looked, place: usize) -> Result<()> {
+fn record(recordings: &mut Recordings, looked: &Looked, place: usize) -> Result<()> {
+    if recordings.is_empty() {
+        return Ok(());
+    }
     let found = Found::from_detections(&detections(&looked.objects));
-    file.add(&Moment { time_s: place as f64, image: &looked.image, camera: &looked.camera, found: &found })
+    recordings.add(&Moment { time_s: place as f64, image: &looked.image, camera: &looked.camera, found: &found })
 }
 
 /// What is counted over all images.

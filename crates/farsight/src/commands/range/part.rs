@@ -10,6 +10,7 @@ use super::job::Job;
 use super::{Outcome, RangeArgs, outcome};
 use crate::inputs::Inputs;
 use crate::printer::{Printer, counted};
+use crate::recording_file::RecordingArgs;
 use crate::shard::manifest::{Join, Run};
 use crate::shard::{Part, check_relative};
 
@@ -18,6 +19,8 @@ pub(super) fn run(args: &RangeArgs, found: Inputs, printer: &mut Printer) -> Res
     let Some(asked @ (shard, _)) = args.shard.asked() else { return Ok(Outcome::Done) };
     let outputs = [("--json", &args.json), ("--out", &args.out), ("--kitti", &args.kitti)];
     let outputs: Vec<_> = outputs.iter().filter_map(|(option, path)| Some((*option, path.as_deref()?))).collect();
+    let RecordingArgs { mcap, rerun } = &args.recordings;
+    ensure!(mcap.is_none() && rerun.is_none(), "a recording is one piece; expected --mcap and --rerun without --shard");
     ensure!(!outputs.is_empty(), "--shard writes files; expected --json FILE, --out or --kitti beside it");
     outputs.iter().try_for_each(|(option, path)| check_relative(option, path))?;
     let pipeline = args.open(printer)?;

@@ -9,13 +9,15 @@ use farsight::json::ModelRecord;
 use super::{Outcome, TrackArgs, follow, open};
 use crate::names::output_names;
 use crate::printer::{Printer, counted};
+use crate::recording_file::RecordingArgs;
 use crate::shard::manifest::{Join, Run};
 use crate::shard::{Part, ShardArgs, check_relative};
 
 /// Follows the videos of the part that is asked for. The outputs of each go to a folder of its name.
 pub(super) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
     let Some(asked @ (shard, _)) = args.shard.asked() else { return Ok(Outcome::Done) };
-    let TrackArgs { inputs, json, tracks, kitti_tracking, mcap, out, .. } = args;
+    let TrackArgs { inputs, json, tracks, kitti_tracking, out, recordings, .. } = args;
+    let RecordingArgs { mcap, rerun } = recordings;
     ensure!(
         inputs.len() > 1 || shard.count == 1,
         "{}: one video, and tracks go through all of it; with --shard expected several films or folders of images",
@@ -26,6 +28,7 @@ pub(super) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
         ("--tracks", tracks),
         ("--kitti-tracking", kitti_tracking),
         ("--mcap", mcap),
+        ("--rerun", rerun),
         ("--out", out),
     ];
     let outputs: Vec<_> = outputs.into_iter().filter_map(|(option, path)| Some((option, path.as_ref()?))).collect();
@@ -50,7 +53,7 @@ pub(super) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
             json: inside(json)?,
             tracks: inside(tracks)?,
             kitti_tracking: inside(kitti_tracking)?,
-            mcap: inside(mcap)?,
+            recordings: RecordingArgs { mcap: inside(mcap)?, rerun: inside(rerun)? },
             out: inside(out)?,
             shard: ShardArgs::default(),
             ..args.clone()

@@ -25,7 +25,7 @@ use super::scratch::{scratch_beside, unwritable};
 use crate::inputs::identity;
 use crate::outputs;
 use crate::printer::Printer;
-use crate::recording_file::RecordingFile;
+use crate::recording_file::Recordings;
 
 /// The outputs of one call.
 pub(super) struct Sinks {
@@ -33,7 +33,7 @@ pub(super) struct Sinks {
     prints_json: bool,
     tracks: Option<PathBuf>,
     kitti: Option<(PathBuf, NamedTempFile)>,
-    recording: Option<RecordingFile>,
+    recordings: Recordings,
     pictures: Option<Pictures>,
     summary: BTreeMap<u64, Summary>,
 }
@@ -105,9 +105,9 @@ impl Sinks {
             outputs::make_folder(out)?;
             Ok::<_, anyhow::Error>(Pictures::Folder(out.clone()))
         });
-        let recording = args.mcap.as_deref().map(|path| RecordingFile::begin(path, inputs())).transpose()?;
+        let recordings = Recordings::begin(&args.recordings, inputs())?;
         Ok(Self {
-            recording,
+            recordings,
             json: json.map(|json| (json, None)),
             prints_json,
             tracks: tracks.clone(),
@@ -123,7 +123,7 @@ impl Sinks {
             || self.tracks.is_some()
             || self.kitti.is_some()
             || self.pictures.is_some()
-            || self.recording.is_some()
+            || !self.recordings.is_empty()
     }
 
     /// Writes a frame.
@@ -154,10 +154,10 @@ impl Sinks {
         for track in &record.tracks {
             Summary::add(&mut self.summary, record, track);
         }
-        if let Some(recording) = &mut self.recording {
+        if !self.recordings.is_empty() {
             let found = found(followed);
             let moment = Moment { time_s: record.time_s, image: &frame.image, camera: &followed.camera, found: &found };
-            recording.add(&moment)?;
+            self.recordings.add(&moment)?;
         }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
@@ -175,8 +175,8 @@ impl Sinks {
 
     /// Writes what comes at the end, and returns how many tracks there were.
     pub(super) fn finish(self, printer: &mut Printer) -> Result<usize> {
-        let Self { prints_json, tracks, kitti, pictures, recording, summary, .. } = self;
-        recording.map_or(Ok(()), RecordingFile::finish)?;
+        let Self { prints_json, tracks, kitti, pictures, recordings, summary, .. } = self;
+        recordings.finish()?;
         if !prints_json {
             print_table(&summary, printer);
         }
