@@ -16,7 +16,7 @@ const USAGE: &str = "\
 cargo xtask COMMAND
 
   quickstart [--data DIR]  fetch libtorch, train the compact network on eight KITTI frames, range them, draw them
-  test [ARGS]              all tests, libtorch included; ARGS go to `cargo test`
+  test [--all | ARGS]      all tests, libtorch included; --all with those that take long, rerun and Ray; ARGS go to `cargo test`
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
@@ -98,7 +98,13 @@ fn exec(words: &[&str]) -> Result<(), String> {
 fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
-    run(cargo(Some(&libtorch)).args(everything).args(arguments))
+    if arguments != ["--all"] {
+        return run(cargo(Some(&libtorch)).args(everything).args(arguments));
+    }
+    let features = "farsight/train,farsight/rerun,farsight-laws/train";
+    run(cargo(Some(&libtorch)).args(["test", "--workspace", "--features", features, "--", "--include-ignored"]))?;
+    wheel::wheel(&["--dev", "--test"])?;
+    wheel::wheel(&["--dev", "--test", "--ray"])
 }
 
 /// Feeds every target on any compiler; libFuzzer, which needs a nightly one, is `cargo +nightly fuzz run TARGET`.

@@ -93,7 +93,9 @@ fn workers_that_are_killed_change_nothing() {
         let place = below(todo.len());
         let mut worker = spawn(todo[place]);
         if killed < KILLS {
-            sleep(Duration::from_micros(below(duration.as_micros() as usize + 1) as u64));
+            // Ever shorter, so that the last parts are not done before enough workers were killed.
+            let longest = duration.as_micros() as usize * todo.len() / PARTS;
+            sleep(Duration::from_micros(below(longest + 1) as u64));
             worker.kill().unwrap();
         }
         // The part with the broken image says so by its status.
