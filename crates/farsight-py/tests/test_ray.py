@@ -58,7 +58,7 @@ def test_a_worker_that_is_killed_loses_and_doubles_nothing(cluster, example, pho
         time.sleep(0.02)
     before = workers(cluster)
     assert len(before) == 2
-    victim, pid = min(before.items())
+    _, pid = min(before.items())
     os.kill(pid, signal.SIGKILL)
     done_at_the_kill = len(out.read_text().splitlines())
     job.join()
@@ -97,5 +97,5 @@ def test_a_worker_without_the_wheel_says_so(monkeypatch):
 
     worker = farsight.ray._worker()
     monkeypatch.setitem(sys.modules, "farsight.ray", None)
-    with pytest.raises(RuntimeError, match="this Ray worker has no .*; expected the wheel on every machine"):
+    with pytest.raises(RuntimeError, match=r"this Ray worker has no .*; expected the wheel on every machine"):
         worker({}, None)

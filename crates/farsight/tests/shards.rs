@@ -166,6 +166,37 @@ fn merged_parts_are_judged_as_one() {
     assert_same(&merged, &whole);
 }
 
+#[test]
+fn films_are_followed_one_by_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    inputs(folder);
+    for (name, images) in [("a", ["01", "02"]), ("b", ["03", "04"]), ("c", ["05", "06"])] {
+        fs::create_dir(folder.join(name)).unwrap();
+        for image in images {
+            fs::copy(folder.join(format!("in/{image}.png")), folder.join(format!("{name}/{image}.png"))).unwrap();
+        }
+    }
+    let options = "--fps 10 --hfov 81 --model m.safetensors --min-score 0.05 --json t.jsonl --mcap film/t.mcap";
+    let line = format!("track a b c {options}");
+    for shard in ["2/2", "1/2"] {
+        done(folder, &part_of(&line, shard));
+    }
+    done(folder, &["merge", "parts", "--out", "merged"]);
+    for name in ["a", "b", "c"] {
+        fs::create_dir(folder.join("film")).unwrap();
+        done(folder, &format!("track {name} {options}").split(' ').collect::<Vec<_>>());
+        for file in ["t.jsonl", "film/t.mcap"] {
+            let [merged, alone] =
+                [folder.join("merged").join(name).join(file), folder.join(file)].map(|path| fs::read(path).unwrap());
+            assert!(merged == alone && !alone.is_empty(), "{name}/{file}");
+        }
+        fs::remove_dir_all(folder.join("film")).unwrap();
+    }
+    let told = refusal(folder, &part_of(&format!("track a {options}"), "1/2"));
+    assert!(told.contains("a: one video, and tracks go through all of it"), "{told}");
+}
+
 /// What is said where nothing can be done.
 fn refusal(folder: &Path, arguments: &[&str]) -> String {
     let output = farsight(folder, arguments);

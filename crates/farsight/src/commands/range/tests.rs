@@ -303,6 +303,24 @@ fn lines_are_handed_on_image_by_image() {
 }
 
 #[test]
+fn a_recording_appears_when_it_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let image = image_file(at("1.png"));
+    assert_eq!(range(&[&image, Path::new("--mcap"), &at("a.mcap")]).result.unwrap(), 0);
+    let bytes = fs::read(at("a.mcap")).unwrap();
+    // The format's mark at both ends.
+    assert!(bytes.starts_with(b"\x89MCAP0\r\n") && bytes.ends_with(b"\x89MCAP0\r\n"));
+    let answer = range(&[&image, Path::new("--mcap"), &image]);
+    assert!(answer.result.unwrap_err().to_string().contains("1.png: an input; expected another file"));
+    if cfg!(not(feature = "rerun")) {
+        let told = format!("{:#}", range(&[&image, Path::new("--rerun"), &at("a.rrd")]).result.unwrap_err());
+        assert!(told.contains("a.rrd: cannot be written: this build has no rerun; expected one with it"), "{told}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+#[test]
 fn nothing_done_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let image = folder.path().join("notes.txt");
