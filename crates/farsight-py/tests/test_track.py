@@ -60,7 +60,7 @@ def test_frames_come_as_they_are_asked_for(model, frames):
 def test_what_is_wrong_is_told(model, frames, tmp_path):
     with pytest.raises(ValueError, match="expected one of hfov, K and P"):
         model.track(frames, fps=10, hfov=80, K=np.eye(3))
-    with pytest.raises(ValueError, match="fps"):
+    with pytest.raises(ValueError, match="expected their number in a second"):
         model.track(frames, hfov=80)
     with pytest.raises(ValueError, match="min_score is 2; expected more than 0"):
         model.track(frames, fps=10, hfov=80, min_score=2)
