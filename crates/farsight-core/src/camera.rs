@@ -168,6 +168,11 @@ impl Camera {
         [(c * e - b * f) / determinant, (a * f - c * d) / determinant, z]
     }
 
+    /// The direction in camera coordinates, of any length, whose points far away have these homogeneous pixels.
+    pub fn direction(&self, homogeneous: [f64; 3]) -> Option<[f64; 3]> {
+        solved([0, 1, 2].map(|i| self.row(i)), homogeneous)
+    }
+
     /// The camera of the image after `map` (crop, scale, pad).
     pub fn transformed(&self, map: &Affine2) -> Self {
         let [first, second, third] = self.projection;

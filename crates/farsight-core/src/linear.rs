@@ -31,6 +31,11 @@ pub fn norm<const N: usize>(v: &[f64; N]) -> f64 {
     dot(v, v).sqrt()
 }
 
+/// The vector across both, with a right hand.
+pub fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::solved;

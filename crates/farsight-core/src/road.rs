@@ -6,6 +6,10 @@
 //! too. Plane and factors are looked for together: the likeliest ones by the error bars of the distances, by where the
 //! boxes end below, and by how roads lie.
 
+mod plane;
+
+pub use plane::{HeightDoubt, RoadPlane};
+
 use crate::linear::{dot, solved};
 use crate::scale::{ScalePrior, is_scaled};
 use crate::{Detection, MeasuredDepth};
@@ -50,6 +54,8 @@ pub enum Road {
     Below,
     /// The camera is so high above it, metres.
     BelowBy(f64),
+    /// This one.
+    Known(RoadPlane),
 }
 
 impl Road {
@@ -59,6 +65,15 @@ impl Road {
             Self::Ignored => None,
             Self::Below => Some([ANY_HEIGHT_M, ANY_HEIGHT_ERROR_M]),
             Self::BelowBy(height_m) => Some([height_m, HEIGHT_ERROR_M]),
+            Self::Known(plane) => Some([plane.height_m, plane.sigmas[2]]),
+        }
+    }
+
+    /// What is known of the plane before anything is seen.
+    fn prior(self, scale: &ScalePrior) -> Option<Prior> {
+        match self {
+            Self::Known(plane) => Some(plane.prior(scale)),
+            _ => self.height().map(|height| Prior::new(height, scale)),
         }
     }
 }
@@ -142,7 +157,7 @@ pub fn on_one_road(mut detections: Vec<Detection>, road: Road, scale: &ScalePrio
     let contacts: Vec<Option<GroundContact>> =
         detections.iter().map(|detection| GroundContact::of(detection, scale)).collect();
     let known: Vec<GroundContact> = contacts.iter().copied().flatten().collect();
-    let found = road.height().and_then(|height| settled(&known, &Prior::new(height, scale)));
+    let found = road.prior(scale).and_then(|prior| settled(&known, &prior));
     let Some(Settled { objects, common_factor }) = found else {
         for detection in &mut detections {
             widen(detection, MeasuredDepth { depth_m: 1.0, log_sigma: scale.log_sigma });
@@ -180,10 +195,20 @@ struct Prior {
 }
 
 impl Prior {
+    /// Of a camera at this height (and its standard deviation).
     fn new(height: [f64; 2], scale: &ScalePrior) -> Self {
+        Self::around([0.0, height[0], 0.0], [SLOPE, height[1], TILT], scale)
+    }
+
+    /// Around this slope, height and tilt, with these standard deviations.
+    fn around(
+        [slope, height_m, tilt]: [f64; 3],
+        [slope_sigma, height_sigma, tilt_sigma]: [f64; 3],
+        scale: &ScalePrior,
+    ) -> Self {
         // Nobody asks for a factor that is known, so any precision will do.
-        let sigmas = [SLOPE, height[1], TILT, scale.log_sigma.max(LEAST_SCALE_SIGMA)];
-        Self { expected: [0.0, height[0], 0.0, 0.0], precision: sigmas.map(|sigma| 1.0 / (sigma * sigma)) }
+        let sigmas = [slope_sigma, height_sigma, tilt_sigma, scale.log_sigma.max(LEAST_SCALE_SIGMA)];
+        Self { expected: [slope, height_m, tilt, 0.0], precision: sigmas.map(|sigma| 1.0 / (sigma * sigma)) }
     }
 }
 

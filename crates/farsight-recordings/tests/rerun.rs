@@ -38,7 +38,8 @@ fn the_official_reader_finds_what_was_recorded() {
     }
     let output = Command::new("python3").args(["-c", READER]).arg(&file).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let rows: Vec<Value> = serde_json::Deserializer::from_slice(&output.stdout).into_iter().map(Result::unwrap).collect();
+    let rows: Vec<Value> =
+        serde_json::Deserializer::from_slice(&output.stdout).into_iter().map(Result::unwrap).collect();
     let value = |entity: &str, name: &str| {
         let found = rows.iter().find(|row| row["entity"] == entity && !row[name].is_null());
         found.map_or(Value::Null, |row| row[name].clone())

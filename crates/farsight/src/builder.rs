@@ -216,6 +216,7 @@ impl PipelineBuilder {
             detector: opened.detector,
             refiner: refiner.map(|model| second_stage::refiner(&model, &second)).transpose()?,
             plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
+            height_doubts: Vec::new(),
         };
         let needs_error_bars =
             [(PLATE_READER, self.plates.is_asked_for()), (ROAD, self.road.is_some_and(|road| road != Road::Ignored))];

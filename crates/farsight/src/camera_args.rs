@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Error, anyhow};
 use clap::Args;
-use farsight::{Camera, CameraSource, CameraSourceError};
+use farsight::{Camera, CameraSource, CameraSourceError, RoadPlane};
+use farsight_data::kitti::Calibration;
 
 /// Cameras that have all their numbers already. `requires` alone lets them pass, as clap asks for nothing that conflicts with what is there.
 const NO_INTRINSICS: [&str; 2] = ["calib", "hfov"];
@@ -56,6 +57,14 @@ fn field_of_view(text: &str) -> Result<f64, String> {
 }
 
 impl CameraArgs {
+    /// The road in the calibration file, where `farsight calibrate` wrote it.
+    pub(crate) fn road(&self) -> anyhow::Result<Option<RoadPlane>> {
+        match &self.calib {
+            Some(path) if path.is_file() => Ok(Calibration::read(path)?.road),
+            _ => Ok(None),
+        }
+    }
+
     /// The cameras that the options name; when there are none, what the `images` say themselves.
     pub(crate) fn source(&self, images: &[PathBuf]) -> anyhow::Result<CameraSource> {
         let Self { calib, fx, fy, cx, cy, hfov } = self;

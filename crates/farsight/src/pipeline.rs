@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use farsight_core::box3d::Dimensions;
 use farsight_core::detection::default_min_score;
-use farsight_core::{Box3d, Camera, Detection, ObjectClass};
+use farsight_core::road::{HeightDoubt, Road};
+use farsight_core::{Box3d, Camera, Detection, ObjectClass, ScalePrior};
 use farsight_data::Undistorter;
 use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::{EngineError, StageTimes};
@@ -47,6 +48,8 @@ struct Shared {
     template: Mutex<Stages>,
     /// Networks that no thread uses now.
     idle: Mutex<Vec<Stages>>,
+    /// How many images contradict the height that was given, and the surest of them.
+    doubt: Mutex<Option<(usize, HeightDoubt)>>,
 }
 
 impl Pipeline {
@@ -70,6 +73,7 @@ impl Pipeline {
                 interval_sigmas,
                 template,
                 idle,
+                doubt: Mutex::default(),
             }),
         })
     }
@@ -116,13 +120,41 @@ impl Pipeline {
         let mut stages = self.shared.stages()?;
         // After an error the networks are as good as before: what they keep from run to run is only memory.
         let answer = stages.detect_batch(images, &self.shared.settings);
+        self.shared.keep_doubts(std::mem::take(&mut stages.height_doubts));
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
-        answers.iter().flatten().try_for_each(|found| check_answer(found, &self.shared.info.name))?;
+        answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
         let (range, sigmas) = (self.shared.settings.range, self.shared.interval_sigmas);
         let object = |one: Detection| DetectedObject::new(one, range, sigmas);
         let objects = |found: Vec<Detection>| found.into_iter().map(object).collect();
         Ok((answers.into_iter().map(objects).collect(), times))
+    }
+
+    /// What is found before it is put onto a road, with error bars that leave out what all vehicles share
+    /// ([`Pipeline::scale`]); for what looks at many images at once, such as [`farsight_core::road::RoadPlane::of`].
+    ///
+    /// # Errors
+    /// As [`Pipeline::detect`].
+    pub fn detect_off_road(&self, image: &RgbImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
+        let settings = Settings { road: Road::Ignored, scale: ScalePrior::default(), ..self.shared.settings };
+        let mut stages = self.shared.stages()?;
+        let answer = stages.detect_batch(&[(image, camera)], &settings);
+        locked(&self.shared.idle).push(stages);
+        let (mut answers, _) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
+        let found = answers.pop().unwrap_or_default();
+        check_answer_of_all(&found, &self.shared.info.name)?;
+        Ok(found)
+    }
+
+    /// What is known of the factor that the distances of all vehicles share.
+    pub fn scale(&self) -> ScalePrior {
+        self.shared.settings.scale
+    }
+
+    /// Of the images so far, how many contradict the height of the camera that was given, and the one that does so most
+    /// surely: vehicles on it would have sizes that none has.
+    pub fn height_doubt(&self) -> Option<(usize, HeightDoubt)> {
+        *locked(&self.shared.doubt)
     }
 
     /// What is made for the weights that come with the library and was left out for others: second stages and the road, as far as nothing was said of them.
@@ -177,10 +209,23 @@ impl Shared {
         let idle = locked(&self.idle).pop();
         idle.map_or_else(|| locked(&self.template).share(), Ok)
     }
+
+    fn keep_doubts(&self, doubts: Vec<HeightDoubt>) {
+        let mut kept = locked(&self.doubt);
+        for doubt in doubts {
+            let (images, surest) = kept.unwrap_or((0, doubt));
+            let is_surer = doubt.seen_m[1] < surest.seen_m[1];
+            *kept = Some((images + 1, if is_surer { doubt } else { surest }));
+        }
+    }
 }
 
 /// What is farther away or larger than this, metres, is no answer: cameras see a hundredth of it.
 const LARGEST_ANSWER_M: f64 = 1e6;
+
+fn check_answer_of_all(found: &[Detection], model: &str) -> Result<(), DetectError> {
+    found.iter().try_for_each(|one| check_answer(one, model))
+}
 
 /// Refuses an answer that no sound network gives.
 fn check_answer(found: &Detection, model: &str) -> Result<(), DetectError> {

@@ -12,7 +12,8 @@ use farsight::{
 };
 use farsight_core::Region;
 
-use crate::printer::Printer;
+use crate::camera_args::CameraArgs;
+use crate::printer::{Printer, counted};
 
 /// [`EngineKind`] as it is written on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -147,6 +148,11 @@ pub(crate) struct RoadArgs {
 }
 
 impl RoadArgs {
+    /// What is said of the camera's height.
+    pub(crate) fn above_road(&self) -> Option<Road> {
+        self.above_road
+    }
+
     /// `builder` with what is known.
     pub(crate) fn choose(&self, builder: PipelineBuilder) -> PipelineBuilder {
         self.above_road.into_iter().fold(builder.region(self.region), PipelineBuilder::road)
@@ -213,6 +219,20 @@ impl PipelineArgs {
         let builder = self.second_stage.choose(builder);
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.choose(builder))
+    }
+
+    /// [`PipelineArgs::builder`] that also knows the road of a camera that was calibrated, unless --above-road is given.
+    pub(crate) fn builder_for(&self, camera: &CameraArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
+        let builder = self.builder(printer)?;
+        let road = if self.road.above_road.is_none() { camera.road()? } else { None };
+        Ok(road.into_iter().fold(builder, |builder, plane| builder.road(Road::Known(plane))))
+    }
+}
+
+/// Says when what was found contradicts what was said of the camera.
+pub(crate) fn tell_doubt(pipeline: &Pipeline, printer: &mut Printer) {
+    if let Some((images, doubt)) = pipeline.height_doubt() {
+        printer.warning(&format!("{doubt} ({})", counted(images, "image")));
     }
 }
 

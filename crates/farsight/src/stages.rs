@@ -3,7 +3,7 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
-use farsight_core::road::{Road, SURE_SCORE, on_one_road};
+use farsight_core::road::{HeightDoubt, Road, SURE_SCORE, on_one_road};
 use farsight_core::{Camera, Detection, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
@@ -34,6 +34,8 @@ pub(crate) struct Stages {
     pub(crate) refiner: Option<Refiner>,
     /// What measures vehicles by their number plates.
     pub(crate) plate_reader: Option<PlateReader>,
+    /// Of images in which what was found contradicts the height of the camera that was given, since they were last taken.
+    pub(crate) height_doubts: Vec<HeightDoubt>,
 }
 
 /// What has a first score above this share of the least score that counts is refined: the refiner can raise it so far.
@@ -46,6 +48,7 @@ impl Stages {
             detector: self.detector.share()?,
             refiner: self.refiner.as_ref().map(Refiner::share).transpose()?,
             plate_reader: self.plate_reader.as_ref().map(PlateReader::share).transpose()?,
+            height_doubts: Vec::new(),
         })
     }
 
@@ -69,7 +72,10 @@ impl Stages {
         let (answers, times) = self.detector.detect_batch(images, &options)?;
         let (answers, refine) = timed(|| self.refined(images, answers, self.least_score(settings)));
         let min_score = self.min_score(settings);
-        let answers = answers?.into_iter().map(|found| told(found, min_score, settings)).collect();
+        let answers = answers?;
+        let doubt = |found: &Vec<Detection>| HeightDoubt::of(found, settings.road, &settings.scale);
+        self.height_doubts.extend(answers.iter().filter_map(doubt));
+        let answers = answers.into_iter().map(|found| told(found, min_score, settings)).collect();
         Ok((answers, StageTimes { refine, ..times }))
     }
 

@@ -6,20 +6,24 @@ use std::path::{Path, PathBuf};
 
 use farsight_core::Camera;
 use farsight_core::camera::CameraError;
+use farsight_core::road::RoadPlane;
 use farsight_files::write_quickly;
 use thiserror::Error;
 
 /// A 3x4 matrix, row by row.
 pub type Matrix3x4 = [[f64; 4]; 3];
 
-/// What the rows of a calibration file are called, in KITTI's order.
-const NAMES: [&str; 7] = ["P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo"];
+/// What the rows of a calibration file are called, in KITTI's order. The last one is ours.
+const NAMES: [&str; 8] = ["P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo", "road"];
 
 /// The camera that KITTI's images, labels and results belong to: the left colour camera.
 const LABELLED_CAMERA: usize = 2;
 
-/// Row of the rectifying rotation, the only one with nine numbers.
+/// Row of the rectifying rotation, with nine numbers.
 const RECTIFICATION: usize = 4;
+
+/// Row of the road, with six numbers: slope, tilt and height of the camera, and their standard deviations.
+const ROAD: usize = 7;
 
 /// The calibration of one frame.
 ///
@@ -41,6 +45,8 @@ pub struct Calibration {
     pub tr_velo_to_cam: Option<Matrix3x4>,
     /// From the inertial unit to the laser scanner, metres.
     pub tr_imu_to_velo: Option<Matrix3x4>,
+    /// The road under a fixed camera, as `farsight calibrate` finds it. KITTI's files have none.
+    pub road: Option<RoadPlane>,
 }
 
 /// A calibration file that could not be read or written.
@@ -84,7 +90,7 @@ pub enum CalibrationError {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MatrixError {
     /// The row has another name.
-    #[error("row \"{found}\"; expected one of P0: P1: P2: P3: R0_rect: Tr_velo_to_cam: Tr_imu_to_velo:")]
+    #[error("row \"{found}\"; expected one of P0: P1: P2: P3: R0_rect: Tr_velo_to_cam: Tr_imu_to_velo: road:")]
     Name {
         /// First word of the line.
         found: String,
@@ -118,6 +124,11 @@ pub enum MatrixError {
     /// The projection is none that a camera can have.
     #[error("row \"P2:\": {0}")]
     Camera(#[from] CameraError),
+    /// The road is none that a camera stands over.
+    #[error(
+        "row \"road:\": slope, tilt, height and their errors are {0:?}; expected a positive height and errors of at least 0"
+    )]
+    Road(Vec<f64>),
 }
 
 impl Calibration {
@@ -131,6 +142,7 @@ impl Calibration {
             r0_rect: None,
             tr_velo_to_cam: None,
             tr_imu_to_velo: None,
+            road: None,
         }
     }
 
@@ -162,7 +174,7 @@ impl Calibration {
                 problem,
             })?;
         }
-        let [p0, p1, p2, p3, r0_rect, tr_velo_to_cam, tr_imu_to_velo] = rows.each_ref().map(Option::as_deref);
+        let [p0, p1, p2, p3, r0_rect, tr_velo_to_cam, tr_imu_to_velo, road] = rows.each_ref().map(Option::as_deref);
         Ok(Self {
             p2: p2.and_then(matrix).ok_or_else(|| CalibrationError::NoCamera { path: path.to_owned() })?,
             p0: p0.and_then(matrix),
@@ -171,6 +183,7 @@ impl Calibration {
             r0_rect: r0_rect.and_then(matrix),
             tr_velo_to_cam: tr_velo_to_cam.and_then(matrix),
             tr_imu_to_velo: tr_imu_to_velo.and_then(matrix),
+            road: road.and_then(plane),
         })
     }
 
@@ -183,8 +196,11 @@ impl Calibration {
             push_row(&mut text, name, rows.as_ref().map(|m| m.as_flattened()));
         }
         push_row(&mut text, NAMES[RECTIFICATION], self.r0_rect.as_ref().map(|m| m.as_flattened()));
-        for (name, rows) in NAMES[RECTIFICATION + 1..].iter().zip([&self.tr_velo_to_cam, &self.tr_imu_to_velo]) {
+        for (name, rows) in NAMES[RECTIFICATION + 1..ROAD].iter().zip([&self.tr_velo_to_cam, &self.tr_imu_to_velo]) {
             push_row(&mut text, name, rows.as_ref().map(|m| m.as_flattened()));
+        }
+        if let Some(RoadPlane { slope, tilt, height_m, sigmas: [a, b, c] }) = self.road {
+            push_row(&mut text, NAMES[ROAD], Some(&[slope, tilt, height_m, a, b, c]));
         }
         // KITTI's files end in an empty line.
         text.push('\n');
@@ -213,7 +229,11 @@ fn read_line(line: &str, rows: &mut [Option<Vec<f64>>; NAMES.len()]) -> Result<(
         value.ok_or_else(|| MatrixError::Number { name, number, found: word.to_owned() })
     });
     let numbers = numbers.collect::<Result<Vec<_>, _>>()?;
-    let expected = if index == RECTIFICATION { 9 } else { 12 };
+    let expected = match index {
+        RECTIFICATION => 9,
+        ROAD => 6,
+        _ => 12,
+    };
     if numbers.len() != expected {
         return Err(MatrixError::Count { name, found: numbers.len(), expected });
     }
@@ -221,10 +241,21 @@ fn read_line(line: &str, rows: &mut [Option<Vec<f64>>; NAMES.len()]) -> Result<(
         let projection = std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]));
         Camera::from_projection(projection)?;
     }
+    if index == ROAD
+        && !plane(&numbers).is_some_and(|road| road.height_m > 0.0 && road.sigmas.iter().all(|s| *s >= 0.0))
+    {
+        return Err(MatrixError::Road(numbers));
+    }
     match rows[index].replace(numbers) {
         None => Ok(()),
         Some(_) => Err(MatrixError::Twice { name }),
     }
+}
+
+/// Slope, tilt and height with their standard deviations; `None` when these are not six numbers.
+fn plane(numbers: &[f64]) -> Option<RoadPlane> {
+    let &[slope, tilt, height_m, a, b, c] = numbers else { return None };
+    Some(RoadPlane { slope, tilt, height_m, sigmas: [a, b, c] })
 }
 
 /// Three rows of `COLUMNS` numbers; `None` when there are not that many.

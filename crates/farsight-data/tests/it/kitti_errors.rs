@@ -115,9 +115,19 @@ const P2: &str = "P2: 700 0 600 45 0 700 180 -0.3 0 0 1 0.005";
 #[test]
 fn calibrations_are_told_with_line_and_row() {
     let problem = |text: &str| Calibration::from_text(text, Path::new("c.txt")).err().map(|e| e.to_string());
-    let names = "expected one of P0: P1: P2: P3: R0_rect: Tr_velo_to_cam: Tr_imu_to_velo:";
+    let names = "expected one of P0: P1: P2: P3: R0_rect: Tr_velo_to_cam: Tr_imu_to_velo: road:";
     let cases = [
         (P2.to_owned(), None),
+        (format!("{P2}\nroad: 0.1 0 1.6 0.01 0.01 0.05"), None),
+        (format!("{P2}\nroad: 0.1 0 1.6"), Some("c.txt:2: row \"road:\" has 3 numbers; expected 6".to_owned())),
+        (
+            format!("{P2}\nroad: 0.1 0 -1.6 0.01 0.01 0.05"),
+            Some(
+                "c.txt:2: row \"road:\": slope, tilt, height and their errors are [0.1, 0.0, -1.6, 0.01, 0.01, 0.05]; \
+                 expected a positive height and errors of at least 0"
+                    .to_owned(),
+            ),
+        ),
         (format!("\r\n{P2}\r\n\r\n"), None),
         (
             String::new(),

@@ -1,6 +1,7 @@
 //! One file a command.
 
 mod bench;
+mod calibrate;
 mod completions;
 mod demo;
 mod doctor;
@@ -62,6 +63,8 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Find vehicles in images and say how far away each is
     Range(range::RangeArgs),
+    /// Find out how a fixed camera stands over its road, from the traffic that it sees
+    Calibrate(calibrate::CalibrateArgs),
     /// Follow vehicles through a video: identity, distance, speed and time to collision
     Track(Box<track::TrackArgs>),
     /// Answer images over HTTP, with a page to try it
@@ -120,6 +123,7 @@ impl Command {
         match self {
             Self::Demo(args) => demo::run(&args, printer),
             Self::Range(args) => range::run(&args, printer),
+            Self::Calibrate(args) => calibrate::run(&args, printer),
             Self::Track(args) => track::run(&args, printer),
             Self::Serve(args) => serve::run(&args, printer),
             Self::Eval(args) => eval::run(&args, printer),

@@ -115,7 +115,7 @@ impl RangeArgs {
 
     /// What looks at the images.
     fn open(&self, printer: &mut Printer) -> Result<Pipeline> {
-        let builder = self.pipeline.builder(printer)?.range(self.range.kind());
+        let builder = self.pipeline.builder_for(&self.camera, printer)?.range(self.range.kind());
         let builder = self.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
         pipeline_args::open_and_tell(&builder, printer)
     }
@@ -172,6 +172,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     let job = Job::new(args, found.images, printer)?;
     let pipeline = args.open(printer)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?.len();
+    pipeline_args::tell_doubt(&pipeline, printer);
     Ok(outcome(failed))
 }
 

@@ -9,6 +9,7 @@ use super::answers::{is_lines, shown};
 use super::job::Job;
 use super::{Outcome, RangeArgs, outcome};
 use crate::inputs::Inputs;
+use crate::pipeline_args;
 use crate::printer::{Printer, counted};
 use crate::recording_file::RecordingArgs;
 use crate::shard::manifest::{Join, Run};
@@ -36,6 +37,7 @@ pub(super) fn run(args: &RangeArgs, found: Inputs, printer: &mut Printer) -> Res
         RangeArgs { json: inside(&args.json)?, out: inside(&args.out)?, kitti: inside(&args.kitti)?, ..args.clone() };
     let job = Job::new(&args_inside, found.images, printer)?.only(part.block());
     let failed = job.run(&pipeline, printer)?;
+    pipeline_args::tell_doubt(&pipeline, printer);
     let count = found.problems.len() + failed.len();
     let json = args.json.as_deref();
     part.finish(failed, |path| match json {
