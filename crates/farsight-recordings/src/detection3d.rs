@@ -29,15 +29,21 @@ pub(crate) fn message(stamp: Stamp, frame: &str, found: &[Found]) -> Vec<u8> {
         cdr.string(&detection.class.to_string());
         cdr.f64s(&[detection.score]);
         pose(&mut cdr, &placed);
-        let position = covariance_m2(detection);
-        for row in 0..6 {
-            cdr.f64s(&[0, 1, 2, 3, 4, 5].map(|column| if row < 3 && column < 3 { position[row][column] } else { 0.0 }));
-        }
+        cdr.f64s(&covariance(covariance_m2(detection)));
         pose(&mut cdr, &placed);
         cdr.f64s(&placed.size_m);
         cdr.string(id);
     }
     cdr.into_bytes()
+}
+
+/// Six by six, row by row: position, then rotation about the axes.
+fn covariance(position_m2: [[f64; 3]; 3]) -> [f64; 36] {
+    let mut all = [0.0; 36];
+    for (row, values) in position_m2.iter().enumerate() {
+        all[6 * row..6 * row + 3].copy_from_slice(values);
+    }
+    all
 }
 
 fn header(cdr: &mut Cdr, (seconds, nanoseconds): Stamp, frame: &str) {
