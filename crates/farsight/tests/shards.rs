@@ -121,7 +121,9 @@ fn workers_that_are_killed_change_nothing() {
     }
     let whole = farsight(&folder.join("whole"), &RANGE.split(' ').collect::<Vec<_>>());
     assert_eq!(whole.status.code(), Some(1));
-    ["in", "m.safetensors"].iter().for_each(|name| fs::remove_file(folder.join("whole").join(name)).unwrap());
+    for name in ["in", "m.safetensors"] {
+        fs::remove_file(folder.join("whole").join(name)).unwrap();
+    }
     let merged = farsight(folder, &["merge", "parts", "--out", "merged"]);
     assert_eq!(merged.status.code(), Some(1));
     let told = String::from_utf8(merged.stderr).unwrap();
