@@ -1,7 +1,9 @@
-//! Chores of the workspace, with no dependency but cargo and, for libtorch, a Python that has pip.
+//! Chores of the workspace. They need cargo and, for libtorch and the wheel, a Python that has pip.
 
+mod dist;
 mod libtorch;
 mod quickstart;
+mod sbom;
 mod wheel;
 
 use std::env;
@@ -14,12 +16,14 @@ const USAGE: &str = "\
 cargo xtask COMMAND
 
   quickstart [--data DIR]  fetch libtorch, train the compact network on eight KITTI frames, range them, draw them
-  test [ARGS]              all tests, libtorch included; ARGS go to `cargo test`
+  test [--all | ARGS]      all tests, libtorch included; --all with those that take long, rerun and Ray; ARGS go to `cargo test`
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
   fuzz [--minutes N]       every fuzz target for N minutes each (default 1), training's too; what breaks a law goes to fuzz/artifacts
-  wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment
+  wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment,
+                           --test --ray with a local Ray of two workers
+  dist [--no-wheel]        the archives of a release into target/dist: program, wheel, SBOM, checksums, crates for the registry
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
 DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
@@ -35,6 +39,7 @@ fn main() -> ExitCode {
         Some("exec") => exec(&rest),
         Some("fuzz") => fuzz(&rest),
         Some("wheel") => wheel::wheel(&rest),
+        Some("dist") => dist::dist(&rest),
         Some("libtorch") => Libtorch::find_or_fetch().map(|libtorch| eprintln!("{libtorch}")),
         Some("help" | "--help" | "-h") => {
             eprintln!("{USAGE}");
@@ -93,7 +98,13 @@ fn exec(words: &[&str]) -> Result<(), String> {
 fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
-    run(cargo(Some(&libtorch)).args(everything).args(arguments))
+    if arguments != ["--all"] {
+        return run(cargo(Some(&libtorch)).args(everything).args(arguments));
+    }
+    let features = "farsight/train,farsight/rerun,farsight-laws/train";
+    run(cargo(Some(&libtorch)).args(["test", "--workspace", "--features", features, "--", "--include-ignored"]))?;
+    wheel::wheel(&["--dev", "--test"])?;
+    wheel::wheel(&["--dev", "--test", "--ray"])
 }
 
 /// Feeds every target on any compiler; libFuzzer, which needs a nightly one, is `cargo +nightly fuzz run TARGET`.

@@ -18,6 +18,8 @@ struct Options {
     dev: bool,
     /// Whether its tests are run.
     test: bool,
+    /// Whether these are those with a local Ray.
+    ray: bool,
 }
 
 impl Options {
@@ -27,8 +29,12 @@ impl Options {
             match *word {
                 "--dev" => options.dev = true,
                 "--test" => options.test = true,
-                other => return Err(format!("unexpected argument {other:?}; expected --dev, --test or none")),
+                "--ray" => options.ray = true,
+                other => return Err(format!("unexpected argument {other:?}; expected --dev, --test, --ray or none")),
             }
+        }
+        if options.ray && !options.test {
+            return Err("--ray chooses tests; expected --test beside it".to_owned());
         }
         Ok(options)
     }
@@ -43,6 +49,11 @@ impl Options {
         if self.dev { &[] } else { &["--release"] }
     }
 
+    /// What its tests need.
+    fn requirements(self) -> &'static str {
+        if self.ray { "requirements-ray.txt" } else { "requirements.txt" }
+    }
+
     fn program(self) -> PathBuf {
         let name = format!("farsight{}", env::consts::EXE_SUFFIX);
         root().join("target").join(if self.dev { "debug" } else { "release" }).join(name)
@@ -52,15 +63,27 @@ impl Options {
 /// Builds the wheel, and runs its tests where they are asked for.
 pub(crate) fn wheel(words: &[&str]) -> Result<(), String> {
     let options = Options::from_words(words)?;
+    let wheel = build(options)?;
+    eprintln!("{}", wheel.display());
+    if options.test { test(options, &package(), &wheel) } else { Ok(()) }
+}
+
+/// The wheel of a release.
+pub(crate) fn build_release() -> Result<PathBuf, String> {
+    build(Options::default())
+}
+
+fn package() -> PathBuf {
+    root().join("crates/farsight-py")
+}
+
+fn build(options: Options) -> Result<PathBuf, String> {
     let maturin = maturin()?;
-    let package = root().join("crates/farsight-py");
     let folder = options.folder();
     let mut build = Command::new(maturin);
-    build.args(["build", "--locked"]).args(options.profile()).arg("--out").arg(&folder).current_dir(&package);
+    build.args(["build", "--locked"]).args(options.profile()).arg("--out").arg(&folder).current_dir(package());
     run(&mut build)?;
-    let wheel = newest_wheel(&folder)?;
-    eprintln!("{}", wheel.display());
-    if options.test { test(options, &package, &wheel) } else { Ok(()) }
+    newest_wheel(&folder)
 }
 
 /// Installs the wheel into a fresh environment, sees that it needs nothing else, and runs its tests there beside the
@@ -73,9 +96,12 @@ fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
     let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
     run(Command::new(&python).args(pip).arg(wheel))?;
     run(Command::new(&python).args(["-I", "-W", "error", "-c", "import farsight; farsight.Model()"]))?;
-    run(Command::new(&python).args(pip).arg("-r").arg(package.join("tests/requirements.txt")))?;
+    run(Command::new(&python).args(pip).arg("-r").arg(package.join("tests").join(options.requirements())))?;
     let mut pytest = Command::new(&python);
-    pytest.args(["-m", "pytest", "--quiet"]).env("FARSIGHT_PROGRAM", options.program()).current_dir(package);
+    pytest
+        .args(["-m", "pytest", "--quiet", "-m", if options.ray { "ray" } else { "not ray" }])
+        .env("FARSIGHT_PROGRAM", options.program())
+        .current_dir(package);
     run(&mut pytest)
 }
 

@@ -12,6 +12,7 @@ mod evaluation;
 mod picture;
 mod pipeline;
 mod scene;
+mod track;
 
 /// What the Python package is made of.
 #[pyo3::pymodule]
@@ -26,6 +27,8 @@ mod _farsight {
     use super::pipeline::Pipeline;
     #[pymodule_export]
     use super::scene::render;
+    #[pymodule_export]
+    use super::track::Video;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use farsight::json::ImageRecord;
 use farsight::{
-    CameraSource, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource, Precision, load_image,
+    CameraSource, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource, PipelineBuilder, Precision,
+    load_image,
 };
 use farsight_core::Region;
 use farsight_data::decode_image;
@@ -16,6 +17,7 @@ use pyo3::types::PyBytes;
 use crate::camera::CameraArgument;
 use crate::errors;
 use crate::picture::from_bytes;
+use crate::track::{Video, Wanted};
 
 /// More threads than any computer has cores are a mistake.
 const MOST_THREADS: usize = 1024;
@@ -27,6 +29,7 @@ type Answer<'py> = (String, Bound<'py, PyBytes>, Vec<String>);
 #[pyclass(frozen, module = "farsight._farsight")]
 pub(crate) struct Pipeline {
     inner: farsight::Pipeline,
+    builder: PipelineBuilder,
 }
 
 #[pymethods]
@@ -51,7 +54,24 @@ impl Pipeline {
         let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
         let builder = builder.region(region);
         let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
-        Ok(Self { inner })
+        Ok(Self { inner, builder })
+    }
+
+    /// Begins to follow what is in a video, or in images.
+    #[allow(clippy::too_many_arguments, reason = "those of Python's method")]
+    fn track(
+        &self,
+        py: Python<'_>,
+        source: Vec<PathBuf>,
+        fps: Option<f64>,
+        camera: Option<CameraArgument>,
+        ego: Option<PathBuf>,
+        min_score: Option<f64>,
+        realtime: bool,
+        ffmpeg: PathBuf,
+    ) -> PyResult<Video> {
+        let wanted = Wanted { source, fps, camera, ego, min_score, realtime, ffmpeg };
+        py.detach(|| Video::open(&self.builder, wanted))
     }
 
     #[getter]

@@ -20,6 +20,9 @@ assert_type(one.classes, npt.NDArray[np.str_])
 for scene in farsight.render(3, seed=1):
     assert_type(scene, farsight.Scene)
 farsight.evaluate("label_2", [one])
+for frame in model.track("film.mp4", hfov=90):
+    assert_type(frame, farsight.Frame)
+    assert_type(frame.ttc_s, npt.NDArray[np.float64])
 """
 
 

@@ -42,12 +42,12 @@ fn drawn(
 ///
 /// `tracks` and `detections` are the same, in the same order.
 pub fn draw_tracks(image: &RgbImage, camera: &Camera, detections: &[Detection], tracks: &[TrackRecord]) -> RgbImage {
-    let words: Vec<String> = tracks.iter().map(words).collect();
+    let words: Vec<String> = tracks.iter().map(track_words).collect();
     picture_with_words(image, &Scene { camera, detections, truth: &[] }, &DrawOptions::default(), &words)
 }
 
 /// `#7 Car 23.4 ±1.2 m  +3.1 ±0.4 m/s  6.9 s`.
-fn words(track: &TrackRecord) -> String {
+pub fn track_words(track: &TrackRecord) -> String {
     let TrackRecord { id, class, range_m, range_sigma_m, .. } = track;
     let mut words = format!("#{id} {class} {range_m:.1} ±{range_sigma_m:.1} m");
     // Writing to a string cannot fail.

@@ -8,6 +8,7 @@ mod commands;
 mod experiment;
 mod figures;
 mod inputs;
+mod json_array;
 mod layout;
 mod names;
 mod one_dash;
@@ -15,6 +16,8 @@ mod outputs;
 mod pipeline_args;
 mod printer;
 mod range_table;
+mod recording_file;
+mod shard;
 mod untrained;
 
 use std::process::ExitCode;
@@ -22,33 +25,9 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 
-use commands::{Command, Outcome};
+use commands::{Cli, Outcome};
 use farsight::ImageLimits;
 use printer::{LogLevel, Printer};
-
-/// Finds vehicles in images of one camera and says how far away each is.
-#[derive(Debug, Parser)]
-#[command(name = "farsight", version, arg_required_else_help = true)]
-struct Cli {
-    #[command(subcommand)]
-    command: Command,
-    /// Print nothing about the results but what failed; the same as --log-level error
-    #[arg(short, long, global = true, conflicts_with = "log_level")]
-    quiet: bool,
-    /// What to print about the results: error, warn or info [default: info]
-    #[arg(long, global = true, value_name = "LEVEL", value_enum, hide_possible_values = true)]
-    log_level: Option<LogLevel>,
-    /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more [default: 100M]
-    #[arg(long, global = true, value_name = "N", value_parser = pixels)]
-    max_pixels: Option<u64>,
-}
-
-/// A number of pixels: `40000000` or `40M`.
-fn pixels(text: &str) -> Result<u64, String> {
-    let (digits, factor) = text.strip_suffix(['M', 'm']).map_or((text, 1), |digits| (digits, 1_000_000));
-    let count = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(factor)).filter(|&count| count > 0);
-    count.ok_or_else(|| "expected a number of pixels, such as 40000000 or 40M".to_owned())
-}
 
 /// `EX_TEMPFAIL` of `sysexits.h`: try again later.
 const UNFINISHED: u8 = 75;

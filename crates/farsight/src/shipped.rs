@@ -34,28 +34,28 @@ impl Family {
     }
 }
 
-const WORLD: &[u8] = include_bytes!("../../../models/farsight-w.safetensors");
+const WORLD: &[u8] = farsight_weights_w::DETECTOR;
 
-const SMOKE: &[u8] = include_bytes!("../../../models/farsight-s.safetensors");
+const SMOKE: &[u8] = farsight_weights_s::DETECTOR;
 
 /// Name of the refiner; its page is `docs/refiner.md`.
 pub const REFINER_NAME: &str = "farsight-refiner";
 
-const REFINER: &[u8] = include_bytes!("../../../models/farsight-w-refiner.safetensors");
-const SMOKE_REFINER: &[u8] = include_bytes!("../../../models/farsight-refiner.safetensors");
+const REFINER: &[u8] = farsight_weights_stages::W_REFINER;
+const SMOKE_REFINER: &[u8] = farsight_weights_stages::S_REFINER;
 
 /// Name of the plate reader; its page is `docs/plates.md`.
 pub const PLATES_NAME: &str = "farsight-plates";
 
-const PLATES: &[u8] = include_bytes!("../../../models/farsight-plates.safetensors");
+const PLATES: &[u8] = farsight_weights_stages::PLATES;
 
 /// One scene's name, image and calibration.
 macro_rules! scene {
     ($id:literal) => {
         (
             $id,
-            include_bytes!(concat!("../../../assets/scenes/image_2/", $id, ".jpg")).as_slice(),
-            include_str!(concat!("../../../assets/scenes/calib/", $id, ".txt")),
+            include_bytes!(concat!("../assets/scenes/image_2/", $id, ".jpg")).as_slice(),
+            include_str!(concat!("../assets/scenes/calib/", $id, ".txt")),
         )
     };
 }

@@ -56,6 +56,7 @@ Commands:
   doctor       Show what this machine has to run models with, and what would help
   bench        Time every stage, from the image file to the picture
   prune        Remove the channels of a model that matter least
+  merge        Put the parts of a job together that --shard divided
   info         Show what a model is made of and what it costs
   measure      Measure a model on several data sets, and put the figures into documents
   experiment   Train and judge several arms with several seeds, as a plan says

@@ -17,5 +17,6 @@ from ._farsight import __version__
 from ._model import Model
 from ._result import Result
 from ._scenes import Scene, Scenes, render
+from ._track import Frame
 
-__all__ = ["Model", "Result", "Scene", "Scenes", "__version__", "evaluate", "render"]
+__all__ = ["Frame", "Model", "Result", "Scene", "Scenes", "__version__", "evaluate", "render"]

@@ -4,12 +4,14 @@ import os
 from collections.abc import Sequence
 from typing import Any, final
 
-__all__ = ["Pipeline", "__version__", "draw", "evaluate", "png", "render", "write_results"]
+__all__ = ["Pipeline", "Video", "__version__", "draw", "evaluate", "png", "render", "write_results"]
 
 __version__: str
 
 _Camera = float | Sequence[Sequence[float]]
 _Path = str | os.PathLike[str]
+# The JSON of `farsight track`, pixels, width and height, projection.
+_Followed = tuple[str, bytes, list[int], list[list[float]]]
 # The JSON of `farsight range`, the upright pixels, warnings.
 _Answer = tuple[str, bytes, list[str]]
 
@@ -25,6 +27,22 @@ class Pipeline:
     def range_path(self, path: _Path, camera: _Camera | None) -> _Answer: ...
     def range_bytes(self, bytes: bytes, name: _Path, camera: _Camera | None) -> _Answer: ...
     def range_pixels(self, pixels: bytes, size: Sequence[int], name: _Path, camera: _Camera) -> _Answer: ...
+    def track(
+        self,
+        source: Sequence[_Path],
+        fps: float | None,
+        camera: _Camera | None,
+        ego: _Path | None,
+        min_score: float | None,
+        realtime: bool,
+        ffmpeg: _Path,
+    ) -> Video: ...
+
+@final
+class Video:
+    def next_frame(self) -> tuple[_Followed | None, list[str]]: ...
+    @property
+    def dropped(self) -> int: ...
 
 def draw(pixels: bytes, record: str) -> tuple[bytes, list[int]]: ...
 def png(pixels: bytes, size: Sequence[int], path: _Path | None = None) -> bytes | None: ...

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from ._arrays import camera_argument, checked_image
 from ._farsight import Pipeline
 from ._result import Result
+from ._track import Frame, frames_of
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -125,26 +127,76 @@ class Model:
             return [self._range(one, camera) for one in image]
         return self._range(image, camera)
 
-    def _range(self, image: Any, camera: float | list[list[float]] | None) -> Result:
+    def _range(self, image: Any, camera: float | list[list[float]] | None, name: str | None = None) -> Result:
         _check_process()
+        name = name or _UNNAMED
         pil = sys.modules.get("PIL.Image")
         if pil is not None and isinstance(image, pil.Image):
             image = _upright(image)
         if isinstance(image, (str, os.PathLike)):
             record, pixels, warned = self._pipeline.range_path(os.fspath(image), camera)
         elif isinstance(image, (bytes, bytearray, memoryview)):
-            record, pixels, warned = self._pipeline.range_bytes(bytes(image), _UNNAMED, camera)
+            record, pixels, warned = self._pipeline.range_bytes(bytes(image), name, camera)
         elif isinstance(image, np.ndarray):
             array = checked_image(image)
             if camera is None:
                 raise ValueError("an array does not say which camera took it; expected one of hfov, K and P")
             height, width = array.shape[:2]
-            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], _UNNAMED, camera)
+            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], name, camera)
         else:
             raise TypeError(f"the image is a {type(image).__name__}; expected {_EXPECTED}")
         for text in warned:
             warnings.warn(text, stacklevel=3)
         return Result(record, pixels, self.classes)
+
+    def track(
+        self,
+        source: str | os.PathLike[str] | list[str | os.PathLike[str]],
+        *,
+        hfov: float | None = None,
+        K: npt.ArrayLike | None = None,
+        P: npt.ArrayLike | None = None,
+        fps: float | None = None,
+        ego: str | os.PathLike[str] | None = None,
+        min_score: float | None = None,
+        realtime: bool = False,
+        ffmpeg: str | os.PathLike[str] = "ffmpeg",
+    ) -> Iterator[Frame]:
+        """Follows vehicles and people through a video: identity, distance, speed, time to collision.
+
+        Frames come one by one, each looked at when it is asked for; no more than a few are in memory. The model that
+        looks has its own copy of the weights.
+
+        Args:
+            source: A film, an address (rtsp, http) or a camera device, which the program ffmpeg reads; a folder of
+                images; or a list of images.
+            hfov: Horizontal field of view of the whole image, degrees.
+            K: Intrinsic matrix, shape (3, 3), pixels.
+            P: Projection, shape (3, 4).
+            fps: Frames a second, of images only.
+            ego: A file or folder that says how the camera moves, as for `farsight track --ego`; without one speeds are
+                relative to the camera.
+            min_score: A detection of this score begins a track; lower ones may continue one.
+            realtime: Look at the latest frame only, and leave out those that came in between.
+            ffmpeg: The ffmpeg program.
+
+        Returns:
+            An iterator of frames. Their answers are those of `farsight track`, digit for digit. A frame that cannot be
+            read is a Python warning and is left out.
+
+        Raises:
+            FileNotFoundError: There is no ffmpeg.
+            ValueError: It is no video, no camera is known, or the first frame cannot be read.
+        """
+        _check_process()
+        if min_score is not None and not 0 < min_score < 1:
+            raise ValueError(f"min_score is {min_score}; expected more than 0 and less than 1")
+        paths = [os.fspath(one) for one in (source if isinstance(source, (list, tuple)) else [source])]
+        if not paths:
+            raise ValueError("the list of images is empty; expected a video or at least one image")
+        motion = None if ego is None else os.fspath(ego)
+        camera = camera_argument(hfov, K, P)
+        return frames_of(self._pipeline.track(paths, fps, camera, motion, min_score, realtime, os.fspath(ffmpeg)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _model_from, (self._arguments,)

@@ -4,6 +4,7 @@ mod explained;
 mod geometric_baselines;
 mod modelled;
 mod oracle;
+mod part;
 mod pictured;
 
 use std::collections::BTreeMap;
@@ -24,10 +25,12 @@ use super::Outcome;
 use crate::outputs;
 use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
+use crate::shard::ShardArgs;
 pub(super) use geometric_baselines::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
 use modelled::Files;
 pub(crate) use modelled::MIN_SCORE;
 pub(super) use modelled::write_results_of;
+pub(super) use part::merged;
 
 /// Frames drawn anew more often than this make no interval better, and each draw takes memory.
 const MOST_RESAMPLES: usize = 100_000;
@@ -109,6 +112,9 @@ pub(crate) struct EvalArgs {
     /// Seed of the intervals
     #[arg(long, value_name = "S", default_value_t = Bootstrap::default().seed)]
     seed: u64,
+    // Last, because its help heading would go on to what follows.
+    #[command(flatten)]
+    shard: ShardArgs,
 }
 
 /// A metric as it is written on the command line.
@@ -149,8 +155,16 @@ struct Answer<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
+    if args.shard.asked().is_some() {
+        return part::run(args, printer);
+    }
     args.check_outputs()?;
-    let mut source = Files::new(args, printer)?;
+    let source = Files::new(args, printer)?;
+    judge(args, source, printer)
+}
+
+/// Judges results that are there.
+fn judge(args: &EvalArgs, mut source: Files, printer: &mut Printer) -> Result<Outcome> {
     let files =
         FrameFiles::open(source.labels.clone(), &source.results, source.ids.take())?.with_scores(args.scores.scores());
     let files = if source.by_model { files.with_any_classes() } else { files };

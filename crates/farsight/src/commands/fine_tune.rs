@@ -67,7 +67,7 @@ mod training {
     use crate::printer::Printer;
 
     /// How it learns: all but the network, which is that of the model.
-    const RECIPE: &str = include_str!("../../../../configs/fine-tune.toml");
+    const RECIPE: &str = include_str!("../../assets/fine-tune.toml");
 
     /// Of so many frames one is not learnt from, and serves to fit on.
     const HELD_OUT_STEP: usize = 5;

@@ -117,7 +117,7 @@ fn measured(
     let dataset = open_labelled(folder, split.as_deref())?;
     let pipeline = open_pipeline(args, set, printer)?;
     let results = tempfile::tempdir().context("no folder for the results")?;
-    let ids = write_results_of(&pipeline, &*dataset, results.path(), printer)?;
+    let ids = write_results_of(&pipeline, &*dataset, 0..dataset.len(), results.path(), printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was measured: {} failed", counted(failed, "frame"));
 

@@ -15,6 +15,7 @@ mod import;
 mod info;
 mod man;
 mod measure;
+mod merge;
 mod parity;
 mod prune;
 mod range;
@@ -27,11 +28,35 @@ pub(crate) mod train;
 mod validate;
 
 use anyhow::Result;
-use clap::Subcommand;
+use clap::{Parser, Subcommand};
 use farsight_methods::input_spec::SIZE_STEP;
 use farsight_methods::smoke::config::LARGEST_SIDE;
 
-use crate::printer::Printer;
+use crate::printer::{LogLevel, Printer};
+
+/// Finds vehicles in images of one camera and says how far away each is.
+#[derive(Debug, Parser)]
+#[command(name = "farsight", version, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Print nothing about the results but what failed; the same as --log-level error
+    #[arg(short, long, global = true, conflicts_with = "log_level")]
+    pub(crate) quiet: bool,
+    /// What to print about the results: error, warn or info [default: info]
+    #[arg(long, global = true, value_name = "LEVEL", value_enum, hide_possible_values = true)]
+    pub(crate) log_level: Option<LogLevel>,
+    /// Refuse images with more pixels, counted as they unpack: 16 bits and four channels count more [default: 100M]
+    #[arg(long, global = true, value_name = "N", value_parser = pixels)]
+    pub(crate) max_pixels: Option<u64>,
+}
+
+/// A number of pixels: `40000000` or `40M`.
+fn pixels(text: &str) -> Result<u64, String> {
+    let (digits, factor) = text.strip_suffix(['M', 'm']).map_or((text, 1), |digits| (digits, 1_000_000));
+    let count = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(factor)).filter(|&count| count > 0);
+    count.ok_or_else(|| "expected a number of pixels, such as 40000000 or 40M".to_owned())
+}
 
 /// What to do.
 #[derive(Debug, Subcommand)]
@@ -70,6 +95,8 @@ pub(crate) enum Command {
     Bench(bench::BenchArgs),
     /// Remove the channels of a model that matter least
     Prune(prune::PruneArgs),
+    /// Put the parts of a job together that --shard divided
+    Merge(merge::MergeArgs),
     /// Show what a model is made of and what it costs
     Info(info::InfoArgs),
     /// Measure a model on several data sets, and put the figures into documents
@@ -121,6 +148,7 @@ impl Command {
             Self::Info(args) => info::run(&args, printer),
             Self::Completions(args) => completions::run(&args, printer),
             Self::Man(args) => man::run(&args, printer),
+            Self::Merge(args) => merge::run(&args, printer),
             Self::Measure(args) => measure::run(&args, printer),
             Self::Experiment(args) => experiment::run(&args, printer),
         }

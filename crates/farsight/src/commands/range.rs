@@ -3,6 +3,7 @@
 mod answers;
 mod format;
 mod job;
+mod part;
 #[cfg(test)]
 mod tests;
 
@@ -10,18 +11,20 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight::{Lens, RangeKind};
+use farsight::{Lens, Pipeline, RangeKind};
 
 use super::Outcome;
 use crate::camera_args::CameraArgs;
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
+use crate::recording_file::RecordingArgs;
+use crate::shard::ShardArgs;
 use format::Format;
 use job::Job;
 
 /// Arguments of `farsight range`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct RangeArgs {
     /// Images (PNG, JPEG, WebP, BMP, TIFF, GIF, PPM), folders of images, patterns such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
@@ -39,11 +42,13 @@ pub(crate) struct RangeArgs {
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Go on with an interrupted run: images whose answers are in --json FILE, --out and --kitti, as far as these are named, are left as they are
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["shard", "mcap", "rerun"])]
     resume: bool,
     /// Write KITTI result files to DIR/IMAGE.txt, empty where nothing is found
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: RecordingArgs,
     /// Which distance to give
     #[arg(long, value_enum, default_value_t = RangeName::Depth)]
     range: RangeName,
@@ -60,9 +65,11 @@ pub(crate) struct RangeArgs {
         help_heading = "Camera (photos with EXIF data and images in KITTI's layout bring their own)"
     )]
     lens: Option<Lens>,
-    // Last, because its help heading would go on to what follows.
+    // Last, because their help headings would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
+    #[command(flatten)]
+    shard: ShardArgs,
 }
 
 impl RangeArgs {
@@ -76,11 +83,13 @@ impl RangeArgs {
             format: None,
             resume: false,
             kitti: None,
+            recordings: RecordingArgs::default(),
             range: RangeName::Depth,
             min_score: None,
             strict: false,
             lens: None,
             camera: CameraArgs::default(),
+            shard: ShardArgs::default(),
         }
     }
 }
@@ -102,6 +111,13 @@ impl RangeArgs {
     /// The file for all answers.
     fn json_file(&self) -> Option<&Path> {
         self.json.as_deref().filter(|path| *path != Path::new("-"))
+    }
+
+    /// What looks at the images.
+    fn open(&self, printer: &mut Printer) -> Result<Pipeline> {
+        let builder = self.pipeline.builder_for(&self.camera, printer)?.range(self.range.kind());
+        let builder = self.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
+        pipeline_args::open_and_tell(&builder, printer)
     }
 
     fn check_resume(&self) -> Result<()> {
@@ -150,11 +166,16 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     if found.images.is_empty() {
         bail!("no image to look at");
     }
+    if args.shard.asked().is_some() {
+        return part::run(args, found, printer);
+    }
     let job = Job::new(args, found.images, printer)?;
-    let builder = args.pipeline.builder_for(&args.camera, printer)?.range(args.range.kind());
-    let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
-    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
-    let failed = found.problems.len() + job.run(&pipeline, printer)?;
+    let pipeline = args.open(printer)?;
+    let failed = found.problems.len() + job.run(&pipeline, printer)?.len();
     pipeline_args::tell_doubt(&pipeline, printer);
-    Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
+    Ok(outcome(failed))
+}
+
+fn outcome(failed: usize) -> Outcome {
+    if failed > 0 { Outcome::Told } else { Outcome::Done }
 }

@@ -148,7 +148,7 @@ fn measured(
     printer: &mut Printer,
 ) -> Result<Row> {
     let results = tempfile::tempdir_in(scratch).context("no folder for the results")?;
-    let ids = write_results_of(pipeline, &**dataset, results.path(), printer)?;
+    let ids = write_results_of(pipeline, &**dataset, 0..dataset.len(), results.path(), printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(failed == 0, "{}: {} failed", dataset.name(), counted(failed, "frame"));
     let files = FrameFiles::open(LabelSource::from(dataset), results.path(), Some(ids))?.with_any_classes();

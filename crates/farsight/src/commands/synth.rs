@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -25,6 +26,8 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use crate::printer::{Printer, counted, progress_bar};
+use crate::shard::manifest::{Join, Run};
+use crate::shard::{Part, ShardArgs, check_relative};
 
 /// Arguments of `farsight synth`.
 #[derive(Debug, Args)]
@@ -61,8 +64,10 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "N", requires = "sequence", value_parser = fps_from_text, allow_negative_numbers = true)]
     fps: Option<f64>,
     /// Go on with an interrupted data set: frames that are there stay; all other options must be as they were
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shard")]
     resume: bool,
+    #[command(flatten)]
+    shard: ShardArgs,
 }
 
 impl SynthArgs {
@@ -81,6 +86,7 @@ impl SynthArgs {
             sequence: None,
             fps: None,
             resume: true,
+            shard: ShardArgs::default(),
         }
     }
 }
@@ -113,8 +119,42 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     }
     let source = Source::new(args)?;
     let ids = source.ids();
-    let folder = Folder::new(args, &source)?;
-    let todo: Vec<(usize, &String)> = ids.iter().enumerate().filter(|(_, id)| !folder.has(id)).collect();
+    if args.shard.asked().is_some() {
+        return run_part(args, &source, &ids, printer);
+    }
+    let folder = Folder::new(&args.out, args, &source)?;
+    render(&folder, &source, &ids, 0..ids.len(), printer)?;
+    printer.status(&format!("{} in {}", counted(ids.len(), "rendered frame"), args.out.display()));
+    Ok(Outcome::Done)
+}
+
+/// Renders the part that is asked for.
+fn run_part(args: &SynthArgs, source: &Source, ids: &[String], printer: &mut Printer) -> Result<Outcome> {
+    let Some(asked @ (shard, _)) = args.shard.asked() else { return Ok(Outcome::Done) };
+    check_relative("--out", &args.out)?;
+    let shared: Vec<PathBuf> = args.world.iter().chain(&args.split).cloned().collect();
+    let run = Run::new(ids, &shared, None, shard.count);
+    let Some(part) = Part::begin(asked, run, ids, |item| source.files(&ids[item]))? else {
+        printer.note(&format!("part {shard} is there already"));
+        return Ok(Outcome::Done);
+    };
+    let folder = Folder::new(&part.output(&args.out)?, args, source)?;
+    let block = part.block();
+    render(&folder, source, ids, block.clone(), printer)?;
+    part.finish(Vec::new(), |path| match path.extension().and_then(OsStr::to_str) {
+        Some("txt") if path.parent().is_some_and(|folder| folder.ends_with("ImageSets")) => Join::Lines,
+        Some("json") if path.ends_with(PLAN_FILE) => Join::Same,
+        _ => Join::Own,
+    })?;
+    printer.status(&format!("part {shard}: {}", counted(block.len(), "rendered frame")));
+    Ok(Outcome::Done)
+}
+
+/// Renders the frames of `block` that are not there yet, and lists those of the block.
+fn render(folder: &Folder, source: &Source, ids: &[String], block: Range<usize>, printer: &mut Printer) -> Result<()> {
+    let todo: Vec<(usize, &String)> =
+        block.clone().map(|index| (index, &ids[index])).filter(|(_, id)| !folder.has(id)).collect();
+    let ids = &ids[block.clone()];
     if todo.len() < ids.len() {
         printer.note(&format!("{} there already (--resume)", counted(ids.len() - todo.len(), "frame")));
     }
@@ -133,9 +173,7 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(error) = failure.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
         return Err(error);
     }
-    folder.write_splits(&ids, &source)?;
-    printer.status(&format!("{} in {}", counted(ids.len(), "rendered frame"), args.out.display()));
-    Ok(Outcome::Done)
+    folder.write_splits(block.zip(ids), source)
 }
 
 /// Where the frames come from.
@@ -170,6 +208,16 @@ impl Source {
             }
         };
         json!({"farsight": program, "seed": seed, "jpeg": jpeg, "source": source})
+    }
+
+    /// The files that the frame `id` is made from.
+    fn files(&self, id: &str) -> Vec<PathBuf> {
+        match self {
+            Self::Stream { .. } => Vec::new(),
+            Self::Layout { labels, calibrations, .. } => {
+                [labels, calibrations].map(|folder| folder.join(format!("{id}.txt"))).to_vec()
+            }
+        }
     }
 
     fn ids(&self) -> Vec<String> {
@@ -305,8 +353,7 @@ struct Folder {
 }
 
 impl Folder {
-    fn new(args: &SynthArgs, source: &Source) -> Result<Self> {
-        let root = args.out.as_path();
+    fn new(root: &Path, args: &SynthArgs, source: &Source) -> Result<Self> {
         let folders: Vec<PathBuf> = folders().map(|name| root.join(name)).collect();
         let is_there = folders.iter().any(|folder| folder.exists());
         let plan = source.plan(args);
@@ -348,9 +395,11 @@ impl Folder {
     }
 
     /// Written last: a data set without a split was interrupted. Each region has a split of its own beside that of all.
-    fn write_splits(&self, ids: &[String], source: &Source) -> Result<()> {
+    fn write_splits<'a>(&self, frames: impl Iterator<Item = (usize, &'a String)>, source: &Source) -> Result<()> {
         let mut of_regions: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-        for (index, id) in ids.iter().enumerate() {
+        let mut ids = Vec::new();
+        for (index, id) in frames {
+            ids.push(id);
             if let Some(region) = source.region_split(index, id) {
                 of_regions.entry(region).or_default().push(id);
             }
@@ -358,7 +407,7 @@ impl Folder {
         for (region, ids) in of_regions {
             self.write_split(region, &ids)?;
         }
-        self.write_split("train", ids)
+        self.write_split("train", &ids)
     }
 
     fn write_split<S: AsRef<str>>(&self, name: &str, ids: &[S]) -> Result<()> {

@@ -1,6 +1,7 @@
 //! `farsight track`: follows what is in a video.
 
 mod film;
+mod part;
 mod scratch;
 mod sinks;
 
@@ -8,10 +9,10 @@ use std::path::PathBuf;
 
 use anyhow::{Error, Result, bail, ensure};
 use clap::Args;
-use farsight::TrackerOptions;
 use farsight::video::{
     EgoFile, Followed, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score,
 };
+use farsight::{Pipeline, TrackerOptions};
 use indicatif::ProgressBar;
 
 use super::Outcome;
@@ -19,10 +20,12 @@ use crate::camera_args::{CameraArgs, with_hint};
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted, progress_bar};
+use crate::recording_file::RecordingArgs;
+use crate::shard::ShardArgs;
 use sinks::Sinks;
 
 /// Arguments of `farsight track`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct TrackArgs {
     /// A video file, an address (rtsp, http) or a camera device, read by ffmpeg; or the frames as images: a folder, files, a pattern such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
@@ -47,6 +50,8 @@ pub(crate) struct TrackArgs {
     /// Write rows in the format of KITTI's tracking benchmark to FILE
     #[arg(long, value_name = "FILE")]
     kitti_tracking: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: RecordingArgs,
     /// Write annotated frames to the folder DIR (PNG), or a film to FILE (.mp4, .mkv, .mov, .avi, .webm; by ffmpeg)
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
@@ -57,7 +62,7 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "FILE|DIR")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shard")]
     realtime: bool,
     /// The ffmpeg program
     #[arg(long, value_name = "FILE", default_value = "ffmpeg")]
@@ -65,9 +70,11 @@ pub(crate) struct TrackArgs {
     /// A detection of this score begins a track; lower ones may continue one [default: 0.25, or 0.5 for a model whose scores are probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
-    // Last, because its help heading would go on to what follows.
+    // Last, because their help headings would go on to what follows.
     #[command(flatten)]
     camera: CameraArgs,
+    #[command(flatten)]
+    shard: ShardArgs,
 }
 
 /// The default of the score that begins a track, where it must be known before the model is.
@@ -97,13 +104,26 @@ fn score(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
+    if args.shard.asked().is_some() {
+        return part::run(args, printer);
+    }
+    follow(args, None, printer)
+}
+
+/// What looks at the frames.
+fn open(args: &TrackArgs, printer: &mut Printer) -> Result<Pipeline> {
+    let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
+    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(low), printer)
+}
+
+/// Follows what is in one video, with a pipeline that is open or opens now.
+fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) -> Result<Outcome> {
     let source = source(args, printer)?;
     let cameras = args.camera.source(source.images())?;
     let ego = args.ego.as_deref().map(EgoFile::read).transpose()?;
     let mut sinks = Sinks::check(args, &source)?;
+    let pipeline = pipeline.map_or_else(|| open(args, printer), |pipeline| Ok(pipeline.clone()))?;
     let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
-    let builder = args.pipeline.builder(printer)?.min_score(low);
-    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
     let birth_score = args.min_score.unwrap_or_else(|| pipeline.default_min_score());
     let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
     if ego.is_none() {

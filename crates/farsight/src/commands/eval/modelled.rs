@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -101,32 +102,49 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
-    let min_score = args.min_score.unwrap_or(MIN_SCORE);
-    let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(min_score), printer)?;
-    let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
+    let pipeline = open(args, printer)?;
+    let ids = write_results_of(&pipeline, &*dataset, 0..dataset.len(), &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
     printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
+    Ok(Files { _folder: folder, ..looked_at_already(args, dataset, results, ids) })
+}
+
+/// What looks at the images.
+pub(super) fn open(args: &EvalArgs, printer: &mut Printer) -> Result<Pipeline> {
+    let min_score = args.min_score.unwrap_or(MIN_SCORE);
+    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(min_score), printer)
+}
+
+/// The model's `results` of the frames `ids` of a data set; the others failed.
+pub(super) fn looked_at_already(
+    args: &EvalArgs,
+    dataset: Arc<dyn Dataset>,
+    results: PathBuf,
+    ids: Vec<String>,
+) -> Files {
     let labels = LabelSource::from(&dataset);
+    let failed = dataset.len() - ids.len();
     let cameras = if let Some(folder) = &args.calib {
         Cameras::Folder(folder.clone())
     } else {
         let indices = dataset.ids().into_iter().zip(0..).collect();
         Cameras::Dataset(dataset, indices)
     };
-    Ok(Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: folder })
+    Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: None }
 }
 
-/// Writes a result file for each frame of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
+/// Writes a result file for each frame of `block` of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
     pipeline: &Pipeline,
     dataset: &dyn Dataset,
+    block: Range<usize>,
     results: &Path,
     printer: &mut Printer,
 ) -> Result<Vec<String>> {
-    let bar = progress_bar(dataset.len());
+    let bar = progress_bar(block.len());
     let (mut done, mut failed, mut unwritten) = (Vec::new(), 0, 0);
-    for (index, id) in dataset.ids().into_iter().enumerate() {
+    for (index, id) in dataset.ids().into_iter().enumerate().filter(|(index, _)| block.contains(index)) {
         let path = results.join(format!("{id}.txt"));
         match looked_at(pipeline, dataset, index) {
             Ok(detections) => match write_results(&path, &detections) {

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use farsight::json::{ImageRecord, ModelRecord};
 use farsight_files::write_atomically;
-use serde_json::value::RawValue;
+
+use crate::json_array::{elements_of, write_array};
 
 /// Answers by the paths of their images.
 pub(super) type Answered = HashMap<String, Answer>;
@@ -80,13 +81,7 @@ impl AnswerFile {
         let places: HashMap<String, usize> =
             images.iter().enumerate().map(|(place, image)| (shown(image), place + 1)).collect();
         self.answers.sort_by_key(|answer| places.get(&answer.image).copied().unwrap_or(0));
-        write_atomically(&self.path, |out| {
-            for (place, answer) in self.answers.iter().enumerate() {
-                out.write_all(if place == 0 { b"[\n" } else { b",\n" })?;
-                out.write_all(indented(&answer.json).as_bytes())?;
-            }
-            out.write_all(b"\n]\n")
-        })?;
+        write_atomically(&self.path, |out| write_array(out, self.answers.iter().map(|answer| answer.json.as_str())))?;
         self.discard();
         Ok(())
     }
@@ -131,11 +126,6 @@ fn one_line(json: &str) -> String {
     json.lines().map(str::trim_start).collect::<String>() + "\n"
 }
 
-/// JSON as it stands within an array.
-pub(super) fn indented(json: &str) -> String {
-    format!("  {}", json.replace('\n', "\n  "))
-}
-
 fn unwritable(path: &Path) -> String {
     format!("{}: cannot be written", path.display())
 }
@@ -150,11 +140,8 @@ fn read(path: &Path) -> Result<Vec<(ImageRecord, String)>> {
     };
     if text.trim_start().starts_with('[') {
         let failed = || format!("{}: no answers of `farsight range`", path.display());
-        let elements: Vec<&RawValue> = serde_json::from_str(&text).with_context(failed)?;
-        let record = |element: &RawValue| {
-            let record = serde_json::from_str(element.get()).with_context(failed)?;
-            Ok((record, element.get().replace("\n  ", "\n")))
-        };
+        let elements = elements_of(text.as_bytes()).with_context(failed)?;
+        let record = |element: String| Ok((serde_json::from_str(&element).with_context(failed)?, element));
         return elements.into_iter().map(record).collect();
     }
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);

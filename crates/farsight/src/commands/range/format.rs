@@ -5,7 +5,7 @@ use clap::ValueEnum;
 use farsight::DetectedObject;
 use farsight::json::ImageRecord;
 
-use super::answers::indented;
+use crate::json_array::indented;
 use crate::printer::Printer;
 use crate::range_table::RangeTable;
 

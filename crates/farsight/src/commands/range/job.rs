@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,12 +12,13 @@ use farsight::camera_source::file_stem;
 use farsight::json::{ImageRecord, ModelRecord};
 use farsight::object::detections;
 use farsight::{
-    Camera, CameraSource, DetectedObject, ImageLimits, LensError, Pipeline, Undistorter, UnfamiliarCamera, draw,
-    draw_through_lens, load_image,
+    Camera, CameraSource, DetectedObject, ImageLimits, LensError, LoadedImage, Pipeline, Undistorter, UnfamiliarCamera,
+    draw, draw_through_lens, load_image,
 };
 use farsight_data::ImageWarning;
 use farsight_data::kitti::write_results;
 use farsight_files::write_atomically;
+use farsight_recordings::{Found, Moment};
 use farsight_viz::picture_divisor;
 use image::RgbImage;
 use image::codecs::png::PngEncoder;
@@ -30,12 +32,15 @@ use crate::inputs::identity;
 use crate::names::output_names;
 use crate::outputs;
 use crate::printer::{Printer, counted, progress_bar};
+use crate::recording_file::{RecordingArgs, Recordings};
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
 
 /// What came of one image.
 struct Looked {
+    image: RgbImage,
+    camera: Camera,
     record: ImageRecord,
     objects: Vec<DetectedObject>,
     /// A camera that the model does not know.
@@ -56,6 +61,8 @@ pub(super) struct Job<'a> {
     names: Vec<String>,
     cameras: CameraSource,
     format: Format,
+    /// The images to look at, where others look at the rest.
+    block: Option<Range<usize>>,
     /// Of the latest camera with a lens.
     undistorter: Mutex<Option<Arc<Undistorter>>>,
 }
@@ -68,13 +75,19 @@ impl<'a> Job<'a> {
             printer.note("cameras from the calibration files of KITTI's layout (folder calib beside image_2)");
         }
         let names = output_names(&images);
-        let job = Self { args, images, names, cameras, format: args.format()?, undistorter: Mutex::default() };
+        let format = args.format()?;
+        let job = Self { args, images, names, cameras, format, block: None, undistorter: Mutex::default() };
         let inputs: Vec<PathBuf> = job.images.iter().map(|image| identity(image)).collect();
         job.check_folders(&inputs)?;
         job.check_json(&inputs)?;
         job.check_names(&inputs, printer)?;
         [&args.out, &args.kitti].into_iter().flatten().try_for_each(|folder| outputs::make_folder(folder))?;
         Ok(job)
+    }
+
+    /// Looks at these of the images only, and may find that none of them can be done.
+    pub(super) fn only(self, block: Range<usize>) -> Self {
+        Self { block: Some(block), ..self }
     }
 
     /// No labels, calibrations or images become results.
@@ -120,24 +133,28 @@ impl<'a> Job<'a> {
 
     /// Whether anything is left of the work when nobody reads what is printed.
     fn writes_files(&self) -> bool {
-        self.args.json_file().is_some() || self.args.out.is_some() || self.args.kitti.is_some()
+        let RangeArgs { out, kitti, recordings: RecordingArgs { mcap, rerun }, .. } = self.args;
+        self.args.json_file().is_some() || [out, kitti, mcap, rerun].into_iter().any(Option::is_some)
     }
 
-    /// Looks at every image and returns how many failed.
+    /// Looks at every image and returns those that failed.
     ///
     /// An error when none could be done, or an output could not be written; the others are done before.
-    pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<usize> {
+    pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<Vec<String>> {
         let mut left = self.left_by_earlier_run(pipeline)?;
-        let todo: Vec<bool> =
-            self.images.iter().zip(&self.names).map(|(image, name)| !self.is_done(image, name, &left)).collect();
-        let skipped = todo.iter().filter(|todo| !**todo).count();
+        let block = self.block.clone().unwrap_or(0..self.images.len());
+        let is_done: Vec<bool> =
+            self.images.iter().zip(&self.names).map(|(image, name)| self.is_done(image, name, &left)).collect();
+        let todo: Vec<bool> = is_done.iter().zip(0..).map(|(done, place)| !done && block.contains(&place)).collect();
+        let skipped = is_done.iter().filter(|done| **done).count();
         if skipped > 0 {
             printer.note(&format!("{} left out, whose answers are there (--resume)", counted(skipped, "image")));
         }
         let mut file = self.begin_file(&mut left, &todo)?;
+        let mut recordings = self.begin_recordings()?;
         let mut answers = Answers::new(self.format, &self.names);
-        let bar =
-            if todo.len() - skipped < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(todo.len() - skipped) };
+        let count = todo.iter().filter(|todo| **todo).count();
+        let bar = if count < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(count) };
         let mut tally = Tally { skipped, ..Tally::default() };
         for ((image, name), _) in self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo) {
             let looked = self.image(image, name, pipeline);
@@ -145,6 +162,11 @@ impl<'a> Job<'a> {
                 Ok(looked) => {
                     Self::tell(&looked, image, &mut tally, printer);
                     answers.print(name, &looked.objects, &looked.record, printer)?;
+                    if let Err(error) = record(&mut recordings, &looked, tally.done) {
+                        printer.failure(&error);
+                        tally.unwritten += 1;
+                        recordings = Recordings::default();
+                    }
                     tally.done += 1;
                     // The other outputs of this image and the next ones are still made.
                     if let Some(Err(error)) = file.as_mut().map(|file| file.add(looked.record)) {
@@ -155,7 +177,7 @@ impl<'a> Job<'a> {
                     anyhow::Ok(())
                 }
                 Err(error) => {
-                    tally.failed += 1;
+                    tally.failed.push(shown(image));
                     printer.failure(&error);
                     [self.picture_path(name), self.rows_path(name)]
                         .into_iter()
@@ -176,7 +198,14 @@ impl<'a> Job<'a> {
         if tally.done > 0 {
             answers.finish(printer);
         }
-        self.finish(file, &tally, printer)
+        self.finish(file, &tally, printer)?;
+        recordings.finish()?;
+        Ok(tally.failed)
+    }
+
+    fn begin_recordings(&self) -> Result<Recordings> {
+        let RangeArgs { recordings, camera, pipeline, .. } = self.args;
+        Recordings::begin(recordings, self.images.iter().chain(&camera.calib).cloned().chain(pipeline.files()))
     }
 
     /// The answers of an earlier run, where this one goes on with it.
@@ -231,9 +260,10 @@ impl<'a> Job<'a> {
         tally.found += looked.objects.len();
     }
 
-    fn finish(&self, file: Option<AnswerFile>, tally: &Tally, printer: &mut Printer) -> Result<usize> {
-        let Tally { done, found, failed, unwritten, skipped, .. } = *tally;
-        if done + skipped == 0 {
+    fn finish(&self, file: Option<AnswerFile>, tally: &Tally, printer: &mut Printer) -> Result<()> {
+        let Tally { done, found, unwritten, skipped, .. } = *tally;
+        let failed = tally.failed.len();
+        if done + skipped == 0 && self.block.is_none() {
             file.into_iter().for_each(AnswerFile::discard);
             bail!("nothing was done: {} failed", counted(failed, "image"));
         }
@@ -243,7 +273,7 @@ impl<'a> Job<'a> {
         let failures = if failed > 0 { format!("; {} failed", counted(failed, "image")) } else { String::new() };
         printer.status(&format!("{} found in {}{failures}", counted(found, "object"), counted(done, "image")));
         ensure!(unwritten == 0, "{} could not be written", counted(unwritten, "output"));
-        Ok(failed)
+        Ok(())
     }
 
     /// Looks at one image and writes its files.
@@ -277,7 +307,10 @@ impl<'a> Job<'a> {
         let record = record.with_camera_origin(self.cameras.origin(path));
         let record = if let Some(lens) = self.args.lens { record.with_lens(lens) } else { record };
         let unfamiliar = pipeline.unfamiliar(size, &camera);
-        Ok(Looked { record, objects, unfamiliar, warnings: loaded.warnings, notes, unwritten })
+        let LoadedImage { pixels: image, warnings, .. } = loaded;
+        // Recordings tell of a pinhole.
+        let image = undistorter.and_then(|undistorter| undistorter.undistorted(&image)).unwrap_or(image);
+        Ok(Looked { image, camera, record, objects, unfamiliar, warnings, notes, unwritten })
     }
 
     /// What makes a pinhole's image of one of this camera and size, where there is a lens. One camera's images share it.
@@ -309,6 +342,15 @@ impl<'a> Job<'a> {
     }
 }
 
+/// Records image number `place`, at a second each.
+fn record(recordings: &mut Recordings, looked: &Looked, place: usize) -> Result<()> {
+    if recordings.is_empty() {
+        return Ok(());
+    }
+    let found = Found::from_detections(&detections(&looked.objects));
+    recordings.add(&Moment { time_s: place as f64, image: &looked.image, camera: &looked.camera, found: &found })
+}
+
 /// What is counted over all images.
 #[derive(Default)]
 struct Tally {
@@ -316,7 +358,8 @@ struct Tally {
     /// Images whose answers were there.
     skipped: usize,
     found: usize,
-    failed: usize,
+    /// Images that failed.
+    failed: Vec<String>,
     unwritten: usize,
     /// Images for each warning about their cameras.
     warnings: BTreeMap<String, usize>,

@@ -105,7 +105,7 @@ fn run(arguments: &[&Path], mut printer: Printer) -> anyhow::Result<usize> {
     let detector = SmokeDetector::new(Box::new(OneCar::new()), &SmokeConfig::default(), None);
     let pipeline = Pipeline::builder().open_with(Box::new(detector)).unwrap();
     let job = Job::new(&args, inputs::find(&args.inputs).images, &mut printer)?;
-    job.run(&pipeline, &mut printer)
+    job.run(&pipeline, &mut printer).map(|failed| failed.len())
 }
 
 fn image_file(path: PathBuf) -> PathBuf {
@@ -300,6 +300,24 @@ fn lines_are_handed_on_image_by_image() {
     let seen: Vec<usize> = out.1.borrow().iter().map(|text| text.matches('\n').count()).collect();
     assert_eq!(seen, [1, 2]);
     assert!(out.0.text().lines().all(|line| line.starts_with("{\"image\":")), "{}", out.0.text());
+}
+
+#[test]
+fn a_recording_appears_when_it_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let image = image_file(at("1.png"));
+    assert_eq!(range(&[&image, Path::new("--mcap"), &at("a.mcap")]).result.unwrap(), 0);
+    let bytes = fs::read(at("a.mcap")).unwrap();
+    // The format's mark at both ends.
+    assert!(bytes.starts_with(b"\x89MCAP0\r\n") && bytes.ends_with(b"\x89MCAP0\r\n"));
+    let answer = range(&[&image, Path::new("--mcap"), &image]);
+    assert!(answer.result.unwrap_err().to_string().contains("1.png: an input; expected another file"));
+    if cfg!(not(feature = "rerun")) {
+        let told = format!("{:#}", range(&[&image, Path::new("--rerun"), &at("a.rrd")]).result.unwrap_err());
+        assert!(told.contains("a.rrd: cannot be written: this build has no rerun; expected one with it"), "{told}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]

@@ -50,7 +50,8 @@ impl Video for Source {
     fn open(&self) -> Result<SeenFrames, VideoFailure> {
         let mut tracker = VideoTracker::new(self.pipeline.clone(), self.camera.clone());
         // Of a film every frame is looked at; a camera does not wait.
-        let options = VideoOptions { ffmpeg: self.ffmpeg.clone(), realtime: is_live(&self.input) };
+        let options =
+            VideoOptions { ffmpeg: self.ffmpeg.clone(), realtime: is_live(&self.input), ..VideoOptions::default() };
         let frames = VideoSource::open(&self.input, None)?.frames(&options)?;
         Ok(Box::new(frames.map(move |frame| {
             let frame = frame?;

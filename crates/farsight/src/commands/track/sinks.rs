@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use farsight::RgbImage;
-use farsight::draw::draw_tracks;
+use farsight::draw::{draw_tracks, track_words};
 use farsight::json::{FrameRecord, TrackRecord};
 use farsight::video::{EventFinder, Followed, VideoFrame, VideoSource};
 use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
 use farsight_files::write_atomically;
+use farsight_recordings::{Found, Moment};
 use image::codecs::png::PngEncoder;
 use tempfile::NamedTempFile;
 
@@ -24,6 +25,7 @@ use super::scratch::{scratch_beside, unwritable};
 use crate::inputs::identity;
 use crate::outputs;
 use crate::printer::Printer;
+use crate::recording_file::Recordings;
 
 /// The outputs of one call.
 pub(super) struct Sinks {
@@ -32,6 +34,7 @@ pub(super) struct Sinks {
     events: Option<(PathBuf, EventFinder, Option<File>)>,
     tracks: Option<PathBuf>,
     kitti: Option<(PathBuf, NamedTempFile)>,
+    recordings: Recordings,
     pictures: Option<Pictures>,
     summary: BTreeMap<u64, Summary>,
 }
@@ -106,7 +109,9 @@ impl Sinks {
             outputs::make_folder(out)?;
             Ok::<_, anyhow::Error>(Pictures::Folder(out.clone()))
         });
+        let recordings = Recordings::begin(&args.recordings, inputs())?;
         Ok(Self {
+            recordings,
             json: json.map(|json| (json, None)),
             prints_json,
             events: events.as_ref().map(|path| (path.clone(), EventFinder::new(*ttc_limit), None)),
@@ -124,6 +129,7 @@ impl Sinks {
             || self.tracks.is_some()
             || self.kitti.is_some()
             || self.pictures.is_some()
+            || !self.recordings.is_empty()
     }
 
     /// Writes a frame.
@@ -154,6 +160,11 @@ impl Sinks {
         for track in &record.tracks {
             Summary::add(&mut self.summary, record, track);
         }
+        if !self.recordings.is_empty() {
+            let found = found(followed);
+            let moment = Moment { time_s: record.time_s, image: &frame.image, camera: &followed.camera, found: &found };
+            self.recordings.add(&moment)?;
+        }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
                 let picture = drawn(frame, followed);
@@ -170,7 +181,8 @@ impl Sinks {
 
     /// Writes what comes at the end, and returns how many tracks there were.
     pub(super) fn finish(self, printer: &mut Printer) -> Result<usize> {
-        let Self { prints_json, tracks, kitti, pictures, summary, .. } = self;
+        let Self { prints_json, tracks, kitti, pictures, recordings, summary, .. } = self;
+        recordings.finish()?;
         if !prints_json {
             print_table(&summary, printer);
         }
@@ -297,6 +309,16 @@ fn kitti_rows(record: &FrameRecord, detections: &[Detection]) -> String {
         let _ = writeln!(text, "{} {} {row}", record.frame, track.id);
     }
     text
+}
+
+/// The tracks as recordings have them.
+fn found(followed: &Followed) -> Vec<Found> {
+    let found = |(track, detection): (&TrackRecord, Detection)| Found {
+        id: track.id.to_string(),
+        detection,
+        label: track_words(track),
+    };
+    followed.record.tracks.iter().zip(followed.detections()).map(found).collect()
 }
 
 /// The frame with its tracks.
