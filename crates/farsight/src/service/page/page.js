@@ -298,10 +298,10 @@ async function calibrate() {
     state.measured = answer;
     for (const id of ["corners-use", "corners-save"]) find(id).disabled = false;
     find("corners-use").disabled = state.isFilm;
-    const error = (sigma) => (sigma === null ? "" : ` ±${sigma.toFixed(1)}`);
+    const error = (sigma, digits) => (sigma === null ? "" : ` ±${sigma.toFixed(digits)}`);
     const down = `looks ${Math.abs(answer.pitch_deg).toFixed(1)}° ${answer.pitch_deg < 0 ? "up" : "down"}`;
-    const seen = `Field of view ${answer.hfov_deg.toFixed(1)}${error(answer.hfov_sigma_deg)}°`;
-    const above = `${answer.height_m.toFixed(1)}${error(answer.height_sigma_m)} m above the road`;
+    const seen = `Field of view ${answer.hfov_deg.toFixed(1)}${error(answer.hfov_sigma_deg, 1)}°`;
+    const above = `${answer.height_m.toFixed(2)}${error(answer.height_sigma_m, 2)} m above the road`;
     tellCorners(`${seen}, ${above}, ${down}; the corners are off by ${answer.residual_px.toFixed(1)} pixels.`);
   } catch (error) {
     tellCorners(failure(error), true);
