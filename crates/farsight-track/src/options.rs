@@ -41,7 +41,7 @@ impl Default for TrackerOptions {
             max_lost_s: 3.0,
             min_overlap: 0.2,
             gate_sigmas: 4.0,
-            acceleration_psd: 4.0,
+            acceleration_psd: 1.5,
             prior_speed_mps: [5.0, 10.0],
             noise: Noise::default(),
         }
