@@ -42,7 +42,7 @@ impl Pipeline {
         region: &str,
     ) -> PyResult<Self> {
         let options =
-            EngineOptions { kind: kind(engine)?, library: engine_path, threads, precision: numbers(precision)? };
+            EngineOptions { kind: kind(engine)?, library: engine_path, threads, precision: numbers(precision)?, side_by_side: None };
         if threads.is_some_and(|threads| !(1..=MOST_THREADS).contains(&threads)) {
             return Err(PyValueError::new_err(format!("threads: expected a number from 1 to {MOST_THREADS}")));
         }

@@ -38,6 +38,7 @@ pub struct PipelineBuilder {
     max_overlap: Option<f64>,
     range: RangeKind,
     timing: Timing,
+    images: Option<usize>,
 }
 
 impl Pipeline {
@@ -164,6 +165,13 @@ impl PipelineBuilder {
         Self { range, ..self }
     }
 
+    /// How many images there are, one by default: of many, neighbouring ones are best looked at side by side, by
+    /// [`Pipeline::side_by_side`] threads. The answers are the same.
+    #[must_use]
+    pub fn images(self, images: usize) -> Self {
+        Self { images: Some(images), ..self }
+    }
+
     /// Width and height of the network's input, pixels, whatever the model was made for: only the time is right then.
     #[must_use]
     pub fn input_size(mut self, size: [usize; 2]) -> Self {
@@ -185,7 +193,9 @@ impl PipelineBuilder {
     /// When a file is no such model, an engine is not there or fails, plates or road are asked for with a model without
     /// error bars, or a region with a refiner that knows none.
     pub fn open(&self) -> Result<Pipeline, Error> {
-        self.assembled(detector::open(&self.model, &self.engine, self.timing)?)
+        let engine = self.engine.clone().for_images(self.images.unwrap_or(1));
+        let chosen = Self { engine, ..self.clone() };
+        chosen.assembled(detector::open(&chosen.model, &chosen.engine, chosen.timing)?)
     }
 
     /// A pipeline around a detector of another making; refiner, plate reader and road are used where they are chosen.
@@ -236,6 +246,7 @@ impl PipelineBuilder {
             road: self.road.unwrap_or(usual_road),
             scale: scale.unwrap_or_default(),
             range: self.range,
+            side_by_side: self.engine.side_by_side.unwrap_or(1),
         };
         let made_for_shipped = [
             ("refiner", self.refiner == StageSource::Default),
@@ -251,6 +262,6 @@ impl PipelineBuilder {
         if kind == self.engine.kind {
             return self.engine.clone();
         }
-        EngineOptions { threads: self.engine.threads, ..EngineOptions::from(kind) }
+        EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
     }
 }

@@ -77,7 +77,7 @@ impl EngineOptions {
                     Precision::F32 => OpenvinoPrecision::F32,
                     Precision::Bf16 => OpenvinoPrecision::Bf16,
                 };
-                openvino::open(&library, network, threads, precision)
+                openvino::open(&library, network, threads, self.side_by_side.unwrap_or(1), precision)
                     .map_err(|source| Error::EngineLibrary { library, source })
             }
             EngineKind::Libtorch => Err(libtorch::no_onnx().into()),

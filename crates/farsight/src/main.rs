@@ -15,6 +15,7 @@ mod outputs;
 mod pipeline_args;
 mod printer;
 mod range_table;
+mod side_by_side;
 mod untrained;
 
 use std::process::ExitCode;

@@ -83,7 +83,7 @@ impl EngineArgs {
             PrecisionName::F32 => Precision::F32,
             PrecisionName::Bf16 => Precision::Bf16,
         };
-        Ok(EngineOptions { kind, library: self.engine_path.clone(), threads: self.threads, precision })
+        Ok(EngineOptions { kind, library: self.engine_path.clone(), threads: self.threads, precision, side_by_side: None })
     }
 
     /// Says so when there are more threads than cores: they are not started.

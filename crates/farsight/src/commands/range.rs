@@ -151,7 +151,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
         bail!("no image to look at");
     }
     let job = Job::new(args, found.images, printer)?;
-    let builder = args.pipeline.builder_for(&args.camera, printer)?.range(args.range.kind());
+    let builder = args.pipeline.builder_for(&args.camera, printer)?.range(args.range.kind()).images(job.image_count());
     let builder = args.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
     let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?;

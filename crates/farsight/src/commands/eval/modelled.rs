@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,6 +19,7 @@ use super::EvalArgs;
 use crate::outputs;
 use crate::pipeline_args;
 use crate::printer::{Printer, counted, progress_bar};
+use crate::side_by_side::in_order;
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(crate) const MIN_SCORE: f64 = 0.05;
@@ -102,7 +104,8 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         (folder.path().to_owned(), Some(folder))
     };
     let min_score = args.min_score.unwrap_or(MIN_SCORE);
-    let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(min_score), printer)?;
+    let builder = args.pipeline.builder(printer)?.min_score(min_score).images(dataset.len());
+    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
     let ids = write_results_of(&pipeline, &*dataset, &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
@@ -126,11 +129,13 @@ pub(in crate::commands) fn write_results_of(
 ) -> Result<Vec<String>> {
     let bar = progress_bar(dataset.len());
     let (mut done, mut failed, mut unwritten) = (Vec::new(), 0, 0);
-    for (index, id) in dataset.ids().into_iter().enumerate() {
+    let frames: Vec<(usize, String)> = dataset.ids().into_iter().enumerate().collect();
+    let look = |(index, _): &(usize, String)| looked_at(pipeline, dataset, *index);
+    in_order(&frames, pipeline.side_by_side(), look, |(_, id), looked| {
         let path = results.join(format!("{id}.txt"));
-        match looked_at(pipeline, dataset, index) {
+        match looked {
             Ok(detections) => match write_results(&path, &detections) {
-                Ok(()) => done.push(id),
+                Ok(()) => done.push(id.clone()),
                 Err(error) => {
                     unwritten += 1;
                     if unwritten <= TOLD_FAILURES {
@@ -150,7 +155,8 @@ pub(in crate::commands) fn write_results_of(
             }
         }
         bar.inc(1);
-    }
+        anyhow::Ok(ControlFlow::Continue(()))
+    })?;
     bar.finish_and_clear();
     if failed > TOLD_FAILURES {
         printer.error(&format!("{} failed", counted(failed - TOLD_FAILURES, "more frame")));

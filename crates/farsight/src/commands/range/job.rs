@@ -1,8 +1,9 @@
-//! The images of one call, one after the other; what fails is told and the others are still done.
+//! The images of one call, told one after the other; what fails is told and the others are still done.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,6 +31,7 @@ use crate::inputs::identity;
 use crate::names::output_names;
 use crate::outputs;
 use crate::printer::{Printer, counted, progress_bar};
+use crate::side_by_side::in_order;
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
@@ -75,6 +77,11 @@ impl<'a> Job<'a> {
         job.check_names(&inputs, printer)?;
         [&args.out, &args.kitti].into_iter().flatten().try_for_each(|folder| outputs::make_folder(folder))?;
         Ok(job)
+    }
+
+    /// How many images there are.
+    pub(super) fn image_count(&self) -> usize {
+        self.images.len()
     }
 
     /// No labels, calibrations or images become results.
@@ -123,7 +130,7 @@ impl<'a> Job<'a> {
         self.args.json_file().is_some() || self.args.out.is_some() || self.args.kitti.is_some()
     }
 
-    /// Looks at every image and returns how many failed.
+    /// Looks at every image, neighbouring ones side by side, and returns how many failed.
     ///
     /// An error when none could be done, or an output could not be written; the others are done before.
     pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<usize> {
@@ -139,8 +146,9 @@ impl<'a> Job<'a> {
         let bar =
             if todo.len() - skipped < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(todo.len() - skipped) };
         let mut tally = Tally { skipped, ..Tally::default() };
-        for ((image, name), _) in self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo) {
-            let looked = self.image(image, name, pipeline);
+        let todo: Vec<_> = self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo).collect();
+        let look = |((image, name), _): &((&PathBuf, &String), _)| self.image(image, name, pipeline);
+        in_order(&todo, pipeline.side_by_side(), look, |((image, name), _), looked| {
             bar.suspend(|| match looked {
                 Ok(looked) => {
                     Self::tell(&looked, image, &mut tally, printer);
@@ -165,10 +173,9 @@ impl<'a> Job<'a> {
                 }
             })?;
             bar.inc(1);
-            if printer.reader_is_gone() && !self.writes_files() {
-                break;
-            }
-        }
+            let is_in_vain = printer.reader_is_gone() && !self.writes_files();
+            anyhow::Ok(if is_in_vain { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })?;
         bar.finish_and_clear();
         for (warning, images) in &tally.warnings {
             printer.warning(&format!("{warning} ({})", counted(*images, "image")));
