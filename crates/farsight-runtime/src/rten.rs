@@ -112,7 +112,8 @@ impl Runner for RtenRunner {
     fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
         let Self { model, nodes, inputs, outputs, threads, pool: _ } = self;
         let (inputs, outputs) = (inputs.clone(), outputs.clone());
-        let shared = Self { model: model.clone(), nodes: nodes.clone(), inputs, outputs, threads: *threads, pool: None };
+        let shared =
+            Self { model: model.clone(), nodes: nodes.clone(), inputs, outputs, threads: *threads, pool: None };
         Ok(Box::new(shared))
     }
 }

@@ -6,6 +6,7 @@ use farsight_core::Region;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_methods::Detector;
+use farsight_methods::refiner::Effort;
 
 use crate::detector::{self, OpenDetector, Timing};
 use crate::object::RangeKind;
@@ -39,6 +40,7 @@ pub struct PipelineBuilder {
     range: RangeKind,
     timing: Timing,
     images: Option<usize>,
+    effort: Effort,
 }
 
 impl Pipeline {
@@ -116,6 +118,12 @@ impl PipelineBuilder {
     #[must_use]
     pub fn refiner(self, refiner: StageSource) -> Self {
         Self { refiner, ..self }
+    }
+
+    /// How much the refiner does for each object; [`Effort::Normal`] by default.
+    #[must_use]
+    pub fn effort(self, effort: Effort) -> Self {
+        Self { effort, ..self }
     }
 
     /// What measures vehicles by their number plates.
@@ -224,7 +232,9 @@ impl PipelineBuilder {
         };
         let stages = Stages {
             detector: opened.detector,
-            refiner: refiner.map(|model| second_stage::refiner(&model, &second)).transpose()?,
+            refiner: refiner
+                .map(|model| Ok::<_, Error>(second_stage::refiner(&model, &second)?.with_effort(self.effort)))
+                .transpose()?,
             plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
             height_doubts: Vec::new(),
         };

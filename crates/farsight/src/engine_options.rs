@@ -69,6 +69,8 @@ pub enum Precision {
     F32,
     /// bfloat16 where the CPU has it: faster, two to three digits. Only OpenVINO has it.
     Bf16,
+    /// Convolutions in 8 bits, with the ranges that model files keep. ONNX Runtime and OpenVINO have it.
+    Int8,
 }
 
 /// Which engine, and how it is to run.

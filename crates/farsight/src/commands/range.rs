@@ -3,6 +3,7 @@
 mod answers;
 mod format;
 mod job;
+mod picture;
 #[cfg(test)]
 mod tests;
 
@@ -19,6 +20,7 @@ use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
 use format::Format;
 use job::Job;
+use picture::PictureFormat;
 
 /// Arguments of `farsight range`.
 #[derive(Debug, Args)]
@@ -28,9 +30,12 @@ pub(crate) struct RangeArgs {
     inputs: Vec<PathBuf>,
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
+    /// Write a picture of each image, with the view from above, to DIR/IMAGE.png, or .jpg
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// In which format pictures are written
+    #[arg(long, value_enum, default_value_t = PictureFormat::Png, requires = "out")]
+    picture_format: PictureFormat,
     /// Write everything to FILE: an array with one object for each image that was done, or one line for each if FILE ends in .jsonl; "-" prints the array
     /// instead of the table
     #[arg(long, value_name = "FILE")]
@@ -72,6 +77,7 @@ impl RangeArgs {
             inputs: vec![images],
             pipeline: PipelineArgs::default(),
             out: Some(out),
+            picture_format: PictureFormat::Png,
             json: Some(json),
             format: None,
             resume: false,

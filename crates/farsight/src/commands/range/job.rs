@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,7 +19,6 @@ use farsight_data::kitti::write_results;
 use farsight_files::write_atomically;
 use farsight_viz::picture_divisor;
 use image::RgbImage;
-use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
 use super::RangeArgs;
@@ -118,7 +116,7 @@ impl<'a> Job<'a> {
     }
 
     fn picture_path(&self, name: &str) -> Option<PathBuf> {
-        self.args.out.as_ref().map(|folder| folder.join(format!("{name}.png")))
+        self.args.out.as_ref().map(|folder| folder.join(format!("{name}.{}", self.args.picture_format.extension())))
     }
 
     fn rows_path(&self, name: &str) -> Option<PathBuf> {
@@ -312,7 +310,7 @@ impl<'a> Job<'a> {
             Some(lens) => draw_through_lens(image, camera, lens, objects, range),
             None => draw(image, camera, objects, range),
         };
-        Ok(write_atomically(target, |out| drawn.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?)
+        Ok(write_atomically(target, |out| self.args.picture_format.write(&drawn, out))?)
     }
 }
 
