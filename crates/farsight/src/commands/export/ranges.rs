@@ -11,6 +11,7 @@ use farsight::shipped::{self, Family};
 use farsight::{Camera, EngineOptions, ModelSource};
 use farsight_core::detection::DecodeOptions;
 use farsight_data::{Exif, read_image};
+use farsight_graph::graph::Role;
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::quantize::{RANGES_KEY, StoredRanges, layers_of};
 use farsight_graph::transform::Network;
@@ -67,7 +68,7 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
 
 /// Shows the images to the network of `model` through `look`, and writes its file with the ranges that were seen.
 fn measured<C: NetworkConfig>(
-    mut model: Model<C>,
+    model: Model<C>,
     args: &ExportArgs,
     printer: &mut Printer,
     look: impl FnOnce(Box<dyn Runner>, &Model<C>) -> Result<Look>,
@@ -98,8 +99,12 @@ fn measured<C: NetworkConfig>(
     }
     bar.finish_and_clear();
     let ranges = calibration.ranges(args.int8.observer());
-    model.weights.metadata.insert(RANGES_KEY.to_owned(), StoredRanges::new(&network.graph, &ranges).to_text());
-    model.write_half(&args.out)?;
+    // The rest of the header stays as it is: numbers that are read and written again may lose their last digit.
+    let mut weights = model.weights.clone();
+    weights.metadata.insert(RANGES_KEY.to_owned(), StoredRanges::new(&network.graph, &ranges).to_text());
+    let unused = model.graph.parameters.iter().filter(|parameter| parameter.role == Role::Unused);
+    unused.for_each(|parameter| drop(weights.tensors.remove(&parameter.name)));
+    weights.write_half(&args.out)?;
     printer.line(&format!(
         "{}: half-precision numbers, and ranges for 8 bits of {} convolutions, from {} ({})",
         args.out.display(),
