@@ -62,6 +62,8 @@ pub enum NetworkForm {
     AsTrained,
     /// With normalisation folded into the convolutions, as it is run.
     Deployable,
+    /// Deployable, in 8 bits with the ranges that the model's file keeps.
+    Int8,
 }
 
 /// The methods, by their tags. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be computed at the peaks alone.
@@ -110,6 +112,19 @@ pub fn from_onnx(onnx: OnnxModel) -> Result<DetectorNetwork, OnnxModel> {
     }
 }
 
+/// The network of any model of ours in this form; `source` is only what errors call it.
+///
+/// # Errors
+/// When the weights do not fit the network, or its file keeps no ranges for 8 bits.
+pub fn in_form<C: NetworkConfig>(
+    model: &Model<C>,
+    form: NetworkForm,
+    target: Target,
+    source: &Path,
+) -> Result<OnnxModel, ReadError> {
+    Ok(onnx_of_model(model, form, target, source)?.0)
+}
+
 fn onnx_of<C: NetworkConfig>(
     weights: Weights,
     form: NetworkForm,
@@ -127,12 +142,15 @@ fn onnx_of_model<C: NetworkConfig>(
 ) -> Result<(OnnxModel, Network), ReadError> {
     let facts = Facts::new(model, target);
     let trained = Network::new(model).keeping(C::OUTPUTS);
-    if form == NetworkForm::Deployable {
-        return Ok((OnnxModel::from_model(model, &facts, target, source)?, trained));
-    }
-    let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
-    let bytes = write(&trained, &facts, target).map_err(failed)?;
-    Ok((OnnxModel::from_bytes(bytes, source)?, trained))
+    let onnx = match form {
+        NetworkForm::Deployable => OnnxModel::from_model(model, &facts, target, source)?,
+        NetworkForm::Int8 => OnnxModel::from_model_in_int8(model, &facts, target, source)?,
+        NetworkForm::AsTrained => {
+            let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
+            OnnxModel::from_bytes(write(&trained, &facts, target).map_err(failed)?, source)?
+        }
+    };
+    Ok((onnx, trained))
 }
 
 fn detector_of<C: WholeNetwork>(

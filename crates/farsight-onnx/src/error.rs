@@ -94,6 +94,9 @@ pub enum OnnxProblem {
         /// The method of that.
         method: &'static str,
     },
+    /// The model file keeps no ranges for 8 bits, or those of another network.
+    #[error("no ranges for 8 bits in its header; `farsight export --int8 --half` measures them")]
+    NoRanges,
     /// The weights do not fit the network that it is made from.
     #[error(transparent)]
     Weights(#[from] farsight_graph::weights::WeightsError),

@@ -22,7 +22,7 @@ mod write;
 pub use error::{OnnxError, OnnxProblem};
 pub use facts::{Facts, key};
 pub use local_head::{HeadLayer, LocalHeadFile};
-pub use read::{OnnxModel, TensorInfo, is_safetensors};
+pub use read::{OnnxModel, TensorInfo, int8_outputs, is_safetensors};
 pub use wire::WireError;
 pub use write::{write, write_quantized};
 

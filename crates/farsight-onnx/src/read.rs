@@ -7,10 +7,16 @@ use std::path::Path;
 use crate::bounded::{counted, shortened, text_in};
 use crate::error::{OnnxError, OnnxProblem};
 use crate::wire::{Message, WireError};
-use crate::{Facts, INPUT, Target, field, key, limits, seal, write};
+use crate::{Facts, INPUT, Target, field, key, limits, seal, write, write_quantized};
 use farsight_graph::model::{Model, NetworkConfig};
+use farsight_graph::quantize::StoredRanges;
 use farsight_graph::transform::Network;
 use farsight_graph::weights::{FILE_SHA256_KEY, WeightsError};
+
+/// The outputs whose layers may be in 8 bits.
+pub fn int8_outputs<C: NetworkConfig>() -> Vec<&'static str> {
+    C::OUTPUTS.iter().copied().filter(|output| C::LOCAL_HEAD != Some(*output)).collect()
+}
 
 /// Every operator that files of ours have.
 const OPERATORS: [&str; 28] = [
@@ -109,6 +115,28 @@ impl OnnxModel {
         let bytes = || write(&Network::deployable(model)?, facts, target);
         let bytes = bytes().map_err(|error: WeightsError| OnnxError::new(source, OnnxProblem::Weights(error)))?;
         Self::from_bytes(bytes, source)
+    }
+
+    /// As [`OnnxModel::from_model`], in 8 bits with the ranges that the model's file keeps: all but what reads the image,
+    /// the last layers, and a head that is computed at the peaks.
+    ///
+    /// # Errors
+    /// When it keeps none of this network, or the weights do not fit.
+    pub fn from_model_in_int8<C: NetworkConfig>(
+        model: &Model<C>,
+        facts: &Facts,
+        target: Target,
+        source: &Path,
+    ) -> Result<Self, OnnxError> {
+        let failed = |error: WeightsError| OnnxError::new(source, OnnxProblem::Weights(error));
+        let network = Network::deployable(model).map_err(failed)?;
+        let ranges = StoredRanges::of_header(&model.weights.metadata);
+        let quantization = ranges.and_then(|ranges| ranges.quantization(&network.graph, &int8_outputs::<C>()));
+        let quantization = quantization.ok_or_else(|| OnnxError::new(source, OnnxProblem::NoRanges))?;
+        let mut facts = facts.clone();
+        let told = serde_json::json!({ "bits": 8, "layers": quantization.layer_count() });
+        facts.set(key::QUANTIZATION, told.to_string());
+        Self::from_bytes(write_quantized(&network, &quantization, &facts, target).map_err(failed)?, source)
     }
 
     /// A file that is in memory already; `source` is only what errors call it.

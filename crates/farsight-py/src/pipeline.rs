@@ -44,8 +44,13 @@ impl Pipeline {
         threads: Option<usize>,
         region: &str,
     ) -> PyResult<Self> {
-        let options =
-            EngineOptions { kind: kind(engine)?, library: engine_path, threads, precision: numbers(precision)? };
+        let options = EngineOptions {
+            kind: kind(engine)?,
+            library: engine_path,
+            threads,
+            precision: numbers(precision)?,
+            side_by_side: None,
+        };
         if threads.is_some_and(|threads| !(1..=MOST_THREADS).contains(&threads)) {
             return Err(PyValueError::new_err(format!("threads: expected a number from 1 to {MOST_THREADS}")));
         }
@@ -167,6 +172,7 @@ fn numbers(name: &str) -> PyResult<Precision> {
     match name {
         "f32" => Ok(Precision::F32),
         "bf16" => Ok(Precision::Bf16),
-        _ => Err(PyValueError::new_err(format!("precision: no precision \"{name}\"; expected f32 or bf16"))),
+        "int8" => Ok(Precision::Int8),
+        _ => Err(PyValueError::new_err(format!("precision: no precision \"{name}\"; expected f32, bf16 or int8"))),
     }
 }

@@ -141,7 +141,7 @@ def test_wrong_images_say_what_was_expected(model, tmp_path):
 def test_wrong_models_say_what_was_expected(tmp_path):
     for wrong, told in [
         ({"engine": "tensorrt"}, "expected rten, onnxruntime or openvino"),
-        ({"precision": "f16"}, "expected f32 or bf16"),
+        ({"precision": "f16"}, "expected f32, bf16 or int8"),
         ({"precision": "bf16"}, "expected openvino"),
         ({"threads": 0}, "expected a number from 1 to 1024"),
         ({"region": "texas"}, "expected world, europe, north-america"),

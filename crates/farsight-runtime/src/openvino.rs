@@ -43,7 +43,7 @@ mod present {
     const KEPT: usize = 4;
 
     /// Loads the shared `library` (`libopenvino_c`, 2025.1 or later) and `model`, to be run by so many threads; `None`
-    /// takes one for each core.
+    /// takes one for each core. So many sharers run at the same time; more wait for each other.
     ///
     /// # Errors
     /// When the library cannot be loaded, is too old, or refuses the model.
@@ -51,6 +51,7 @@ mod present {
         library: &Path,
         model: OnnxModel,
         threads: Option<usize>,
+        sharers: usize,
         precision: OpenvinoPrecision,
     ) -> Result<Box<dyn Runner>, EngineError> {
         unpanicked(NAME, || {
@@ -58,7 +59,11 @@ mod present {
             let mut core = Core::new()?;
             core.set_property(&DeviceType::CPU, &RwPropertyKey::HintInferencePrecision, hint(precision))?;
             if let Some(threads) = threads {
-                core.set_property(&DeviceType::CPU, &RwPropertyKey::InferenceNumThreads, &threads.to_string())?;
+                let all = threads * sharers;
+                core.set_property(&DeviceType::CPU, &RwPropertyKey::InferenceNumThreads, &all.to_string())?;
+            }
+            if sharers > 1 {
+                core.set_property(&DeviceType::CPU, &RwPropertyKey::NumStreams, &sharers.to_string())?;
             }
             core.read_model_from_buffer(model.bytes(), None)?;
             let compiler = Mutex::new(Compiler { core, forms: Vec::new() });
@@ -227,6 +232,7 @@ mod absent {
         _: &Path,
         _: OnnxModel,
         _: Option<usize>,
+        _: usize,
         _: OpenvinoPrecision,
     ) -> Result<Box<dyn Runner>, EngineError> {
         Err(EngineError::not_built(NAME))

@@ -14,13 +14,14 @@ use crate::runner::{Runner, Tensor, TensorView, input};
 const NAME: &str = "rten";
 
 /// Runs an ONNX model with `rten`.
-#[derive(Clone)]
 pub struct RtenRunner {
     model: Arc<Model>,
     nodes: Vec<NodeId>,
     inputs: Vec<TensorInfo>,
     outputs: Vec<TensorInfo>,
-    options: RunOptions,
+    threads: Option<usize>,
+    /// Threads of its own, started when it first runs; sharers must not wait for each other.
+    pool: Option<Arc<ThreadPool>>,
 }
 
 impl RtenRunner {
@@ -33,19 +34,21 @@ impl RtenRunner {
         unpanicked(NAME, || {
             let model = load(model.into_bytes())?;
             let nodes = outputs.iter().map(|output| model.node_id(&output.name)).collect::<Result<_, _>>()?;
-            let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads)));
-            let options = RunOptions::default().with_thread_pool(pool);
-            Ok(Self { model: Arc::new(model), nodes, inputs, outputs, options })
+            Ok(Self { model: Arc::new(model), nodes, inputs, outputs, threads, pool: None })
         })
     }
 
-    fn values(&self, given: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, Failure> {
+    fn values(&mut self, given: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, Failure> {
         let mut views = Vec::with_capacity(self.inputs.len());
         for TensorInfo { name, .. } in &self.inputs {
             let view = input(given, name)?;
             views.push((self.model.node_id(name)?, ValueView::from_shape(view.shape, view.values)?.into()));
         }
-        let values = self.model.run(views, &self.nodes, Some(self.options.clone()))?;
+        if self.pool.is_none() {
+            self.pool = self.threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads)));
+        }
+        let options = RunOptions::default().with_thread_pool(self.pool.clone());
+        let values = self.model.run(views, &self.nodes, Some(options))?;
         values.into_iter().map(tensor).collect()
     }
 }
@@ -107,6 +110,10 @@ impl Runner for RtenRunner {
     }
 
     fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
-        Ok(Box::new(self.clone()))
+        let Self { model, nodes, inputs, outputs, threads, pool: _ } = self;
+        let (inputs, outputs) = (inputs.clone(), outputs.clone());
+        let shared =
+            Self { model: model.clone(), nodes: nodes.clone(), inputs, outputs, threads: *threads, pool: None };
+        Ok(Box::new(shared))
     }
 }

@@ -6,6 +6,7 @@ use farsight_core::Region;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::road::Road;
 use farsight_methods::Detector;
+use farsight_methods::refiner::Effort;
 
 use crate::detector::{self, OpenDetector, Timing};
 use crate::object::RangeKind;
@@ -38,6 +39,8 @@ pub struct PipelineBuilder {
     max_overlap: Option<f64>,
     range: RangeKind,
     timing: Timing,
+    images: Option<usize>,
+    effort: Effort,
 }
 
 impl Pipeline {
@@ -117,6 +120,12 @@ impl PipelineBuilder {
         Self { refiner, ..self }
     }
 
+    /// How much the refiner does for each object; [`Effort::Normal`] by default.
+    #[must_use]
+    pub fn effort(self, effort: Effort) -> Self {
+        Self { effort, ..self }
+    }
+
     /// What measures vehicles by their number plates.
     #[must_use]
     pub fn plates(self, plates: StageSource) -> Self {
@@ -164,6 +173,13 @@ impl PipelineBuilder {
         Self { range, ..self }
     }
 
+    /// How many images there are, one by default: of many, neighbouring ones are best looked at side by side, by
+    /// [`Pipeline::side_by_side`] threads. The answers are the same.
+    #[must_use]
+    pub fn images(self, images: usize) -> Self {
+        Self { images: Some(images), ..self }
+    }
+
     /// Width and height of the network's input, pixels, whatever the model was made for: only the time is right then.
     #[must_use]
     pub fn input_size(mut self, size: [usize; 2]) -> Self {
@@ -185,7 +201,9 @@ impl PipelineBuilder {
     /// When a file is no such model, an engine is not there or fails, plates or road are asked for with a model without
     /// error bars, or a region with a refiner that knows none.
     pub fn open(&self) -> Result<Pipeline, Error> {
-        self.assembled(detector::open(&self.model, &self.engine, self.timing)?)
+        let engine = self.engine.clone().for_images(self.images.unwrap_or(1));
+        let chosen = Self { engine, ..self.clone() };
+        chosen.assembled(detector::open(&chosen.model, &chosen.engine, chosen.timing)?)
     }
 
     /// A pipeline around a detector of another making; refiner, plate reader and road are used where they are chosen.
@@ -214,7 +232,9 @@ impl PipelineBuilder {
         };
         let stages = Stages {
             detector: opened.detector,
-            refiner: refiner.map(|model| second_stage::refiner(&model, &second)).transpose()?,
+            refiner: refiner
+                .map(|model| Ok::<_, Error>(second_stage::refiner(&model, &second)?.with_effort(self.effort)))
+                .transpose()?,
             plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
             height_doubts: Vec::new(),
         };
@@ -236,6 +256,7 @@ impl PipelineBuilder {
             road: self.road.unwrap_or(usual_road),
             scale: scale.unwrap_or_default(),
             range: self.range,
+            side_by_side: self.engine.side_by_side.unwrap_or(1),
         };
         let made_for_shipped = [
             ("refiner", self.refiner == StageSource::Default),
@@ -251,6 +272,6 @@ impl PipelineBuilder {
         if kind == self.engine.kind {
             return self.engine.clone();
         }
-        EngineOptions { threads: self.engine.threads, ..EngineOptions::from(kind) }
+        EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
     }
 }

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use farsight_methods::Detector;
-use farsight_methods::detectors::{self, DetectorNetwork, NetworkForm};
+use farsight_methods::detectors::{self, DetectorNetwork};
 use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
 
 use crate::shipped::Family;
 use crate::source::ModelSource;
-use crate::{EngineKind, EngineOptions, Error, libtorch, model_file, shipped};
+use crate::{EngineKind, EngineOptions, Error, Precision, libtorch, model_file, shipped};
 
 /// How the network differs from the file when only the time matters.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,7 +42,8 @@ impl OpenDetector {
 pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing) -> Result<OpenDetector, Error> {
     engine.check()?;
     let name = source.name().to_owned();
-    if let Some(network) = other_method(source, engine.kind)? {
+    if let Some(network) = other_method(source, engine)? {
+        check_precision(&network.onnx, engine, &name)?;
         let weights_sha256 = network.onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
         let runner = match (engine.kind, &network.trained) {
             (EngineKind::Libtorch, Some(trained)) => libtorch::start_network(engine, trained)?,
@@ -58,7 +59,8 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
         let detector = SmokeDetector::new(engine.start_libtorch(&model, &name)?, &model.config, None);
         return Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 });
     }
-    let DetectorFile { onnx, mut config } = read(source, engine.kind)?;
+    let DetectorFile { onnx, mut config } = read(source, engine)?;
+    check_precision(&onnx, engine, &name)?;
     if let Some(size) = timing.input {
         config.input = size;
         // The camera must not change the size.
@@ -98,7 +100,7 @@ pub fn open_network(engine: &EngineOptions, path: &Path) -> Result<Box<dyn Runne
     let source = ModelSource::from_word(path);
     match engine.kind {
         EngineKind::Libtorch => engine.start_libtorch(&own_model(&source)?, path),
-        kind => engine.start(read(&source, kind)?.onnx, path),
+        _ => engine.start(read(&source, engine)?.onnx, path),
     }
 }
 
@@ -126,32 +128,47 @@ fn smoke(engine: &EngineOptions, onnx: OnnxModel, config: &SmokeConfig, source: 
     })
 }
 
+/// An ONNX file is in 8 bits or not, whatever is asked for.
+fn check_precision(onnx: &OnnxModel, engine: &EngineOptions, source: &Path) -> Result<(), Error> {
+    let is_there = engine.precision != Precision::Int8 || onnx.facts().get(key::QUANTIZATION).is_some();
+    if is_there { Ok(()) } else { Err(OnnxError::new(source, OnnxProblem::NoRanges).into()) }
+}
+
 /// The network of a file whose method is not SMOKE.
-fn other_method(source: &ModelSource, engine: EngineKind) -> Result<Option<DetectorNetwork>, Error> {
+fn other_method(source: &ModelSource, engine: &EngineOptions) -> Result<Option<DetectorNetwork>, Error> {
+    let (form, target) = (engine.form(), engine.kind.target());
     let path = match source {
         ModelSource::Shipped(Family::World) => {
             let model = shipped::world()?;
-            return Ok(Some(detectors::from_model(&model, NetworkForm::Deployable, engine.target(), source.name())?));
+            return Ok(Some(detectors::from_model(&model, form, target, source.name())?));
         }
         ModelSource::File(path) => path,
         ModelSource::Shipped(Family::Smoke) | ModelSource::Memory { .. } => return Ok(None),
     };
     model_file::check_detector(path)?;
     if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
-        return Ok(detectors::from_model_file(path, NetworkForm::Deployable, engine.target())?);
+        return Ok(detectors::from_model_file(path, form, target)?);
     }
     Ok(detectors::from_onnx(OnnxModel::read(path)?).ok())
 }
 
 /// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.
-fn read(source: &ModelSource, engine: EngineKind) -> Result<DetectorFile, Error> {
-    let target = engine.target();
+fn read(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorFile, Error> {
+    let target = engine.kind.target();
+    let in_int8 = |model: &SmokeModel| -> Result<DetectorFile, Error> {
+        let facts = DetectorFile::facts(model, target);
+        let onnx = OnnxModel::from_model_in_int8(model, &facts, target, source.name())?;
+        Ok(DetectorFile::from_onnx(onnx, source.name())?)
+    };
+    let is_int8 = engine.precision == Precision::Int8;
     match source {
+        ModelSource::Shipped(Family::Smoke) if is_int8 => in_int8(&shipped::smoke()?),
         ModelSource::Shipped(Family::Smoke) => Ok(DetectorFile::from_model(&shipped::smoke()?, target, source.name())?),
         ModelSource::Shipped(Family::World) => Err(model_file::not_smoke(source.name())),
         ModelSource::File(path) => {
             model_file::check_detector(path)?;
-            Ok(DetectorFile::read(path, target)?)
+            let is_own = is_int8 && is_safetensors(path).unwrap_or(false);
+            if is_own { in_int8(&SmokeModel::read(path)?) } else { Ok(DetectorFile::read(path, target)?) }
         }
         ModelSource::Memory { file, .. } => Ok((**file).clone()),
     }

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::thread::available_parallelism;
 
 use farsight_graph::model::{Model, NetworkConfig};
-use farsight_methods::roi::{self, RoiRunner};
+use farsight_methods::detectors::{self, NetworkForm};
+use farsight_methods::roi::RoiRunner;
 use farsight_onnx::OnnxModel;
 use farsight_runtime::{FiniteRunner, OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
 
@@ -33,10 +34,16 @@ impl EngineOptions {
         if self.library.is_some() && self.kind.library().is_none() {
             return Err(unused("a library", "onnxruntime or openvino"));
         }
-        if self.precision != Precision::F32 && self.kind != EngineKind::OpenVino {
-            return Err(unused("bfloat16", "openvino"));
+        match (self.precision, self.kind) {
+            (Precision::F32, _) | (_, EngineKind::OpenVino) | (Precision::Int8, EngineKind::OnnxRuntime) => Ok(()),
+            (Precision::Bf16, _) => Err(unused("bfloat16", "openvino")),
+            (Precision::Int8, _) => Err(unused("computing in 8 bits", "onnxruntime or openvino")),
         }
-        Ok(())
+    }
+
+    /// In which form networks are started.
+    pub(crate) fn form(&self) -> NetworkForm {
+        if self.precision == Precision::Int8 { NetworkForm::Int8 } else { NetworkForm::Deployable }
     }
 
     /// Starts a network in its ONNX form; `source` is only what errors call it. Answers of it that are not finite are errors.
@@ -74,10 +81,10 @@ impl EngineOptions {
             EngineKind::OpenVino => {
                 let library = Library::OpenVino.find(self.library.as_deref())?.path;
                 let precision = match self.precision {
-                    Precision::F32 => OpenvinoPrecision::F32,
+                    Precision::F32 | Precision::Int8 => OpenvinoPrecision::F32,
                     Precision::Bf16 => OpenvinoPrecision::Bf16,
                 };
-                openvino::open(&library, network, threads, precision)
+                openvino::open(&library, network, threads, self.side_by_side.unwrap_or(1), precision)
                     .map_err(|source| Error::EngineLibrary { library, source })
             }
             EngineKind::Libtorch => Err(libtorch::no_onnx().into()),
@@ -92,7 +99,7 @@ impl EngineOptions {
         let name = Path::new(C::NAME);
         let runner = match self.kind {
             EngineKind::Libtorch => self.start_libtorch(model, name)?,
-            kind => self.start(roi::runner::onnx(model, kind.target(), name)?, name)?,
+            kind => self.start(detectors::in_form(model, self.form(), kind.target(), name)?, name)?,
         };
         Ok(RoiRunner::new(runner))
     }

@@ -1,7 +1,9 @@
 //! Engines by name, and how they are to run.
 
 use std::fmt;
+use std::num::NonZero;
 use std::path::PathBuf;
+use std::thread::available_parallelism;
 
 use farsight_onnx::Target;
 
@@ -67,6 +69,8 @@ pub enum Precision {
     F32,
     /// bfloat16 where the CPU has it: faster, two to three digits. Only OpenVINO has it.
     Bf16,
+    /// Convolutions in 8 bits, with the ranges that model files keep. ONNX Runtime and OpenVINO have it.
+    Int8,
 }
 
 /// Which engine, and how it is to run.
@@ -80,6 +84,28 @@ pub struct EngineOptions {
     pub threads: Option<usize>,
     /// In which numbers it computes.
     pub precision: Precision,
+    /// How many threads use the network at the same time, each as a sharer of its own; one by default.
+    pub side_by_side: Option<usize>,
+}
+
+/// With more images at once a machine with many cores would only hold more memory.
+const MOST_SIDE_BY_SIDE: usize = 4;
+
+impl EngineOptions {
+    /// As these, for so many images: neighbouring ones are looked at side by side, with the threads that are asked for
+    /// in each network, or with a share of the cores. Two networks of one thread do more than one of two.
+    ///
+    /// libtorch has its threads, or its GPU, in common: there it is one image after the other.
+    #[must_use]
+    pub fn for_images(self, images: usize) -> Self {
+        let cores = available_parallelism().map_or(1, NonZero::get);
+        let wanted = cores / self.threads.unwrap_or(1).max(1);
+        let count = wanted.min(images).clamp(1, MOST_SIDE_BY_SIDE);
+        if count == 1 || self.kind == EngineKind::Libtorch {
+            return self;
+        }
+        Self { threads: self.threads.or(Some(cores / count)), side_by_side: Some(count), ..self }
+    }
 }
 
 impl From<EngineKind> for EngineOptions {

@@ -57,6 +57,7 @@ pub use farsight_core::lens::LensError;
 pub use farsight_core::road::{HeightDoubt, Road, RoadPlane};
 pub use farsight_core::{Box2d, Box3d, Camera, Detection, Lens, ObjectClass};
 pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage, Undistorter};
+pub use farsight_methods::refiner::Effort;
 pub use farsight_methods::{DetectError, UnfamiliarCamera};
 pub use farsight_runtime::{EngineError, StageTimes};
 pub use farsight_track::{EgoMotion, Frame, Track, TrackError, Tracker, TrackerOptions};

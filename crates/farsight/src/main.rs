@@ -18,6 +18,7 @@ mod printer;
 mod range_table;
 mod recording_file;
 mod shard;
+mod side_by_side;
 mod untrained;
 
 use std::process::ExitCode;

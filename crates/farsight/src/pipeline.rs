@@ -177,6 +177,11 @@ impl Pipeline {
         self.shared.settings.range
     }
 
+    /// How many threads use it best at the same time, when there are images for all of them.
+    pub fn side_by_side(&self) -> usize {
+        self.shared.settings.side_by_side
+    }
+
     /// Whether what it finds has error bars.
     pub fn has_error_bars(&self) -> bool {
         self.shared.has_error_bars

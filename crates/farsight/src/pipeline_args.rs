@@ -7,7 +7,7 @@ use std::thread::available_parallelism;
 use anyhow::{Error, Result, anyhow, ensure};
 use clap::{Args, ValueEnum};
 use farsight::{
-    EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder, Precision, Road,
+    Effort, EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder, Precision, Road,
     StageSource, model_file,
 };
 use farsight_core::Region;
@@ -35,8 +35,32 @@ pub(crate) enum PrecisionName {
     /// Single precision
     #[default]
     F32,
-    /// bfloat16, where the CPU has it: faster, two to three digits
+    /// bfloat16, where the CPU has it: faster, two to three digits; openvino
     Bf16,
+    /// Convolutions in 8 bits: several times faster; onnxruntime and openvino
+    Int8,
+}
+
+/// [`Effort`] as it is written on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum EffortName {
+    /// One look at each object, or two; no mirror images
+    Fast,
+    /// Three looks at what is promising, and a mirror image
+    #[default]
+    Normal,
+    /// Three looks and a mirror image, whatever the score
+    Best,
+}
+
+impl EffortName {
+    pub(crate) fn effort(self) -> Effort {
+        match self {
+            Self::Fast => Effort::Fast,
+            Self::Normal => Effort::Normal,
+            Self::Best => Effort::Best,
+        }
+    }
 }
 
 /// Which engine, and how it is to run.
@@ -51,7 +75,7 @@ pub(crate) struct EngineArgs {
     /// Threads of the network [default: one for each core, and at most that]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
-    /// In which numbers OpenVINO computes
+    /// In which numbers the engine computes
     #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
     pub(crate) precision: PrecisionName,
 }
@@ -75,15 +99,28 @@ impl EngineArgs {
             kind.library().is_some() || self.engine_path.is_none(),
             "--engine-path is for onnxruntime and openvino; expected one of them as --engine"
         );
-        ensure!(
-            self.engine == EngineName::Openvino || self.precision == PrecisionName::F32,
-            "--precision is for openvino; expected --engine openvino beside it"
-        );
+        let has_it = match self.precision {
+            PrecisionName::F32 => true,
+            PrecisionName::Bf16 => self.engine == EngineName::Openvino,
+            PrecisionName::Int8 => kind.library().is_some(),
+        };
+        let [word, expected] = match self.precision {
+            PrecisionName::Int8 => ["int8", "onnxruntime or openvino"],
+            _ => ["bf16", "openvino"],
+        };
+        ensure!(has_it, "--precision {word} is for {expected}; expected --engine {expected} beside it");
         let precision = match self.precision {
             PrecisionName::F32 => Precision::F32,
             PrecisionName::Bf16 => Precision::Bf16,
+            PrecisionName::Int8 => Precision::Int8,
         };
-        Ok(EngineOptions { kind, library: self.engine_path.clone(), threads: self.threads, precision })
+        Ok(EngineOptions {
+            kind,
+            library: self.engine_path.clone(),
+            threads: self.threads,
+            precision,
+            side_by_side: None,
+        })
     }
 
     /// Says so when there are more threads than cores: they are not started.
@@ -185,6 +222,9 @@ pub(crate) struct PipelineArgs {
     pub(crate) second_stage_engine: Option<EngineName>,
     #[command(flatten)]
     pub(crate) second_stage: SecondStageArgs,
+    /// How much is done for each object: how often the refiner looks at it, and whether at its mirror image, too
+    #[arg(long, value_enum, default_value_t = EffortName::Normal)]
+    pub(crate) effort: EffortName,
     #[command(flatten)]
     pub(crate) road: RoadArgs,
     /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does [default: 0.1]
@@ -216,7 +256,7 @@ impl PipelineArgs {
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
         let second_engine = self.second_stage_engine.map(EngineName::kind);
         let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
-        let builder = self.second_stage.choose(builder);
+        let builder = self.second_stage.choose(builder).effort(self.effort.effort());
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.choose(builder))
     }

@@ -25,6 +25,8 @@ pub(crate) struct Settings {
     /// What is known of the scale of all distances in an image.
     pub(crate) scale: ScalePrior,
     pub(crate) range: RangeKind,
+    /// How many threads it was made for.
+    pub(crate) side_by_side: usize,
 }
 
 /// The networks of a pipeline, ready to run in one thread.

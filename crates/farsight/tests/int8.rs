@@ -140,7 +140,7 @@ fn what_cannot_be_quantised_is_told() {
         (&["--model", &model, "--calibration", "nowhere"], "nowhere: no such file or folder"),
         (&["--model", "already.onnx", "--calibration", &scenes], "already.onnx: an ONNX file already"),
         (&["--model", &model], "--calibration"),
-        (&["--model", &model, "--calibration", &scenes, "--half"], "cannot be used with"),
+        (&["--model", &model, "--calibration", &scenes, "--half"], "a name ending in .safetensors"),
         (&["--model", &model, "--calibration", &scenes, "--percentile", "20"], "expected a number from 50 to 100"),
         (&["--model", &model, "--calibration", &scenes, "--split", "x.txt"], "--data"),
     ];
@@ -150,5 +150,43 @@ fn what_cannot_be_quantised_is_told() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {problem}");
         assert!(problem.contains(expected), "{arguments:?}: {problem}");
         assert!(!folder.join("out.onnx").exists(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn the_whole_pipeline_in_8_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scenes = path("assets/scenes/image_2");
+    let refused = farsight(folder, &["range", &scenes, "--precision", "int8"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--precision int8 is for onnxruntime or openvino;"));
+
+    // Ranges are added, and nothing else changes: the weights are still those that come with the program.
+    let file = ["--calibration", &scenes, "--out", "refiner.safetensors"];
+    let told = done(folder, &[&["export", "--int8", "--half", "--model", "farsight-w-refiner"], &file[..]].concat());
+    assert!(told.contains("ranges for 8 bits of") && told.contains("from 4 images (mse)"), "{told}");
+    let (own, float) = (detections(folder, &["--refiner", "refiner.safetensors"]), detections(folder, &[]));
+    assert_eq!(own, float);
+
+    let diagnosis: Value = serde_json::from_str(&done(folder, &["doctor", "--json"])).unwrap();
+    for engine in diagnosis["engines"].as_array().unwrap() {
+        let name = engine["name"].as_str().unwrap();
+        if name == "libtorch" || name == "rten" {
+            continue;
+        }
+        if engine["ready"] != true {
+            println!("skipped: {name}: {}", engine["note"]);
+            continue;
+        }
+        let int8 = detections(folder, &["--engine", name, "--precision", "int8"]);
+        assert_ne!(int8, float, "{name}: these are other numbers");
+        assert_twins(name, &int8, &float);
+        detections(folder, &["--engine", name, "--precision", "int8", "--refiner", "refiner.safetensors"]);
+        // Whoever trains a refiner measures its ranges before it can be used so.
+        let without = path("models/farsight-s.safetensors");
+        let half = ["export", "--half", "--model", &without, "--out", "without.safetensors"];
+        done(folder, &half);
+        let arguments = ["range", &scenes, "--engine", name, "--precision", "int8", "--model", "without.safetensors"];
+        assert!(farsight(folder, &arguments).status.success(), "a copy keeps its ranges");
     }
 }

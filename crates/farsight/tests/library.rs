@@ -76,6 +76,34 @@ fn eval_measures_what_range_shows() {
 }
 
 #[test]
+fn images_side_by_side_give_the_bytes_of_one_after_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let images: Vec<String> =
+        ["000000", "000001", "000002", "000003"].map(|id| scene(id).display().to_string()).to_vec();
+    let range = |name: &str, options: &[&str]| {
+        let (json, pictures) = (format!("{name}.json"), format!("{name}-pictures"));
+        let mut arguments: Vec<&str> = vec!["range", "--json", &json, "--out", &pictures, "--kitti", name];
+        arguments.extend(options);
+        arguments.extend(images.iter().map(String::as_str));
+        let table = done(folder, &arguments);
+        let read = |file: String| fs::read(folder.join(file)).unwrap();
+        let files = (0..4).flat_map(|id| {
+            let extension = if options.contains(&"jpg") { "jpg" } else { "png" };
+            [read(format!("{pictures}/00000{id}.{extension}")), read(format!("{name}/00000{id}.txt"))]
+        });
+        (table, read(json.clone()), files.collect::<Vec<_>>())
+    };
+    // Where each network has as many threads as there are cores, it is one image after the other.
+    let alone = range("alone", &["--threads", "1000"]);
+    assert!(range("side-by-side", &["--threads", "1"]) == alone);
+    // Pictures as JPEG are smaller, and the answers the same.
+    let smaller = range("smaller", &["--picture-format", "jpg"]);
+    assert!(smaller.0 == alone.0 && smaller.1 == alone.1);
+    assert!(smaller.2.iter().step_by(2).zip(alone.2.iter().step_by(2)).all(|(jpg, png)| 2 * jpg.len() < png.len()));
+}
+
+#[test]
 fn threads_share_a_pipeline_and_get_the_same_answers() {
     let pipeline = Pipeline::builder().threads(1).open().unwrap();
     let alone = record(&pipeline, "000002");

@@ -9,17 +9,20 @@
 //! | which layers and maps there are | [`layers`], [`maps`] |
 //! | what values the maps take | [`Histogram`], one a map, filled by running the network on images |
 //! | which range each map gets | [`Observer`] |
+//! | what of that a model file keeps | [`StoredRanges`] |
 //! | all of it together, for `farsight_onnx::write_quantized` | [`Quantization`] |
 
 mod histogram;
 mod points;
 mod range;
+mod stored;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 pub use histogram::{Histogram, Observer};
 pub use points::{layers, maps};
 pub use range::{QuantizedWeights, Range};
+pub use stored::{RANGES_KEY, StoredRanges, layers_of};
 
 use crate::graph::{Graph, NodeId, Op};
 

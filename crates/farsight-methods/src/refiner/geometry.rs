@@ -92,17 +92,38 @@ impl Crop {
 
     /// The channels of the input that tell about the camera, `[3, side, side]`.
     pub fn rays(&self) -> Vec<f32> {
+        let mut planes = Vec::new();
+        self.rays_into(&mut planes);
+        planes
+    }
+
+    /// Adds [`Crop::rays`] to `input`.
+    pub fn rays_into(&self, input: &mut Vec<f32>) {
         let area = self.side * self.side;
-        let mut planes = vec![0.0; 3 * area];
-        let focal = (self.focal_sides() / REFERENCE_FOCAL).ln() as f32;
-        for cell in 0..area {
+        let first = input.len();
+        input.resize(first + 2 * area, 0.0);
+        let (across, down) = input[first..].split_at_mut(area);
+        for (cell, (across, down)) in across.iter_mut().zip(down).enumerate() {
             let pixel = [cell % self.side, cell / self.side].map(|place| place as f64);
             let [x, y, z] = self.camera.point_from_pixel(pixel, RAY_DEPTH_M);
-            planes[cell] = (x / z) as f32;
-            planes[area + cell] = (y / z) as f32;
-            planes[2 * area + cell] = focal;
+            (*across, *down) = ((x / z) as f32, (y / z) as f32);
         }
-        planes
+        let focal = (self.focal_sides() / REFERENCE_FOCAL).ln() as f32;
+        input.resize(first + 3 * area, focal);
+    }
+
+    /// How far the corners of this cut-out lie from those of `other` at most, as a share of the side of `other`;
+    /// infinite where it has none.
+    pub fn distance(&self, other: &Self) -> f64 {
+        let Some(back) = self.window.inverse() else { return f64::INFINITY };
+        let to_other = back.then(&other.window);
+        let side = self.side as f64;
+        let moved = |corner: [f64; 2]| {
+            let [x, y] = to_other.apply(corner);
+            (x - corner[0]).abs().max((y - corner[1]).abs()) / side
+        };
+        // Windows are upright: two corners tell all.
+        moved([-0.5, -0.5]).max(moved([side - 0.5, side - 0.5]))
     }
 
     /// The mirror image of this cut-out: what its camera would take of a mirrored world. Its window is still that of the image as it is.

@@ -2,6 +2,7 @@
 //! where.
 
 pub mod config;
+pub mod effort;
 pub mod geometry;
 pub mod refine;
 #[cfg(feature = "train")]
@@ -10,6 +11,7 @@ pub mod train;
 use farsight_graph::model::Model;
 
 pub use config::RefinerConfig;
+pub use effort::Effort;
 pub use refine::{Flip, Refiner};
 
 /// A refining network with its weights.

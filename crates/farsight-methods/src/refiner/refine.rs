@@ -1,7 +1,7 @@
 //! The refiner at what was found ([`crate::refiner::geometry`]).
 
-use crate::refiner::RefinerConfig;
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
+use crate::refiner::{Effort, RefinerConfig};
 use farsight_core::nms::{class_nms, soft_suppression};
 use farsight_core::{Box2d, Camera, ClassReference, Detection, Region, ScalePrior};
 use farsight_data::network_input_into;
@@ -10,9 +10,6 @@ use image::RgbImage;
 
 use crate::roi::RoiRunner;
 use crate::roi::runner::BATCH;
-
-/// The refinement stages: each cuts the object out where the one before it saw it, the last one mirrored, too.
-const STAGES: [Flip; 3] = [Flip::Off, Flip::Off, Flip::Averaged];
 
 /// Test-time augmentation by the mirror image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,22 +20,47 @@ pub enum Flip {
     Averaged,
 }
 
-/// What has a score above this share of the least score that counts is looked at again: a further stage can raise it so
-/// far.
-const PROMISING_SHARE: f64 = 0.2;
+type Answer = [f64; OUTPUT_CHANNELS];
+
+/// A cut-out to look at.
+#[derive(Debug, Clone, Copy)]
+struct Shot {
+    crop: Crop,
+    /// The answer for it, where it is known; then only its mirror image is looked at.
+    known: Option<Answer>,
+    /// Whether the mean with the answer for its mirror image counts.
+    mirrored: bool,
+}
+
+/// What was seen of an object.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    crop: Crop,
+    answer: Answer,
+    refinement: Refinement,
+}
 
 /// Refines what a detector found.
 pub struct Refiner {
     network: RoiRunner,
     config: RefinerConfig,
+    effort: Effort,
     /// The input, kept from call to call.
     input: Vec<f32>,
+    /// One cut-out of it.
+    pixels: Vec<f32>,
 }
 
 impl Refiner {
-    /// The network of `config`, which `network` runs.
+    /// The network of `config`, which `network` runs, with the effort [`Effort::Best`].
     pub fn new(network: RoiRunner, config: RefinerConfig) -> Self {
-        Self { network, config, input: Vec::new() }
+        Self { network, config, effort: Effort::Best, input: Vec::new(), pixels: Vec::new() }
+    }
+
+    /// The same with another effort.
+    #[must_use]
+    pub fn with_effort(self, effort: Effort) -> Self {
+        Self { effort, ..self }
     }
 
     /// The same for another thread; weights are shared where the engine can.
@@ -46,7 +68,7 @@ impl Refiner {
     /// # Errors
     /// When the engine fails.
     pub fn share(&self) -> Result<Self, EngineError> {
-        Ok(Self::new(self.network.share()?, self.config.clone()))
+        Ok(Self::new(self.network.share()?, self.config.clone()).with_effort(self.effort))
     }
 
     /// Half the widths of the intervals that hold 50 and 90% of the truths, error bars.
@@ -73,7 +95,7 @@ impl Refiner {
         min_score: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let refinements = self.refinements(image, camera, &candidates, PROMISING_SHARE * min_score)?;
+        let refinements = self.refinements(image, camera, &candidates, self.effort.promising_share() * min_score)?;
         let fused = |(first, second): (Detection, Option<Refinement>)| {
             let fused = self.config.fusion.fused(&first, second.as_ref(), camera, image_size);
             let is_known = classes.iter().any(|known| known.class == fused.class);
@@ -89,8 +111,8 @@ impl Refiner {
 
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
-    /// Several stages, each where the one before it saw the object: a cut-out around a better box shows more of the
-    /// object and less of the rest. What has no score above `promising` after a stage keeps its answer.
+    /// Several looks ([`Effort`]), each where the one before it saw the object: a cut-out around a better box shows more of
+    /// the object and less of the rest. What has no score above `promising` after a look keeps its answer.
     ///
     /// # Errors
     /// When the engine fails.
@@ -102,23 +124,43 @@ impl Refiner {
         promising: f64,
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let mut refinements: Vec<Option<Refinement>> = vec![None; detections.len()];
+        let mut seen: Vec<Option<Seen>> = vec![None; detections.len()];
+        // Objects that are not settled.
         let mut places: Vec<usize> = (0..detections.len()).collect();
-        for flip in STAGES {
-            let seen = places.iter().map(|&place| {
-                let fused =
-                    self.config.fusion.fused(&detections[place], refinements[place].as_ref(), camera, image_size);
-                (place, fused)
+        for look in 1..=self.effort.looks() {
+            let is_last = look == self.effort.looks();
+            let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(places.len());
+            places.retain(|&place| {
+                let known = seen[place].as_ref().map(|seen| &seen.refinement);
+                let fused = self.config.fusion.fused(&detections[place], known, camera, image_size);
+                if look > 1 && fused.score <= promising {
+                    return false;
+                }
+                let Some(crop) = Crop::around(&fused.box2d, camera, self.config.side) else { return true };
+                let settled = seen[place].filter(|seen| self.is_settled(&seen.crop, &crop));
+                match settled {
+                    Some(Seen { crop, answer, .. }) if self.effort.mirrors() => {
+                        shots.push((place, Shot { crop, known: Some(answer), mirrored: true }));
+                    }
+                    Some(_) => {}
+                    None => shots.push((place, Shot { crop, known: None, mirrored: is_last && self.effort.mirrors() })),
+                }
+                settled.is_none()
             });
-            let is_first = refinements.iter().all(Option::is_none);
-            let seen: Vec<(usize, Detection)> = seen.filter(|(_, fused)| is_first || fused.score > promising).collect();
-            places = seen.iter().map(|(place, _)| *place).collect();
-            let boxes: Vec<Box2d> = seen.into_iter().map(|(_, fused)| fused.box2d).collect();
-            for (&place, new) in places.iter().zip(self.refine_boxes(image, camera, &boxes, flip)?) {
-                refinements[place] = new.or(refinements[place].take());
+            let answers = self.answers(image, shots.iter().map(|(_, shot)| *shot))?;
+            for ((place, Shot { crop, .. }), answer) in shots.into_iter().zip(answers) {
+                // Where an answer is no place, the one before it stays.
+                if let Some(refinement) = crop.decode(&answer) {
+                    seen[place] = Some(Seen { crop, answer, refinement });
+                }
             }
         }
-        Ok(refinements)
+        Ok(seen.into_iter().map(|seen| Some(seen?.refinement)).collect())
+    }
+
+    /// Whether a cut-out shows what the one before it showed.
+    fn is_settled(&self, before: &Crop, now: &Crop) -> bool {
+        self.effort.settled_within().is_some_and(|share| now.distance(before) <= share)
     }
 
     /// What the network says of cut-outs around `boxes`; `None` where there is nothing to cut out or the answer lies behind the camera.
@@ -134,43 +176,43 @@ impl Refiner {
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let crops: Vec<Option<Crop>> =
             boxes.iter().map(|box2d| Crop::around(box2d, camera, self.config.side)).collect();
-        let there: Vec<Crop> = crops.iter().copied().flatten().collect();
-        let mut answers = Vec::with_capacity(there.len());
-        for batch in there.chunks(BATCH) {
-            answers.extend(self.answers(image, batch, flip)?);
-        }
-        let mut refinements = there.iter().zip(answers).map(|(crop, answer)| crop.decode(&answer));
-        Ok(crops.iter().map(|crop| crop.and_then(|_| refinements.next().flatten())).collect())
+        let shot = |crop: &Crop| Shot { crop: *crop, known: None, mirrored: flip == Flip::Averaged };
+        let mut answers = self.answers(image, crops.iter().flatten().map(shot))?.into_iter();
+        Ok(crops.iter().map(|crop| crop.and_then(|crop| crop.decode(&answers.next()?))).collect())
     }
 
-    /// The network's answers for some cut-outs.
-    fn answers(
-        &mut self,
-        image: &RgbImage,
-        crops: &[Crop],
-        flip: Flip,
-    ) -> Result<Vec<[f64; OUTPUT_CHANNELS]>, EngineError> {
+    /// The network's answers for some cut-outs, one for each.
+    fn answers(&mut self, image: &RgbImage, shots: impl Iterator<Item = Shot>) -> Result<Vec<Answer>, EngineError> {
+        let shots: Vec<Shot> = shots.collect();
+        let mut answers = Vec::with_capacity(shots.len());
+        for batch in shots.chunks(BATCH) {
+            self.see(image, batch);
+            let raw = self.network.answers::<OUTPUT_CHANNELS>(&self.input, INPUT_CHANNELS, self.config.side)?;
+            let mut raw = raw.into_iter();
+            answers.extend(batch.iter().filter_map(|Shot { crop, known, mirrored }| {
+                let plain = known.or_else(|| raw.next())?;
+                if *mirrored { Some(crop.mean_answer(&plain, &raw.next()?)) } else { Some(plain) }
+            }));
+        }
+        Ok(answers)
+    }
+
+    /// Writes what the network is to see of some cut-outs to the input.
+    fn see(&mut self, image: &RgbImage, shots: &[Shot]) {
         let side = self.config.side;
         let rules = input_rules(side);
         self.input.clear();
-        let mut pixels = Vec::new();
-        for crop in crops {
-            network_input_into(&mut pixels, image, &crop.window, &rules, None);
-            self.input.extend_from_slice(&pixels);
-            self.input.extend(crop.rays());
-            if flip == Flip::Averaged {
-                pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
-                self.input.extend_from_slice(&pixels);
-                self.input.extend(crop.mirrored().rays());
+        for Shot { crop, known, mirrored } in shots {
+            network_input_into(&mut self.pixels, image, &crop.window, &rules, None);
+            if known.is_none() {
+                self.input.extend_from_slice(&self.pixels);
+                crop.rays_into(&mut self.input);
+            }
+            if *mirrored {
+                self.pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
+                self.input.extend_from_slice(&self.pixels);
+                crop.mirrored().rays_into(&mut self.input);
             }
         }
-        let answers = self.network.answers::<OUTPUT_CHANNELS>(&self.input, INPUT_CHANNELS, side)?;
-        Ok(match flip {
-            Flip::Off => answers,
-            Flip::Averaged => {
-                let pairs = answers.chunks_exact(2);
-                crops.iter().zip(pairs).map(|(crop, pair)| crop.mean_answer(&pair[0], &pair[1])).collect()
-            }
-        })
     }
 }

@@ -189,7 +189,7 @@ fn learnt_upsampling_keeps_its_meaning() {
 
 /// What the maps of `network` take on noise.
 fn calibrated(network: &Network, facts: &Facts) -> Calibration {
-    let mut calibration = Calibration::new(network, LOGITS, facts, Some(1)).unwrap();
+    let mut calibration = Calibration::new(network, &layers(&network.graph, LOGITS), &[], facts, Some(1)).unwrap();
     let [width, height] = probe::SIZE;
     let values = &probe::input(probe::SIZE);
     calibration.observe(TensorView { shape: &[1, 3, height, width], values }).unwrap();

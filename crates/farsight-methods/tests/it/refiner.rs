@@ -1,16 +1,18 @@
 //! The shipped refiner on a shipped scene.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
 use farsight_data::kitti::Calibration;
 use farsight_data::read_image;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::refiner::geometry::Refinement;
-use farsight_methods::refiner::{Flip, Refiner};
+use farsight_methods::refiner::{Effort, Flip, Refiner};
 use farsight_methods::roi::{RoiRunner, runner::onnx};
-use farsight_onnx::Target;
-use farsight_runtime::RtenRunner;
+use farsight_onnx::{Target, TensorInfo};
+use farsight_runtime::{EngineError, RtenRunner, Runner, Tensor, TensorView};
 use image::RgbImage;
 
 fn file(name: &str) -> PathBuf {
@@ -74,4 +76,65 @@ fn several_looks_forget_where_the_first_one_was() {
         }
     }
     assert!(often[0] < 0.8 * once[0] && often[1] < 0.8 * once[1], "one look {once:?}, several {often:?}");
+}
+
+/// A runner that counts what it is shown.
+struct Counting {
+    runner: Box<dyn Runner>,
+    shown: Arc<AtomicUsize>,
+}
+
+impl Runner for Counting {
+    fn engine(&self) -> &str {
+        self.runner.engine()
+    }
+
+    fn inputs(&self) -> &[TensorInfo] {
+        self.runner.inputs()
+    }
+
+    fn outputs(&self) -> &[TensorInfo] {
+        self.runner.outputs()
+    }
+
+    fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError> {
+        self.shown.fetch_add(inputs[0].1.shape[0], Ordering::Relaxed);
+        self.runner.run(inputs)
+    }
+
+    fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
+        Ok(Box::new(Self { runner: self.runner.share()?, shown: self.shown.clone() }))
+    }
+}
+
+#[test]
+fn less_effort_is_fewer_looks_and_nearly_the_same_answers() {
+    let (image, camera) = scene();
+    let model = RefinerModel::read(&file("models/farsight-refiner.safetensors")).unwrap();
+    let file = onnx(&model, Target::Portable, Path::new("refiner")).unwrap();
+    let found: Vec<Detection> =
+        CARS.into_iter().flat_map(|(car, depth_m)| detections(car, depth_m, &camera, 0.03)).collect();
+    let looked = |effort: Effort, promising: f64| {
+        let shown = Arc::new(AtomicUsize::new(0));
+        let runner = Box::new(RtenRunner::new(file.clone(), Some(1)).unwrap());
+        let counting = Counting { runner, shown: shown.clone() };
+        let refiner = Refiner::new(RoiRunner::new(Box::new(counting)), model.config.clone()).with_effort(effort);
+        let answers = refiner.share().unwrap().refinements(&image, &camera, &found, promising).unwrap();
+        (answers, shown.load(Ordering::Relaxed))
+    };
+    let [(fast, in_fast), (normal, in_normal), (best, in_best)] = Effort::ALL.map(|effort| looked(effort, 0.0));
+    assert_eq!([in_normal, in_best], [4 * found.len(); 2], "three looks, and a mirror image");
+    assert!(normal == best, "what is promising is seen alike");
+    assert!((found.len()..=2 * found.len()).contains(&in_fast), "{in_fast}");
+    assert!(in_fast < 2 * found.len(), "nothing was settled");
+    // The error bar says how much it may be.
+    for (less, most) in fast.iter().zip(&best) {
+        let (less, most) = (less.unwrap(), most.unwrap());
+        let off = (less.box3d.depth_m() / most.box3d.depth_m()).ln().abs();
+        assert!(off < most.depth_sigma, "{off} of {}", most.depth_sigma);
+    }
+    // Where nothing is promising there is one look, whatever the effort.
+    for effort in Effort::ALL {
+        assert_eq!(looked(effort, 1.0).1, found.len(), "{}", effort.name());
+    }
 }

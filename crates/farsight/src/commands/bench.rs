@@ -1,5 +1,8 @@
 //! `farsight bench`: where the time goes, from the image file to the picture.
 
+mod compare;
+mod stream;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,6 +24,8 @@ use super::Outcome;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted};
 use crate::{outputs, untrained};
+use compare::Variant;
+use stream::{Throughput, cores, throughput};
 
 /// Runs before the clock counts: engines plan and allocate in the first ones.
 const WARM_UP: usize = 3;
@@ -46,9 +51,15 @@ pub(crate) struct BenchArgs {
     /// Compute the regression head everywhere instead of at the peaks, to see what that saves
     #[arg(long)]
     dense_head: bool,
-    /// How often each stage is timed
+    /// How often each stage is timed, one image after the other
     #[arg(long, value_name = "N", default_value_t = 20)]
     runs: usize,
+    /// Images of the stream, neighbouring ones side by side as in a folder, whose throughput is told; 0 is none
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    images: usize,
+    /// Compare these in turns and print a table: ENGINE[:PRECISION[:EFFORT]], several separated by commas, such as rten,openvino:int8,openvino:int8:fast
+    #[arg(long, value_name = "VARIANTS", value_delimiter = ',')]
+    compare: Vec<Variant>,
     /// Write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -68,6 +79,10 @@ struct Figures {
     /// From the image files of the batch to the detections, milliseconds.
     total: Spread,
     stages: Vec<(&'static str, Spread)>,
+    /// Objects that were found in the image.
+    objects: usize,
+    /// None where no stream was asked for, or the times are of a batch.
+    throughput: Option<Throughput>,
     /// The most memory that the process ever held, megabytes, where the system tells.
     peak_memory_mb: Option<f64>,
 }
@@ -83,6 +98,7 @@ struct Spread {
 struct Pass {
     times: StageTimes,
     draw: Duration,
+    objects: usize,
 }
 
 /// Runs the command.
@@ -97,12 +113,23 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
         Some(image) => image.clone(),
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
     };
-    let pipeline = open(args, printer)?;
+    if !args.compare.is_empty() {
+        ensure!(args.images > 0, "--images is 0; expected at least one with --compare");
+        compare::run(args, &image, printer)?;
+        return Ok(Outcome::Done);
+    }
+    let pipeline = open(args, 1, printer)?;
     for _ in 0..WARM_UP {
         pass(&image, args.batch, &pipeline)?;
     }
     let passes = (0..args.runs).map(|_| pass(&image, args.batch, &pipeline)).collect::<Result<Vec<Pass>>>()?;
-    let figures = figures(args, &image, &pipeline, &passes)?;
+    let mut figures = figures(args, &image, &pipeline, &passes)?;
+    if args.images > 0 && args.batch == 1 {
+        let pipeline = open(args, args.images, printer)?;
+        throughput(&image, WARM_UP * pipeline.side_by_side(), &pipeline)?;
+        figures.throughput = Some(throughput(&image, args.images, &pipeline)?);
+        figures.peak_memory_mb = peak_memory_mb();
+    }
     print(&figures, printer);
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&figures)? + "\n";
@@ -112,14 +139,14 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 /// The pipeline to time: its model may be a config, whose network gets random weights.
-fn open(args: &BenchArgs, printer: &mut Printer) -> Result<Pipeline> {
+fn open(args: &BenchArgs, images: usize, printer: &mut Printer) -> Result<Pipeline> {
     let config = args.pipeline.model.as_deref().filter(|path| untrained::is_config(path));
     let engine = args.pipeline.engine.engine.kind();
     ensure!(
         engine != EngineKind::Libtorch || (config.is_none() && args.input.is_none()),
         "the engine libtorch is timed with a model and its own input only"
     );
-    let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head);
+    let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(images);
     if let Some(path) = config {
         let file = Box::new(DetectorFile::from_model(&untrained::model(path)?, engine.target(), path)?);
         builder = builder.model(ModelSource::Memory { file, name: path.to_owned() });
@@ -138,7 +165,8 @@ fn pass(path: &Path, batch: usize, pipeline: &Pipeline) -> Result<Pass> {
             draw(image, &camera, objects, RangeKind::Depth);
         }
     });
-    Ok(Pass { times: StageTimes { load, ..times }, draw })
+    let objects = answers.iter().map(Vec::len).max().unwrap_or(0);
+    Ok(Pass { times: StageTimes { load, ..times }, draw, objects })
 }
 
 /// KITTI's field of view: the answers do not matter here, and the time does not depend on it.
@@ -167,6 +195,8 @@ fn figures(args: &BenchArgs, path: &std::path::Path, pipeline: &Pipeline, passes
             ("refine", stage(|pass| pass.times.refine)),
             ("draw", stage(|pass| pass.draw)),
         ],
+        objects: passes.iter().map(|pass| pass.objects).max().unwrap_or(0),
+        throughput: None,
         peak_memory_mb: peak_memory_mb(),
     })
 }
@@ -188,6 +218,18 @@ fn print(figures: &Figures, printer: &mut Printer) {
     printer.line(&row("file to detections", &figures.total));
     let rate = *batch as f64 * 1e3 / figures.total.median_ms;
     printer.line(&format!("{:<24}{rate:>9.1}", "images a second"));
+    printer.line(&format!("{:<24}{:>9}", "objects found", figures.objects));
+    if let Some(Throughput { images, side_by_side, images_per_s, cores_used, cpu_ms }) = figures.throughput {
+        let name = format!("a stream, {side_by_side} at once");
+        printer.line(&format!("{name:<24}{images_per_s:>9.1}   images a second, {}", counted(images, "image")));
+        if let Some((used, cpu_ms)) = cores_used.zip(cpu_ms) {
+            let of = cores();
+            printer.line(&format!(
+                "{:<24}{used:>9.2}   of {of}; {cpu_ms:.1} ms of processor time an image",
+                "cores at work"
+            ));
+        }
+    }
     if let Some(megabytes) = figures.peak_memory_mb {
         printer.line(&format!("{:<24}{megabytes:>9.0} MB", "most memory held"));
     }

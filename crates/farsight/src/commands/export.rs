@@ -3,6 +3,7 @@
 pub(super) mod fit;
 mod int8;
 mod plates;
+mod ranges;
 mod refiner;
 mod second_stage;
 mod whole;
@@ -55,8 +56,8 @@ pub(crate) struct ExportArgs {
     /// be probabilities (of a hundred detections with a score of 0.7 seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// With --fit-on of a refiner or a plate reader: the detector that it is to follow, "farsight-w", "farsight-s" or a file
-    #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "fit_on")]
+    /// With --fit-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w", "farsight-s" or a file
+    #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "half")]
     detector: PathBuf,
     /// With --fit-on of a refiner: another training of the same network, whose weights and this one's are averaged (a model soup)
     #[arg(long, value_name = "FILE", requires = "fit_on")]
@@ -127,6 +128,9 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,
     };
+    if args.int8.int8 && args.half {
+        return ranges::run(args, printer);
+    }
     if let Some(model) = SecondStageModel::read(&args.model)? {
         return model.export(args, target, printer);
     }

@@ -115,7 +115,7 @@ fn measured(
     let beside = args.config.parent().unwrap_or(Path::new(""));
     let split = set.split_in(beside);
     let dataset = open_labelled(folder, split.as_deref())?;
-    let pipeline = open_pipeline(args, set, printer)?;
+    let pipeline = open_pipeline(args, set, dataset.len(), printer)?;
     let results = tempfile::tempdir().context("no folder for the results")?;
     let ids = write_results_of(&pipeline, &*dataset, 0..dataset.len(), results.path(), printer)?;
     let failed = dataset.len() - ids.len();
@@ -153,11 +153,11 @@ fn measured(
 }
 
 /// The pipeline as `farsight eval` opens it.
-fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, printer: &mut Printer) -> Result<Pipeline> {
+fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, images: usize, printer: &mut Printer) -> Result<Pipeline> {
     let Stages { second_stage, road } = set.stages()?;
     let (model, engine) = (args.model.clone(), args.engine.clone());
     let pipeline = PipelineArgs { model, engine, second_stage, road, ..PipelineArgs::default() };
-    pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE))
+    pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE).images(images))
 }
 
 /// Whether the data set is said to be from a region, and the model has none.

@@ -4,6 +4,7 @@ mod answers;
 mod format;
 mod job;
 mod part;
+mod picture;
 #[cfg(test)]
 mod tests;
 
@@ -22,6 +23,7 @@ use crate::recording_file::RecordingArgs;
 use crate::shard::ShardArgs;
 use format::Format;
 use job::Job;
+use picture::PictureFormat;
 
 /// Arguments of `farsight range`.
 #[derive(Debug, Clone, Args)]
@@ -31,9 +33,12 @@ pub(crate) struct RangeArgs {
     inputs: Vec<PathBuf>,
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// Write a picture of each image, with the view from above, to DIR/IMAGE.png
+    /// Write a picture of each image, with the view from above, to DIR/IMAGE.png, or .jpg
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// In which format pictures are written
+    #[arg(long, value_enum, default_value_t = PictureFormat::Png, requires = "out")]
+    picture_format: PictureFormat,
     /// Write everything to FILE: an array with one object for each image that was done, or one line for each if FILE ends in .jsonl; "-" prints the array
     /// instead of the table
     #[arg(long, value_name = "FILE")]
@@ -79,6 +84,7 @@ impl RangeArgs {
             inputs: vec![images],
             pipeline: PipelineArgs::default(),
             out: Some(out),
+            picture_format: PictureFormat::Png,
             json: Some(json),
             format: None,
             resume: false,
@@ -113,9 +119,9 @@ impl RangeArgs {
         self.json.as_deref().filter(|path| *path != Path::new("-"))
     }
 
-    /// What looks at the images.
-    fn open(&self, printer: &mut Printer) -> Result<Pipeline> {
-        let builder = self.pipeline.builder_for(&self.camera, printer)?.range(self.range.kind());
+    /// What looks at so many images.
+    fn open(&self, images: usize, printer: &mut Printer) -> Result<Pipeline> {
+        let builder = self.pipeline.builder_for(&self.camera, printer)?.range(self.range.kind()).images(images);
         let builder = self.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
         pipeline_args::open_and_tell(&builder, printer)
     }
@@ -170,7 +176,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
         return part::run(args, found, printer);
     }
     let job = Job::new(args, found.images, printer)?;
-    let pipeline = args.open(printer)?;
+    let pipeline = args.open(job.image_count(), printer)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?.len();
     pipeline_args::tell_doubt(&pipeline, printer);
     Ok(outcome(failed))

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,6 +19,7 @@ use super::EvalArgs;
 use crate::outputs;
 use crate::pipeline_args;
 use crate::printer::{Printer, counted, progress_bar};
+use crate::side_by_side::in_order;
 
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(crate) const MIN_SCORE: f64 = 0.05;
@@ -102,7 +103,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
-    let pipeline = open(args, printer)?;
+    let pipeline = open(args, dataset.len(), printer)?;
     let ids = write_results_of(&pipeline, &*dataset, 0..dataset.len(), &results, printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
@@ -110,10 +111,11 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     Ok(Files { _folder: folder, ..looked_at_already(args, dataset, results, ids) })
 }
 
-/// What looks at the images.
-pub(super) fn open(args: &EvalArgs, printer: &mut Printer) -> Result<Pipeline> {
+/// What looks at so many images.
+pub(super) fn open(args: &EvalArgs, images: usize, printer: &mut Printer) -> Result<Pipeline> {
     let min_score = args.min_score.unwrap_or(MIN_SCORE);
-    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(min_score), printer)
+    let builder = args.pipeline.builder(printer)?.min_score(min_score).images(images);
+    pipeline_args::open_and_tell(&builder, printer)
 }
 
 /// The model's `results` of the frames `ids` of a data set; the others failed.
@@ -144,11 +146,14 @@ pub(in crate::commands) fn write_results_of(
 ) -> Result<Vec<String>> {
     let bar = progress_bar(block.len());
     let (mut done, mut failed, mut unwritten) = (Vec::new(), 0, 0);
-    for (index, id) in dataset.ids().into_iter().enumerate().filter(|(index, _)| block.contains(index)) {
+    let frames: Vec<(usize, String)> =
+        dataset.ids().into_iter().enumerate().filter(|(index, _)| block.contains(index)).collect();
+    let look = |(index, _): &(usize, String)| looked_at(pipeline, dataset, *index);
+    in_order(&frames, pipeline.side_by_side(), look, |(_, id), looked| {
         let path = results.join(format!("{id}.txt"));
-        match looked_at(pipeline, dataset, index) {
+        match looked {
             Ok(detections) => match write_results(&path, &detections) {
-                Ok(()) => done.push(id),
+                Ok(()) => done.push(id.clone()),
                 Err(error) => {
                     unwritten += 1;
                     if unwritten <= TOLD_FAILURES {
@@ -168,7 +173,8 @@ pub(in crate::commands) fn write_results_of(
             }
         }
         bar.inc(1);
-    }
+        anyhow::Ok(ControlFlow::Continue(()))
+    })?;
     bar.finish_and_clear();
     if failed > TOLD_FAILURES {
         printer.error(&format!("{} failed", counted(failed - TOLD_FAILURES, "more frame")));

@@ -37,7 +37,7 @@ pub(super) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let Some(asked @ (shard, _)) = args.shard.asked() else { return Ok(Outcome::Done) };
     let (data, results) = args.divided()?;
     let dataset = open_labelled(data, args.split.as_deref())?;
-    let pipeline = open(args, printer)?;
+    let pipeline = open(args, dataset.len() / shard.count.max(1) + 1, printer)?;
     let ids = dataset.ids();
     let shared: Vec<PathBuf> = args.split.iter().filter(|split| split.is_file()).cloned().collect();
     let run = Run::new(&ids, &shared, Some(ModelRecord::from(pipeline.info())), shard.count);

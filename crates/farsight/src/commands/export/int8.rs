@@ -11,7 +11,7 @@ use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight_core::Camera;
 use farsight_data::{Exif, read_image};
 use farsight_files::write_atomically;
-use farsight_graph::quantize::Observer;
+use farsight_graph::quantize::{Observer, layers};
 use farsight_graph::transform::Network;
 use farsight_methods::InputSpec;
 use farsight_methods::smoke::SmokeModel;
@@ -39,12 +39,13 @@ const HOPELESS: f64 = 0.1;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "8 bits")]
 pub(super) struct Int8Args {
-    /// Quantise: convolutions compute in 8 bits (ONNX Runtime and OpenVINO are several times faster)
-    #[arg(long, requires = "calibration", conflicts_with = "half")]
+    /// Quantise: convolutions compute in 8 bits (ONNX Runtime and OpenVINO are several times faster); with --half only measure the ranges, of any model of ours, and
+    /// write them into its file, for --precision int8
+    #[arg(long, requires = "calibration")]
     pub(super) int8: bool,
     /// Folder of images like those that the model will see; some hundred are plenty
     #[arg(long, value_name = "DIR", requires = "int8")]
-    calibration: Option<PathBuf>,
+    pub(super) calibration: Option<PathBuf>,
     /// How the ranges of the maps are chosen from what the images show
     #[arg(long, value_enum, default_value_t = ObserverName::Mse, requires = "int8")]
     observer: ObserverName,
@@ -61,7 +62,7 @@ pub(super) struct Int8Args {
     #[arg(long, value_name = "FILE", requires = "data")]
     split: Option<PathBuf>,
     #[command(flatten)]
-    engine: EngineArgs,
+    pub(super) engine: EngineArgs,
 }
 
 /// See [`Observer`].
@@ -81,7 +82,8 @@ fn percent(text: &str) -> Result<f64, String> {
 }
 
 impl Int8Args {
-    fn observer(&self) -> Observer {
+    /// How ranges are chosen.
+    pub(super) fn observer(&self) -> Observer {
         match self.observer {
             ObserverName::Minmax => Observer::MinMax,
             ObserverName::Percentile => Observer::Percentile(self.percentile),
@@ -89,7 +91,7 @@ impl Int8Args {
         }
     }
 
-    fn observer_name(&self) -> String {
+    pub(super) fn observer_name(&self) -> String {
         match self.observer() {
             Observer::MinMax => "minmax".to_owned(),
             Observer::Percentile(percent) => format!("percentile {percent}"),
@@ -220,7 +222,7 @@ fn calibrate(
     args: &ExportArgs,
 ) -> Result<(sweep::Ranges, Vec<Reference>)> {
     let threads = args.int8.engine.options()?.usable_threads();
-    let mut calibration = Calibration::new(network, LOGITS, facts, threads)?;
+    let mut calibration = Calibration::new(network, &layers(&network.graph, LOGITS), &[], facts, threads)?;
     let file = DetectorFile::from_bytes(farsight_onnx::write(network, facts, Target::Portable)?, &args.model)?;
     let mut answers = Answers::new(&file, &args.model, threads)?;
     let mut references = Vec::new();

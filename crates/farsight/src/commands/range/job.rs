@@ -1,9 +1,8 @@
-//! The images of one call, one after the other; what fails is told and the others are still done.
+//! The images of one call, told one after the other; what fails is told and the others are still done.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -21,7 +20,6 @@ use farsight_files::write_atomically;
 use farsight_recordings::{Found, Moment};
 use farsight_viz::picture_divisor;
 use image::RgbImage;
-use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
 use super::RangeArgs;
@@ -33,6 +31,7 @@ use crate::names::output_names;
 use crate::outputs;
 use crate::printer::{Printer, counted, progress_bar};
 use crate::recording_file::{RecordingArgs, Recordings};
+use crate::side_by_side::in_order;
 
 /// Fewer images than this need no progress bar: the table itself shows how far it is.
 const MANY_IMAGES: usize = 5;
@@ -90,6 +89,11 @@ impl<'a> Job<'a> {
         Self { block: Some(block), ..self }
     }
 
+    /// How many images it looks at.
+    pub(super) fn image_count(&self) -> usize {
+        self.block.as_ref().map_or(self.images.len(), Range::len)
+    }
+
     /// No labels, calibrations or images become results.
     fn check_folders(&self, inputs: &[PathBuf]) -> Result<()> {
         let folders: BTreeSet<&Path> = inputs.iter().filter_map(|image| image.parent()).collect();
@@ -124,7 +128,7 @@ impl<'a> Job<'a> {
     }
 
     fn picture_path(&self, name: &str) -> Option<PathBuf> {
-        self.args.out.as_ref().map(|folder| folder.join(format!("{name}.png")))
+        self.args.out.as_ref().map(|folder| folder.join(format!("{name}.{}", self.args.picture_format.extension())))
     }
 
     fn rows_path(&self, name: &str) -> Option<PathBuf> {
@@ -137,7 +141,7 @@ impl<'a> Job<'a> {
         self.args.json_file().is_some() || [out, kitti, mcap, rerun].into_iter().any(Option::is_some)
     }
 
-    /// Looks at every image and returns those that failed.
+    /// Looks at every image, neighbouring ones side by side, and returns those that failed.
     ///
     /// An error when none could be done, or an output could not be written; the others are done before.
     pub(super) fn run(&self, pipeline: &Pipeline, printer: &mut Printer) -> Result<Vec<String>> {
@@ -156,8 +160,9 @@ impl<'a> Job<'a> {
         let count = todo.iter().filter(|todo| **todo).count();
         let bar = if count < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(count) };
         let mut tally = Tally { skipped, ..Tally::default() };
-        for ((image, name), _) in self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo) {
-            let looked = self.image(image, name, pipeline);
+        let todo: Vec<_> = self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo).collect();
+        let look = |((image, name), _): &((&PathBuf, &String), _)| self.image(image, name, pipeline);
+        in_order(&todo, pipeline.side_by_side(), look, |((image, name), _), looked| {
             bar.suspend(|| match looked {
                 Ok(looked) => {
                     Self::tell(&looked, image, &mut tally, printer);
@@ -187,10 +192,9 @@ impl<'a> Job<'a> {
                 }
             })?;
             bar.inc(1);
-            if printer.reader_is_gone() && !self.writes_files() {
-                break;
-            }
-        }
+            let is_in_vain = printer.reader_is_gone() && !self.writes_files();
+            anyhow::Ok(if is_in_vain { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })?;
         bar.finish_and_clear();
         for (warning, images) in &tally.warnings {
             printer.warning(&format!("{warning} ({})", counted(*images, "image")));
@@ -338,7 +342,7 @@ impl<'a> Job<'a> {
             Some(lens) => draw_through_lens(image, camera, lens, objects, range),
             None => draw(image, camera, objects, range),
         };
-        Ok(write_atomically(target, |out| drawn.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?)
+        Ok(write_atomically(target, |out| self.args.picture_format.write(&drawn, out))?)
     }
 }
 

@@ -24,7 +24,7 @@ pub(super) fn run(args: &RangeArgs, found: Inputs, printer: &mut Printer) -> Res
     ensure!(mcap.is_none() && rerun.is_none(), "a recording is one piece; expected --mcap and --rerun without --shard");
     ensure!(!outputs.is_empty(), "--shard writes files; expected --json FILE, --out or --kitti beside it");
     outputs.iter().try_for_each(|(option, path)| check_relative(option, path))?;
-    let pipeline = args.open(printer)?;
+    let pipeline = args.open(found.images.len() / shard.count.max(1) + 1, printer)?;
     let items: Vec<String> = found.images.iter().map(|image| shown(image)).collect();
     let shared: Vec<PathBuf> = args.camera.calib.iter().cloned().collect();
     let run = Run::new(&items, &shared, Some(ModelRecord::from(pipeline.info())), shard.count);

@@ -55,7 +55,7 @@ impl Metres {
             let builder = Pipeline::builder().model(source).engine_options(args.int8.engine.options()?);
             // The network alone.
             let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
-            let pipeline = pipeline_args::open(&builder.min_score(MIN_SCORE))?;
+            let pipeline = pipeline_args::open(&builder.min_score(MIN_SCORE).images(dataset.len()))?;
             let done = write_results_of(&pipeline, &*dataset, 0..dataset.len(), folder.path(), printer)?;
             ensure!(done.len() == dataset.len(), "{}: not all frames could be looked at", data.display());
             let files = FrameFiles::open(&dataset, folder.path(), Some(dataset.ids()))?;

@@ -1,0 +1,62 @@
+//! How much is done for each object.
+
+/// How often the refiner looks at each object, and at how many mirror images.
+///
+/// A look around a box that hardly differs from that of the look before shows the same pixels, and the answer would be
+/// nearly the same. So an object is *settled* when its next cut-out is the last one within a share of its side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Effort {
+    /// One look, or two where the first one moved the box; no mirror images.
+    Fast,
+    /// Three looks as long as an object is promising, the last cut-out mirrored, too.
+    #[default]
+    Normal,
+    /// Three looks at whatever the detector found, the last cut-out mirrored, too: what the numbers of the fusion were
+    /// fitted with.
+    Best,
+}
+
+impl Effort {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Fast, Self::Normal, Self::Best];
+
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Normal => "normal",
+            Self::Best => "best",
+        }
+    }
+
+    /// No object is looked at more often.
+    pub(super) fn looks(self) -> usize {
+        match self {
+            Self::Fast => 2,
+            Self::Normal | Self::Best => 3,
+        }
+    }
+
+    /// Whether the mean of the answers for the last cut-out and for its mirror image counts.
+    pub(super) fn mirrors(self) -> bool {
+        self != Self::Fast
+    }
+
+    /// By what share of its side a cut-out may lie elsewhere, or be larger, and show the same; none is never.
+    pub(super) fn settled_within(self) -> Option<f64> {
+        match self {
+            Self::Fast => Some(0.1),
+            Self::Normal | Self::Best => None,
+        }
+    }
+
+    /// What has a score above this share of the least score that counts is looked at again: a further look can raise it
+    /// so far.
+    pub(super) fn promising_share(self) -> f64 {
+        match self {
+            Self::Fast => 0.5,
+            Self::Normal => 0.2,
+            Self::Best => 0.0,
+        }
+    }
+}
