@@ -59,7 +59,9 @@ impl Video {
         let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
         let tracker = VideoTracker::new(pipeline, cameras).with_options(options);
         let tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
-        let frames = source.frames(&VideoOptions { ffmpeg, realtime }).map_err(|error| video_error(&error))?;
+        let frames = source
+            .frames(&VideoOptions { ffmpeg, realtime, ..VideoOptions::default() })
+            .map_err(|error| video_error(&error))?;
         Ok(Self { state: Mutex::new(State { frames, tracker, done: 0 }) })
     }
 }
