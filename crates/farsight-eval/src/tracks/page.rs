@@ -94,10 +94,11 @@ fn plot(title: &str, samples: &[&Sample], value: impl Fn(&Sample) -> Option<[f64
     let x = |frame: f64| MARGIN + (WIDTH - MARGIN - 4.0) * (frame - first.0) / (last.0 - first.0).max(1.0);
     let y = |value: f64| 18.0 + (HEIGHT - 36.0) * (high - value) / (high - low);
     let line = |pick: &dyn Fn(&[f64; 3]) -> f64| {
-        points.iter().map(|(frame, values)| format!("{:.1},{:.1} ", x(*frame), y(pick(values)))).collect::<String>()
+        let places = points.iter().map(|(frame, values)| format!("{:.1},{:.1}", x(*frame), y(pick(values))));
+        places.collect::<Vec<_>>().join(" ") + " "
     };
-    let below = points.iter().rev().map(|(frame, [_, b, c])| format!("{:.1},{:.1} ", x(*frame), y(b - c)));
-    let band = line(&|[_, b, c]| b + c) + &below.collect::<String>();
+    let below = points.iter().rev().map(|(frame, [_, b, c])| format!("{:.1},{:.1}", x(*frame), y(b - c)));
+    let band = line(&|[_, b, c]| b + c) + &(below.collect::<Vec<_>>().join(" ") + " ");
     format!(
         "<svg width=\"{WIDTH}\" height=\"{HEIGHT}\"><text x=\"{MARGIN}\" y=\"12\">{title}</text>\
          <line class=\"a\" x1=\"{MARGIN}\" x2=\"{WIDTH}\" y1=\"{0:.1}\" y2=\"{0:.1}\"/>\

@@ -194,7 +194,9 @@ impl Sequence {
         scene.camera = tilted(&scene.camera, step.ego.pitch, step.ego.roll);
         if self.is_mirrored {
             mirror(&mut labelled);
-            velocities.iter_mut().for_each(|[velocity, _]| velocity[0] = -velocity[0]);
+            for [velocity, _] in &mut velocities {
+                velocity[0] = -velocity[0];
+            }
         }
         (labelled, velocities)
     }

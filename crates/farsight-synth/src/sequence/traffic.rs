@@ -446,7 +446,7 @@ fn turning(main: &Path, side: &Path, [middle, way]: [f64; 2], [from, to]: [f64; 
     // The control point is where both lanes meet, about.
     let p1 = side.at(from).beside(to);
     for k in 1..10 {
-        let t = k as f64 / 10.0;
+        let t = f64::from(k) / 10.0;
         points.push(
             [0, 1].map(|axis| (1.0 - t) * (1.0 - t) * p0[axis] + 2.0 * t * (1.0 - t) * p1[axis] + t * t * p2[axis]),
         );
