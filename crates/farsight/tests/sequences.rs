@@ -1,6 +1,7 @@
 //! `farsight synth --sequence` and `farsight eval-tracks`: rendered sequences, and tracks judged by them.
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
+#[allow(dead_code, reason = "each test program uses a part")]
 mod program;
 
 use std::fmt::Write;

@@ -46,8 +46,8 @@ pub(crate) struct RobustnessArgs {
     /// Seed of the worlds around the twins
     #[arg(long, value_name = "S", requires = "twins", default_value_t = 0)]
     seed: u64,
-    /// Corruptions, of: gaussian_noise, gaussian_blur, motion_blur, brightness, contrast, jpeg_compression [default: all]
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = conditions::corruption)]
+    /// Corruptions, by their names in ImageNet-C [default: all]
+    #[arg(long, help = format!("Corruptions, of: {} [default: all]", farsight_data::Corruption::ALL.map(farsight_data::Corruption::name).join(", ")), value_name = "NAMES", value_delimiter = ',', value_parser = conditions::corruption)]
     corruptions: Vec<farsight_data::Corruption>,
     /// Weather and light of the twins, of: rain, fog, dusk, night [default: all with --twins]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "twins", conflicts_with = "data", value_enum)]

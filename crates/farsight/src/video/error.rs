@@ -110,7 +110,7 @@ pub enum VideoError {
         /// The frame.
         place: String,
         /// What it says.
-        source: DetectError,
+        source: Box<DetectError>,
     },
     /// A frame that cannot be followed, as it is not later than the one before.
     #[error("{place}: {source}")]

@@ -144,7 +144,8 @@ impl VideoTracker {
     pub fn look(&mut self, frame: &VideoFrame) -> Result<Followed, VideoError> {
         let camera = self.camera(frame)?;
         let objects = self.pipeline.detect(&frame.image, &camera);
-        let objects = objects.map_err(|source| VideoError::Detect { place: frame.place(), source })?;
+        let objects =
+            objects.map_err(|source| VideoError::Detect { place: frame.place(), source: Box::new(source) })?;
         self.follow(frame, &camera, &objects)
     }
 

@@ -55,7 +55,7 @@ fn name(value: &impl ValueEnum) -> String {
 
 impl Variant {
     /// What the user asked for, run so.
-    fn pipeline(&self, args: &BenchArgs, images: usize, printer: &mut Printer) -> Result<Pipeline> {
+    fn pipeline(self, args: &BenchArgs, images: usize, printer: &mut Printer) -> Result<Pipeline> {
         let engine = EngineArgs { engine: self.engine, precision: self.precision, ..args.pipeline.engine.clone() };
         let chosen = PipelineArgs { engine, effort: self.effort, ..args.pipeline.clone() };
         pipeline_args::open(&chosen.builder(printer)?.images(images)).with_context(|| self.to_string())
@@ -130,7 +130,9 @@ pub(super) fn run(args: &BenchArgs, image: &Path, printer: &mut Printer) -> Resu
         counted(args.runs, "run"),
         counted(cores(), "core")
     ));
-    table(&rows).iter().for_each(|line| printer.line(line));
+    for line in &table(&rows) {
+        printer.line(line);
+    }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&rows)? + "\n";
         write_atomically(path, |file| file.write_all(text.as_bytes()))?;

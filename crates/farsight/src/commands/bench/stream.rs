@@ -34,7 +34,7 @@ pub(super) struct Throughput {
 pub(super) fn throughput(path: &Path, images: usize, pipeline: &Pipeline) -> Result<Throughput> {
     let (cpu_before, start) = (cpu_s(), Instant::now());
     let mut failure = None;
-    let look = |_: &()| -> Result<usize> {
+    let look = |(): &()| -> Result<usize> {
         let image = read_image(path)?;
         let camera = super::camera(image.width() as usize, image.height() as usize)?;
         Ok(pipeline.detect(&image, &camera)?.len())

@@ -41,34 +41,34 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let path = args.model.as_path();
     let family = refiner_of_word(path);
     if path == Path::new(SHIPPED_PLATES) {
-        return measured(shipped::plates()?, args, printer, |runner, model| plates(runner, model, args));
+        return measured(&shipped::plates()?, args, printer, |runner, model| plates(runner, model, args));
     }
     if let Some(family) = family {
         let look = |runner, model: &RefinerModel| refiner_behind(runner, model, Path::new(family.name()));
-        return measured(shipped::refiner(family)?, args, printer, look);
+        return measured(&shipped::refiner(family)?, args, printer, look);
     }
     if detector_of_word(path) == Some(Family::World) {
-        return measured(shipped::world()?, args, printer, |runner, model| Ok(ssd(runner, model)));
+        return measured(&shipped::world()?, args, printer, |runner, model| Ok(ssd(runner, model)));
     }
     if SsdModel::is_one(path) {
-        return measured(SsdModel::read(path)?, args, printer, |runner, model| Ok(ssd(runner, model)));
+        return measured(&SsdModel::read(path)?, args, printer, |runner, model| Ok(ssd(runner, model)));
     }
     if RefinerModel::is_one(path) {
         let look = |runner, model: &RefinerModel| refiner_behind(runner, model, &args.detector);
-        return measured(RefinerModel::read(path)?, args, printer, look);
+        return measured(&RefinerModel::read(path)?, args, printer, look);
     }
     if PlateReaderModel::is_one(path) {
-        return measured(PlateReaderModel::read(path)?, args, printer, |runner, model| plates(runner, model, args));
+        return measured(&PlateReaderModel::read(path)?, args, printer, |runner, model| plates(runner, model, args));
     }
     let model = read_own(path)?;
-    measured(model, args, printer, |runner, model| {
+    measured(&model, args, printer, |runner, model| {
         Ok(detector(Box::new(SmokeDetector::new(runner, &model.config, None))))
     })
 }
 
 /// Shows the images to the network of `model` through `look`, and writes its file with the ranges that were seen.
 fn measured<C: NetworkConfig>(
-    model: Model<C>,
+    model: &Model<C>,
     args: &ExportArgs,
     printer: &mut Printer,
     look: impl FnOnce(Box<dyn Runner>, &Model<C>) -> Result<Look>,
@@ -80,12 +80,12 @@ fn measured<C: NetworkConfig>(
         "--int8 --half measures ranges and changes nothing else of the model; expected --calibration and --out alone beside it"
     );
     let (images, cameras) = images(&folder)?;
-    let network = Network::deployable(&model)?;
+    let network = Network::deployable(model)?;
     let layers = layers_of(&network.graph, &int8_outputs::<C>());
-    let facts = Facts::new(&model, Target::Portable);
+    let facts = Facts::new(model, Target::Portable);
     let threads = args.int8.engine.options()?.usable_threads();
     let calibration = Calibration::new(&network, &layers, C::OUTPUTS, &facts, threads)?;
-    let mut look = look(Box::new(calibration.sharer()?), &model)?;
+    let mut look = look(Box::new(calibration.sharer()?), model)?;
     let bar = progress_bar(images.len());
     for path in &images {
         let image = read_image(path)?;
