@@ -50,7 +50,8 @@ def narrow_shape(name, shape):
     if name.endswith("root.conv.weight"):
         tree = name.removeprefix("backbone.body.base.").removesuffix(".root.conv.weight")
         return (WIDTH, ROOT_INPUTS[tree] * WIDTH, 1, 1)
-    # 1 (depthwise), 3 (input, classes), 8 (regressions) and 27 (offsets and masks) are no widths; kernels are the last two.
+    # 1 (depthwise), 3 (input, classes), 8 (regressions) and 27 (offsets and masks) are no widths; kernels are the last
+    # two.
     widths = [size if size in (1, 3, 8, 27) else WIDTH for size in shape[:2]]
     return (*widths, *shape[2:])
 

@@ -18,7 +18,7 @@ const PAPERS: [&str; 5] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-
 const SHELLS: [&str; 4] = ["bash", "fish", "powershell", "zsh"];
 
 /// The registry takes no larger crates, bytes.
-const LARGEST_CRATE: u64 = 10 << 20;
+const MAX_CRATE: u64 = 10 << 20;
 
 /// Version of all crates.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -77,8 +77,8 @@ fn crates() -> Result<(), String> {
     let folder = root().join("target/package");
     for path in files(&folder)?.into_iter().filter(|path| path.extension() == Some("crate".as_ref())) {
         let bytes = path.metadata().map_err(|error| format!("{}: {error}", path.display()))?.len();
-        if bytes > LARGEST_CRATE {
-            return Err(format!("{}: {bytes} bytes; the registry takes at most {LARGEST_CRATE}", path.display()));
+        if bytes > MAX_CRATE {
+            return Err(format!("{}: {bytes} bytes; the registry takes at most {MAX_CRATE}", path.display()));
         }
     }
     Ok(())

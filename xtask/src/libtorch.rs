@@ -31,7 +31,8 @@ pub(crate) struct Libtorch {
 }
 
 impl Libtorch {
-    /// The one that the user names in `LIBTORCH`, the one fetched before, the one of the Python on the path, or a fresh one.
+    /// The one that the user names in `LIBTORCH`, the one fetched before, the one of the Python on the path, or a fresh
+    /// one.
     pub(crate) fn find_or_fetch() -> Result<Self, String> {
         if let Some(torch) = env::var_os("LIBTORCH") {
             return Self::at(Path::new(&torch))

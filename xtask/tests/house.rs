@@ -146,7 +146,8 @@ impl House {
         }
     }
 
-    /// Which module uses which: of two modules their different ancestors under the same parent. A parent and its children are one thing.
+    /// Which module uses which: of two modules their different ancestors under the same parent. A parent and its
+    /// children are one thing.
     fn edges(&self) -> BTreeMap<Names, BTreeSet<Names>> {
         let mut edges: BTreeMap<Names, BTreeSet<Names>> = BTreeMap::new();
         for (user, path) in &self.used {
@@ -217,4 +218,52 @@ fn rooms_use_rooms_of_lower_floors() {
             assert!(below < floor || is_known, "{name} on floor {floor} uses {used} on floor {below}");
         }
     }
+}
+
+/// Lines of comments and of prose have at most so many characters.
+const COLUMNS: usize = 120;
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|end| end == "rs" || end == "md") {
+            found.push(path);
+        }
+    }
+}
+
+/// Whether a long line is one that cannot be broken: a table, a command in backticks, a link.
+fn is_one_piece(line: &str) -> bool {
+    line.trim_start().starts_with('|') || line.starts_with("<!--") || line.contains('`') || line.contains("](")
+}
+
+#[test]
+fn comments_and_prose_have_at_most_120_columns() {
+    let mut files: Vec<PathBuf> = Vec::new();
+    for folder in ["crates", "xtask", "docs", "models"] {
+        sources(&root().join(folder), &mut files);
+    }
+    files.extend(
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "PARITY.md", "SECURITY.md"].map(|name| root().join(name)),
+    );
+    assert!(files.len() > 500, "{}", files.len());
+    let mut long = Vec::new();
+    for file in files {
+        let text = fs::read_to_string(&file).unwrap();
+        let is_prose = file.extension().is_some_and(|end| end == "md");
+        let mut is_code = false;
+        for (line, number) in text.lines().zip(1..) {
+            let words = line.trim_start().trim_start_matches(['/', '!']).trim_start();
+            if words.starts_with("```") {
+                is_code = !is_code;
+            }
+            let is_told = is_prose || line.trim_start().starts_with("//");
+            if is_told && !is_code && line.chars().count() > COLUMNS && !is_one_piece(line) {
+                long.push(format!("{}:{number}", file.display()));
+            }
+        }
+    }
+    assert!(long.is_empty(), "longer than {COLUMNS} columns: {long:#?}");
 }

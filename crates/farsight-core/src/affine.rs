@@ -21,9 +21,11 @@ impl Affine2 {
         Self { matrix: [[-1.0, 0.0, width as f64 - 1.0], [0.0, 1.0, 0.0]] }
     }
 
-    /// Takes the source window centred at `center` and `window_width` pixels wide to an output of `size` (width, height).
+    /// Takes the source window centred at `center` and `window_width` pixels wide to an output of `size` (width,
+    /// height).
     ///
-    /// The width alone sets the scale, the same for both axes; the height is centred and cropped or padded (SMOKE, spec 5.2).
+    /// The width alone sets the scale, the same for both axes; the height is centred and cropped or padded (SMOKE, spec
+    /// 5.2).
     pub fn window(center: [f64; 2], window_width: f64, size: [usize; 2]) -> Self {
         let scale = size[0] as f64 / window_width;
         Self::centered(center, [scale; 2], size)

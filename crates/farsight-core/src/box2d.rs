@@ -42,7 +42,8 @@ impl Box2d {
         self.width().max(0.0) * self.height().max(0.0)
     }
 
-    /// Whether an edge lies on the border of `[0, max_x] x [0, max_y]` or beyond: more may be there than the image shows.
+    /// Whether an edge lies on the border of `[0, max_x] x [0, max_y]` or beyond: more may be there than the image
+    /// shows.
     pub fn reaches_border(&self, max_x: f64, max_y: f64) -> bool {
         self.x1 <= 0.0 || self.y1 <= 0.0 || self.x2 >= max_x || self.y2 >= max_y
     }

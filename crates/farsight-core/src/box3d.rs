@@ -49,7 +49,7 @@ pub const FRONT_FACE: [usize; 4] = [1, 2, 3, 4];
 pub const NEAR_PLANE_M: f64 = 0.1;
 
 /// Boxes with shorter sides are taken to have these where something is divided by them, metres.
-const LEAST_SIDE_M: f64 = 1e-3;
+const MIN_SIDE_M: f64 = 1e-3;
 
 /// Corners of the box with these dimensions (length, height, width), bottom centre and yaw.
 ///
@@ -82,8 +82,8 @@ impl Box3d {
         wrapped_angle(self.yaw - ray_angle(self.location))
     }
 
-    /// `z` of the location, metres: of a camera that looks level its depth along the optical axis. (A [`Camera`] that looks down has its rotation in its
-    /// projection, so that boxes stay upright.)
+    /// `z` of the location, metres: of a camera that looks level its depth along the optical axis. (A [`Camera`] that
+    /// looks down has its rotation in its projection, so that boxes stay upright.)
     pub fn depth_m(&self) -> f64 {
         self.location[2]
     }
@@ -108,7 +108,8 @@ impl Box3d {
         norm(&[0, 1, 2].map(|axis| (camera[axis].abs() - half[axis]).max(0.0)))
     }
 
-    /// The box around the projection, pixels, not clipped to any image; `None` when all of the box is behind the camera.
+    /// The box around the projection, pixels, not clipped to any image; `None` when all of the box is behind the
+    /// camera.
     ///
     /// Edges that cross the near plane are cut there, so a vehicle beside the camera keeps a true outline.
     pub fn projected(&self, camera: &Camera) -> Option<Box2d> {
@@ -118,22 +119,25 @@ impl Box3d {
         Box2d::around(ahead.chain(crossings).filter_map(|point| camera.pixel_from_point(point)))
     }
 
-    /// The box `factor` times as far away and as large: the same picture, but for the centimetres by which a fourth column moves the camera.
+    /// The box `factor` times as far away and as large: the same picture, but for the centimetres by which a fourth
+    /// column moves the camera.
     pub fn scaled(&self, factor: f64) -> Self {
         let Dimensions { height, width, length } = self.dimensions;
         let dimensions = Dimensions { height: height * factor, width: width * factor, length: length * factor };
         Self { dimensions, location: self.location.map(|v| v * factor), yaw: self.yaw }
     }
 
-    /// By so much depth, metres, the box can be moved over the ground along its ray until it overlaps the place where it was, seen from above, by no more
-    /// than `overlap` (intersection over union). A car that is seen from behind can be moved farther than one that crosses.
+    /// By so much depth, metres, the box can be moved over the ground along its ray until it overlaps the place where
+    /// it was, seen from above, by no more than `overlap` (intersection over union). A car that is seen from behind can
+    /// be moved farther than one that crosses.
     pub fn depth_tolerance_m(&self, overlap: f64) -> f64 {
         let Dimensions { width, length, .. } = self.dimensions;
         // Alpha is 0 for a car that crosses.
         let (along, across) = self.alpha().sin_cos();
-        // Moved by t, the two share (length - t along) * (width - t across), which has to be this share of length * width:
+        // Moved by t, the two share (length - t along) * (width - t across), which has to be this share of length *
+        // width:
         let shared = 2.0 * overlap / (1.0 + overlap);
-        let [by_length, by_width] = [along.abs() / length.max(LEAST_SIDE_M), across.abs() / width.max(LEAST_SIDE_M)];
+        let [by_length, by_width] = [along.abs() / length.max(MIN_SIDE_M), across.abs() / width.max(MIN_SIDE_M)];
         let sum = by_length + by_width;
         let root = (sum * sum - 4.0 * by_length * by_width * (1.0 - shared)).sqrt();
         let moved_m = 2.0 * (1.0 - shared) / (sum + root);
@@ -156,7 +160,8 @@ impl Box2d {
     }
 }
 
-/// Angle of the ray from the camera to `location` on the ground plane, radians; 0 straight ahead, positive to the right.
+/// Angle of the ray from the camera to `location` on the ground plane, radians; 0 straight ahead, positive to the
+/// right.
 pub fn ray_angle(location: [f64; 3]) -> f64 {
     location[0].atan2(location[2])
 }

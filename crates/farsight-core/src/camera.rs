@@ -8,8 +8,8 @@ use crate::scalar::Scalar;
 
 /// A camera: the 3x4 matrix from camera coordinates (metres) to homogeneous pixels.
 ///
-/// KITTI's left colour camera stands 6 cm beside the origin of its coordinates, so the fourth column is not zero. It is kept
-/// everywhere: dropping it, as official SMOKE does, moves a centre at 5 m by 9 pixels (spec 5.6).
+/// KITTI's left colour camera stands 6 cm beside the origin of its coordinates, so the fourth column is not zero. It is
+/// kept everywhere: dropping it, as official SMOKE does, moves a centre at 5 m by 9 pixels (spec 5.6).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Row-major projection; row 2 gives the divisor, in metres of depth.
@@ -17,7 +17,7 @@ pub struct Camera {
 }
 
 /// The least share of a row of the projection that lies along its own axis; in a photograph it is a tenth and more.
-const LEAST_ACROSS: f64 = 1e-6;
+const MIN_ACROSS: f64 = 1e-6;
 
 /// A description of a camera that no camera can have.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -65,7 +65,7 @@ impl Camera {
         check_focal("fx", camera.focal_x())?;
         check_focal("fy", camera.focal_y())?;
         // Else rounding decides whether the camera is mirrored.
-        if (0..2).any(|axis| camera.across(axis)[axis] < LEAST_ACROSS * norm(&camera.row(axis))) {
+        if (0..2).any(|axis| camera.across(axis)[axis] < MIN_ACROSS * norm(&camera.row(axis))) {
             return Err(CameraError::Degenerate("an axis of the image points along the view"));
         }
         Ok(camera)
@@ -86,8 +86,8 @@ impl Camera {
         Ok(Self { projection: [[fx, 0.0, cx, 0.0], [0.0, fy, cy, 0.0], [0.0, 0.0, 1.0, 0.0]] })
     }
 
-    /// An ideal camera that sees `hfov_deg` degrees across an image of `width` x `height` pixels (any integers), principal
-    /// point in the middle.
+    /// An ideal camera that sees `hfov_deg` degrees across an image of `width` x `height` pixels (any integers),
+    /// principal point in the middle.
     ///
     /// # Errors
     /// When the angle is not between 0 and 180 degrees, or a side is no 32-bit number.
@@ -124,7 +124,8 @@ impl Camera {
         (dot(&across, &across) / dot(&last, &last)).sqrt() * across[axis].signum()
     }
 
-    /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that lies along `R[axis]`.
+    /// Row `axis` of `K R` is `focal * R[axis] + center * R[2]`, and `R[2]` is the last row: what is left without that
+    /// lies along `R[axis]`.
     fn across(&self, axis: usize) -> [f64; 3] {
         let (own, last) = (self.row(axis), self.row(2));
         let center = self.center(axis);
@@ -182,7 +183,8 @@ impl Camera {
 
     /// The camera that sees the left-right mirrored image of a mirrored world.
     ///
-    /// Column `u` becomes `width - 1 - u` and the scene's `x` becomes `-x`; every projection stays exact, the fourth column included.
+    /// Column `u` becomes `width - 1 - u` and the scene's `x` becomes `-x`; every projection stays exact, the fourth
+    /// column included.
     pub fn mirrored(&self, width: usize) -> Self {
         let mut mirrored = self.transformed(&Affine2::mirror(width));
         for row in &mut mirrored.projection {

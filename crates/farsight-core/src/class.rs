@@ -62,14 +62,16 @@ impl ObjectClass {
         }
     }
 
-    /// Whether both are one class, or classes that are easily taken for one another: cars, vans and trucks; people, however they move.
+    /// Whether both are one class, or classes that are easily taken for one another: cars, vans and trucks; people,
+    /// however they move.
     pub fn is_like(&self, other: &Self) -> bool {
         let is_vehicle = |class: &Self| matches!(class, Self::Car | Self::Van | Self::Truck);
         let is_person = |class: &Self| matches!(class, Self::Pedestrian | Self::PersonSitting | Self::Cyclist);
         self == other || (is_vehicle(self) && is_vehicle(other)) || (is_person(self) && is_person(other))
     }
 
-    /// Whether this is `known`, one of KITTI's, by its name in any case: the devkit compares like that, so `car` and `dontcare` count.
+    /// Whether this is `known`, one of KITTI's, by its name in any case: the devkit compares like that, so `car` and
+    /// `dontcare` count.
     pub fn is_in_any_case(&self, known: &Self) -> bool {
         match self {
             Self::Other(name) => name.eq_ignore_ascii_case(known.name()),
@@ -96,7 +98,8 @@ impl ObjectClass {
     }
 }
 
-/// Letters to add, drop or replace to get from one word to the other; two that changed places count as one (optimal string alignment).
+/// Letters to add, drop or replace to get from one word to the other; two that changed places count as one (optimal
+/// string alignment).
 fn edits(a: &[u8], b: &[u8]) -> usize {
     let mut least = vec![vec![0; b.len() + 1]; a.len() + 1];
     for i in 0..=a.len() {

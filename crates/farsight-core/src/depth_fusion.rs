@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::range_error::WITHIN_ONE_SIGMA;
-use crate::score::LEAST_EXAMPLES;
+use crate::score::MIN_EXAMPLES;
 use crate::statistics::{quantile, sorted};
 
-/// The shares of truths that the intervals beside the error bar hold; the error bar is half of the interval that holds 68%.
+/// The shares of truths that the intervals beside the error bar hold; the error bar is half of the interval that holds
+/// 68%.
 const INTERVAL_SHARES: [f64; 2] = [0.5, 0.9];
 
 /// Half the width of those intervals in standard deviations of a normal distribution.
@@ -75,10 +76,10 @@ impl Default for DepthFusion {
 }
 
 impl DepthFusion {
-    /// What makes the second depths of `pairs` right in the median and all error bars hold two thirds of them; none when they are fewer than
-    /// [`LEAST_EXAMPLES`].
+    /// What makes the second depths of `pairs` right in the median and all error bars hold two thirds of them; none
+    /// when they are fewer than [`MIN_EXAMPLES`].
     pub fn fit(pairs: &[DepthPair]) -> Option<Self> {
-        if pairs.len() < LEAST_EXAMPLES {
+        if pairs.len() < MIN_EXAMPLES {
             return None;
         }
         let log_off = |pair: &DepthPair| (pair.second.depth_m / pair.true_m).ln();
@@ -179,7 +180,8 @@ mod tests {
 
     use super::*;
 
-    /// Three independent numbers of mean 0 and deviation 1 for each `k`: an even spread over a unit cube, made normal (Box and Muller).
+    /// Three independent numbers of mean 0 and deviation 1 for each `k`: an even spread over a unit cube, made normal
+    /// (Box and Muller).
     fn normals(k: u32) -> [f64; 3] {
         let share = |power: i32| (0.5 + f64::from(k) * 0.856_674_883_854_502_9_f64.powi(power)).fract();
         let pair = |a: f64, b: f64| {

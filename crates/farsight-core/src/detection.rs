@@ -13,13 +13,14 @@ pub struct Detection {
     pub box2d: Box2d,
     /// Where it is, rectified camera coordinates, metres.
     pub box3d: Box3d,
-    /// Standard deviation of its depth ([`Box3d::depth_m`]), metres, when the model gives one; [`Detection::sigma_of_m`] has that of other distances.
+    /// Standard deviation of its depth ([`Box3d::depth_m`]), metres, when the model gives one;
+    /// [`Detection::sigma_of_m`] has that of other distances.
     pub range_sigma_m: Option<f64>,
 }
 
 impl Detection {
-    /// Standard deviation of another distance to it, `distance_m`: where the depth is wrong, the box lies elsewhere on its ray and is as much larger, and so all
-    /// distances are wrong by the same factor.
+    /// Standard deviation of another distance to it, `distance_m`: where the depth is wrong, the box lies elsewhere on
+    /// its ray and is as much larger, and so all distances are wrong by the same factor.
     pub fn sigma_of_m(&self, distance_m: f64) -> Option<f64> {
         Some(self.range_sigma_m? * distance_m / self.box3d.depth_m())
     }
@@ -35,8 +36,8 @@ impl Detection {
         self.box3d.alpha()
     }
 
-    /// The score times the probability, by the error bar, that the distance is right to [`Box3d::depth_tolerance_m`] at [`PLACE_OVERLAP`]; None without an
-    /// error bar.
+    /// The score times the probability, by the error bar, that the distance is right to [`Box3d::depth_tolerance_m`] at
+    /// [`PLACE_OVERLAP`]; None without an error bar.
     ///
     /// Errors are taken to spread as Laplace's distribution does: many small ones and long tails.
     pub fn place_score(&self) -> Option<f64> {

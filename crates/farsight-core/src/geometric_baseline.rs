@@ -1,4 +1,5 @@
-//! Ranging without a network: what a 2D box and a known camera give by themselves. The measure that a learnt distance has to beat.
+//! Ranging without a network: what a 2D box and a known camera give by themselves. The measure that a learnt distance
+//! has to beat.
 
 use crate::{Box2d, Camera};
 
@@ -7,13 +8,14 @@ const MIN_PX: f64 = 1.0;
 
 /// Depth, metres, by similar triangles: an object `height_m` high fills the height of `box2d`.
 ///
-/// The box shows the side that faces the camera, about half the object's length nearer than its centre: `half_length_m` is added.
-/// `None` for a box lower than a pixel.
+/// The box shows the side that faces the camera, about half the object's length nearer than its centre: `half_length_m`
+/// is added. `None` for a box lower than a pixel.
 pub fn depth_from_height(box2d: &Box2d, camera: &Camera, height_m: f64, half_length_m: f64) -> Option<f64> {
     (box2d.height() >= MIN_PX).then(|| camera.focal_y() * height_m / box2d.height() + half_length_m)
 }
 
-/// Depth, metres, by inverse perspective mapping: the bottom edge of `box2d` stands on flat ground `camera_height_m` below the camera.
+/// Depth, metres, by inverse perspective mapping: the bottom edge of `box2d` stands on flat ground `camera_height_m`
+/// below the camera.
 ///
 /// The edge is where the object is nearest: `half_length_m` is added. `None` for an edge at or above the horizon.
 pub fn depth_from_ground(box2d: &Box2d, camera: &Camera, camera_height_m: f64, half_length_m: f64) -> Option<f64> {

@@ -8,9 +8,9 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 
 /// How wide the Gaussian of an object is (spec section 6; dynamic Gaussian heatmap: MSFE/DGH spec section 4).
 ///
-/// Boxes, radii, floors and ceilings are in cells of the feature map: four pixels of the network's input each (stride 4), not pixels of the image. In every
-/// rule `sigma = (2 radius + 1) / 6`, so a radius of 0 still reaches a third of a cell. Every rule takes a floor, `min_radius`, so that a comparison of rules
-/// need not be one of floors; 0 is none.
+/// Boxes, radii, floors and ceilings are in cells of the feature map: four pixels of the network's input each (stride
+/// 4), not pixels of the image. In every rule `sigma = (2 radius + 1) / 6`, so a radius of 0 still reaches a third of a
+/// cell. Every rule takes a floor, `min_radius`, so that a comparison of rules need not be one of floors; 0 is none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "rule", rename_all = "snake_case", deny_unknown_fields)]
 pub enum HeatmapRule {
@@ -30,7 +30,8 @@ pub enum HeatmapRule {
         #[serde(default, skip_serializing_if = "is_default")]
         min_radius: f64,
     },
-    /// The CornerNet radius as its authors' code has it, several times larger than what the formula is for, cut to whole cells.
+    /// The CornerNet radius as its authors' code has it, several times larger than what the formula is for, cut to
+    /// whole cells.
     CornerNetOriginal {
         /// Overlap that a box moved by the radius was meant to keep.
         min_overlap: f64,
@@ -62,7 +63,8 @@ impl HeatmapRule {
     /// Official SMOKE's rule.
     pub const SMOKE: Self = Self::CornerNet { min_overlap: 0.7, min_radius: 0.0 };
 
-    /// The Gaussian of a box `width` x `height` cells large; `factor` scales alpha for its class (before the floor), and plays no part in other rules.
+    /// The Gaussian of a box `width` x `height` cells large; `factor` scales alpha for its class (before the floor),
+    /// and plays no part in other rules.
     pub fn gaussian(&self, width: f64, height: f64, factor: f64) -> Gaussian {
         let dynamic = |alpha: f64| alpha * factor * (width.max(0.0) * height.max(0.0)).sqrt();
         let radius = match *self {
@@ -88,8 +90,8 @@ impl HeatmapRule {
                 .then(|| format!("heatmap {name} is {value}; expected a positive number"))
         };
         let cells = |name: &str, value: f64| {
-            (!(0.0..=MOST_CELLS).contains(&value))
-                .then(|| format!("heatmap {name} is {value}; expected 0 to {MOST_CELLS} cells"))
+            (!(0.0..=MAX_CELLS).contains(&value))
+                .then(|| format!("heatmap {name} is {value}; expected 0 to {MAX_CELLS} cells"))
         };
         match *self {
             Self::Fixed { radius, min_radius } => cells("radius", radius).or_else(|| cells("min_radius", min_radius)),
@@ -100,8 +102,8 @@ impl HeatmapRule {
             }
             Self::DynamicInteger { alpha, min_radius, max_radius }
             | Self::Dynamic { alpha, min_radius, max_radius } => positive("alpha", alpha).or_else(|| {
-                (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius <= MOST_CELLS)).then(|| {
-                    format!("heatmap radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius <= {MOST_CELLS}")
+                (!(min_radius >= 0.0 && min_radius <= max_radius && max_radius <= MAX_CELLS)).then(|| {
+                    format!("heatmap radii are {min_radius} to {max_radius}; expected 0 <= min_radius <= max_radius <= {MAX_CELLS}")
                 })
             }),
         }
@@ -109,9 +111,10 @@ impl HeatmapRule {
 }
 
 /// A larger radius than any map has cells a side.
-const MOST_CELLS: f64 = 1e4;
+const MAX_CELLS: f64 = 1e4;
 
-/// The largest radius by which both corners of a box can move and keep an overlap of `t`, cells (the corrected formula).
+/// The largest radius by which both corners of a box can move and keep an overlap of `t`, cells (the corrected
+/// formula).
 pub fn cornernet_radius(width: f64, height: f64, t: f64) -> f64 {
     let (sum, area) = (width + height, width * height);
     let r1 = (sum - (sum * sum - 4.0 * area * (1.0 - t) / (1.0 + t)).sqrt()) / 2.0;
@@ -120,7 +123,8 @@ pub fn cornernet_radius(width: f64, height: f64, t: f64) -> f64 {
     r1.min(r2).min(r3)
 }
 
-/// The radius of the authors' code: of each quadratic equation the larger root, divided by two instead of twice its leading factor, cells.
+/// The radius of the authors' code: of each quadratic equation the larger root, divided by two instead of twice its
+/// leading factor, cells.
 pub fn cornernet_original_radius(width: f64, height: f64, t: f64) -> f64 {
     let (sum, area) = (width + height, width * height);
     let root = |a: f64, b: f64, c: f64| f64::midpoint(b, (b * b - 4.0 * a * c).sqrt());
@@ -143,7 +147,8 @@ impl Gaussian {
         (2.0 * self.radius + 1.0) / 6.0
     }
 
-    /// Draws the Gaussian at `cell` (column, row) of `map`, `width` cells a row; where targets meet, the larger value stays.
+    /// Draws the Gaussian at `cell` (column, row) of `map`, `width` cells a row; where targets meet, the larger value
+    /// stays.
     ///
     /// # Panics
     /// When `cell` lies outside the map.

@@ -9,8 +9,8 @@ use crate::Camera;
 
 /// Distortion of a lens, as OpenCV's `calibrateCamera` and `fisheye::calibrate` find it.
 ///
-/// A ray goes through (x, y) in the plane at depth 1. The lens shows it where a pinhole would show the distorted (x, y).
-/// Focal lengths and principal point are those of [`Camera`].
+/// A ray goes through (x, y) in the plane at depth 1. The lens shows it where a pinhole would show the distorted (x,
+/// y). Focal lengths and principal point are those of [`Camera`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Lens {
     /// Brown and Conrady: k1, k2, p1, p2, k3, in OpenCV's order.

@@ -1,4 +1,5 @@
-//! The numerics that every other crate shares: camera, boxes, labels, heatmaps and their peaks, error bars, NMS, the road plane.
+//! The numerics that every other crate shares: camera, boxes, labels, heatmaps and their peaks, error bars, NMS, the
+//! road plane.
 //!
 //! Frames of reference are KITTI's. Camera coordinates are metres with x right, y **down**, z forward;
 //! pixels are `(u, v)`, u right, v down, with pixel centres at whole numbers. An object stands at the centre of

@@ -1,6 +1,7 @@
 //! Short vectors and small systems of linear equations.
 
-/// The solution of `matrix` times x = `right` (Gauss and Jordan's elimination with the largest pivot); none where there is not just one.
+/// The solution of `matrix` times x = `right` (Gauss and Jordan's elimination with the largest pivot); none where there
+/// is not just one.
 pub fn solved<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
         let pivot = (column..N).max_by(|&a, &b| matrix[a][column].abs().total_cmp(&matrix[b][column].abs()))?;

@@ -3,14 +3,15 @@
 use crate::Detection;
 use crate::overlap::{iou_2d, iou_bev};
 
-/// `detections`, highest score first, without those that stand where a better one stands: seen from above they overlap by more than `max_overlap`
-/// (intersection over union), whatever their classes. SMOKE has no such step; two things in one place are one too many for whoever reads the answer.
+/// `detections`, highest score first, without those that stand where a better one stands: seen from above they overlap
+/// by more than `max_overlap` (intersection over union), whatever their classes. SMOKE has no such step; two things in
+/// one place are one too many for whoever reads the answer.
 pub fn bev_nms(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
     without_repeats(detections, |better, other| iou_bev(&better.box3d, &other.box3d) > max_overlap)
 }
 
-/// `detections`, highest score first, without those that are a second box around what has a better one of the same class: in the image they overlap by more
-/// than 0.7.
+/// `detections`, highest score first, without those that are a second box around what has a better one of the same
+/// class: in the image they overlap by more than 0.7.
 pub fn class_nms(detections: Vec<Detection>) -> Vec<Detection> {
     without_repeats(detections, |better, other| {
         better.class == other.class && iou_2d(&better.box2d, &other.box2d) > SAME_OBJECT_OVERLAP
@@ -28,11 +29,12 @@ fn without_repeats(detections: Vec<Detection>, repeats: impl Fn(&Detection, &Det
     kept
 }
 
-/// Boxes of one class that overlap by more than this in the image are of one object: of two cars of which one hides the other they rarely do.
+/// Boxes of one class that overlap by more than this in the image are of one object: of two cars of which one hides the
+/// other they rarely do.
 const SAME_OBJECT_OVERLAP: f64 = 0.7;
 
-/// `detections` with scores that know that no two things stand in one place: of two boxes that mean one thing, the less likely one is there only if the
-/// likelier one is not. Scores are probabilities, highest first before and after.
+/// `detections` with scores that know that no two things stand in one place: of two boxes that mean one thing, the less
+/// likely one is there only if the likelier one is not. Scores are probabilities, highest first before and after.
 ///
 /// What has a lower score changes nothing for what has a higher one.
 pub fn soft_suppression(mut detections: Vec<Detection>) -> Vec<Detection> {
@@ -51,8 +53,8 @@ fn beside(other: &Detection, detection: &Detection) -> f64 {
     (1.0 - other.score * in_one_place) * (1.0 - other.score * seen_as_one(other, detection))
 }
 
-/// How surely two boxes are of one thing, 0 to 1, by how much of the image they share and how well their distances agree; 0 of classes that are not taken for
-/// one another, and where an error bar is missing.
+/// How surely two boxes are of one thing, 0 to 1, by how much of the image they share and how well their distances
+/// agree; 0 of classes that are not taken for one another, and where an error bar is missing.
 fn seen_as_one(a: &Detection, b: &Detection) -> f64 {
     let (Some(sigma_a), Some(sigma_b)) = (a.range_sigma_m, b.range_sigma_m) else { return 0.0 };
     if !a.class.is_like(&b.class) {
@@ -64,10 +66,12 @@ fn seen_as_one(a: &Detection, b: &Detection) -> f64 {
     in_sight.clamp(0.0, 1.0) * (1.0 - sigmas_apart / ONE_DEPTH_SIGMAS).max(0.0)
 }
 
-/// Boxes that overlap by more than this as seen from above, whatever their classes, are not off by their errors alone: they mean one thing.
+/// Boxes that overlap by more than this as seen from above, whatever their classes, are not off by their errors alone:
+/// they mean one thing.
 const ONE_PLACE_OVERLAP: f64 = 0.25;
 
-/// Boxes that overlap by no more than the first in the image need not be of one thing; from the second on nothing but their distances tells them apart.
+/// Boxes that overlap by no more than the first in the image need not be of one thing; from the second on nothing but
+/// their distances tells them apart.
 const ONE_SIGHT_OVERLAPS: [f64; 2] = [0.4, SAME_OBJECT_OVERLAP];
 
 /// Distances that differ by more joint error bars than this are two; the better they agree the likelier they are one.

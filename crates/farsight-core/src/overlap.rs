@@ -1,9 +1,10 @@
 //! Overlap of boxes: axis-aligned in the image, rotated in the ground plane, and in space.
 //!
-//! The definitions are those of the KITTI devkit (spec kitti-eval.md, section 2, rules 23 to 25), computed in `f64` without allocation.
-//! Every answer is a number from 0 to 1: boxes that are empty, swapped, infinite or not numbers overlap nothing. The devkit's polygon
-//! library is wrong for some pairs with collinear edges and crashes on others (rule 26); here one rectangle is clipped by the four
-//! sides of the other in the other's own axes, where a shared edge is only a comparison of two numbers.
+//! The definitions are those of the KITTI devkit (spec kitti-eval.md, section 2, rules 23 to 25), computed in `f64`
+//! without allocation. Every answer is a number from 0 to 1: boxes that are empty, swapped, infinite or not numbers
+//! overlap nothing. The devkit's polygon library is wrong for some pairs with collinear edges and crashes on others
+//! (rule 26); here one rectangle is clipped by the four sides of the other in the other's own axes, where a shared edge
+//! is only a comparison of two numbers.
 
 use crate::{Box2d, Box3d};
 
@@ -61,8 +62,8 @@ pub struct Block {
 impl Block {
     /// Prepares `box3d`.
     ///
-    /// A negative length **and** width is the same footprint turned by half a turn, which the devkit accepts too; when only one is negative
-    /// (the devkit crashes), or one is zero or not a number, the footprint is empty.
+    /// A negative length **and** width is the same footprint turned by half a turn, which the devkit accepts too; when
+    /// only one is negative (the devkit crashes), or one is zero or not a number, the footprint is empty.
     pub fn new(box3d: &Box3d) -> Self {
         let [x, y, z] = box3d.location;
         let size = box3d.dimensions;
@@ -156,7 +157,8 @@ impl Block {
 
     /// The footprint about its own centre, along the length and the width of `frame`.
     ///
-    /// The turn between the boxes is taken from the difference of their yaws, so that parallel boxes come out exactly parallel.
+    /// The turn between the boxes is taken from the difference of their yaws, so that parallel boxes come out exactly
+    /// parallel.
     fn turned_into(&self, frame: &Self) -> Polygon {
         let (sin, cos) = (self.yaw - frame.yaw).sin_cos();
         let [a, b] = self.half;
@@ -175,7 +177,8 @@ impl Block {
     }
 }
 
-/// A convex polygon: a rectangle cut by four lines has eight corners; the rest is room for slivers that rounding makes wavy.
+/// A convex polygon: a rectangle cut by four lines has eight corners; the rest is room for slivers that rounding makes
+/// wavy.
 struct Polygon {
     corners: [[f64; 2]; 12],
     count: usize,

@@ -11,10 +11,12 @@ pub struct Peak {
     pub value: f32,
 }
 
-/// The `count` highest peaks of `map` (`[classes, height, width]`, `map_size` = width, height) above `floor`, highest first.
+/// The `count` highest peaks of `map` (`[classes, height, width]`, `map_size` = width, height) above `floor`, highest
+/// first.
 ///
-/// A cell is a peak when no neighbour of its 3x3 surroundings in the same class is higher; ties stay. Logits and probabilities have
-/// the same peaks. Equal values come in the order of the map, so the answer is the same everywhere. Values that are not numbers are no peaks.
+/// A cell is a peak when no neighbour of its 3x3 surroundings in the same class is higher; ties stay. Logits and
+/// probabilities have the same peaks. Equal values come in the order of the map, so the answer is the same everywhere.
+/// Values that are not numbers are no peaks.
 ///
 /// # Panics
 /// When a side of the map is 0.

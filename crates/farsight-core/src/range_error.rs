@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::linear::{dot, solved};
-use crate::score::{LEAST_EXAMPLES, logit};
+use crate::score::{MIN_EXAMPLES, logit};
 use crate::statistics::{quantile, sorted};
 
 /// Errors smaller than this, metres, count as so large: labels are no better, and their logarithm would rule the fit.
-const LEAST_ERROR_M: f64 = 0.02;
+const MIN_ERROR_M: f64 = 0.02;
 
 /// Share of the errors that lie within one standard deviation of a normal distribution.
 pub(crate) const WITHIN_ONE_SIGMA: f64 = 0.6827;
@@ -25,7 +25,8 @@ pub struct DepthExample {
     pub is_cut: bool,
 }
 
-/// How far off a model's depths are: the logarithm of the standard deviation, in metres of virtual depth, is linear in these terms.
+/// How far off a model's depths are: the logarithm of the standard deviation, in metres of virtual depth, is linear in
+/// these terms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RangeError {
@@ -46,7 +47,8 @@ impl RangeError {
         self.factors().iter().all(|number| number.is_finite() && number.abs() < 20.0)
     }
 
-    /// Standard deviation, metres, of a positive virtual depth of a detection with this score (0 to 1, both excluded), whose box the image's border cuts or not.
+    /// Standard deviation, metres, of a positive virtual depth of a detection with this score (0 to 1, both excluded),
+    /// whose box the image's border cuts or not.
     pub fn sigma_m(&self, depth_m: f64, score: f64, is_cut: bool) -> f64 {
         dot(&terms(depth_m, score, is_cut), &self.factors()).exp()
     }
@@ -56,10 +58,10 @@ impl RangeError {
         [self.bias, self.depth, self.score, self.cut]
     }
 
-    /// The fit to `examples`: least squares in the logarithm of the error, then moved so that as many errors lie within one standard deviation as of a normal
-    /// distribution. None with fewer than [`LEAST_EXAMPLES`].
+    /// The fit to `examples`: least squares in the logarithm of the error, then moved so that as many errors lie within
+    /// one standard deviation as of a normal distribution. None with fewer than [`MIN_EXAMPLES`].
     pub fn fit(examples: &[DepthExample]) -> Option<Self> {
-        if examples.len() < LEAST_EXAMPLES {
+        if examples.len() < MIN_EXAMPLES {
             return None;
         }
         let (mut matrix, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
@@ -87,7 +89,7 @@ fn terms(depth_m: f64, score: f64, is_cut: bool) -> [f64; 4] {
 }
 
 fn log_error(example: &DepthExample) -> f64 {
-    (example.found_m - example.true_m).abs().max(LEAST_ERROR_M).ln()
+    (example.found_m - example.true_m).abs().max(MIN_ERROR_M).ln()
 }
 
 #[cfg(test)]

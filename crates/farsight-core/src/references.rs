@@ -4,14 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::ObjectClass;
 use crate::range_error::{DepthExample, RangeError};
-use crate::score::{LEAST_EXAMPLES, ScoreCalibration};
+use crate::score::{MIN_EXAMPLES, ScoreCalibration};
 use crate::statistics::{quantile, sorted};
 
 /// Slopes are taken between pairs of so many objects at most.
-const MOST_PAIRED: usize = 1500;
+const MAX_PAIRED: usize = 1500;
 
 /// Pairs that are closer than this, metres, say little about the slope.
-const LEAST_APART_M: f64 = 1.0;
+const MIN_APART_M: f64 = 1.0;
 
 /// Mean and standard deviation of the depth of objects; centres the depth channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -21,8 +21,9 @@ pub struct DepthReference {
     pub mean_m: f64,
     /// Standard deviation of the depth, metres.
     pub std_m: f64,
-    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true depth. Under another focal length
-    /// the same picture means a distance larger or smaller by the ratio of the two. Without it the network's depth is taken as it is, as in SMOKE.
+    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true
+    /// depth. Under another focal length the same picture means a distance larger or smaller by the ratio of the two.
+    /// Without it the network's depth is taken as it is, as in SMOKE.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<f64>,
     /// How far off the model's depths are, where that was fitted: gives detections their error bars.
@@ -31,15 +32,15 @@ pub struct DepthReference {
 }
 
 /// No object that a camera on a road sees is farther away or longer, metres; a file from a stranger may say otherwise.
-pub const LARGEST_M: f64 = 10_000.0;
+pub const MAX_M: f64 = 10_000.0;
 
 /// No camera sees a network's input under a longer focal length, pixels of the input.
-pub const LARGEST_FOCAL_PX: f64 = 1_000_000.0;
+pub const MAX_FOCAL_PX: f64 = 1_000_000.0;
 
 impl DepthReference {
     /// Whether mean and deviation are those of objects that a camera sees.
     pub fn is_usable(&self) -> bool {
-        self.mean_m.abs() <= LARGEST_M && self.std_m > 0.0 && self.std_m <= LARGEST_M
+        self.mean_m.abs() <= MAX_M && self.std_m > 0.0 && self.std_m <= MAX_M
     }
 
     /// Depth of KITTI's objects (SMOKE, spec 5.1).
@@ -50,25 +51,26 @@ impl DepthReference {
         depth_m / self.scale(input_focal_px)
     }
 
-    /// Standard deviation, metres, of a depth seen through an input of this focal length (pixels) with this score (0 to 1, both excluded), in a box that the
-    /// image's border cuts or not. None where it was not fitted.
+    /// Standard deviation, metres, of a depth seen through an input of this focal length (pixels) with this score (0 to
+    /// 1, both excluded), in a box that the image's border cuts or not. None where it was not fitted.
     pub fn sigma_m(&self, depth_m: f64, score: f64, is_cut: bool, input_focal_px: f64) -> Option<f64> {
         let virtual_m = self.virtual_depth_m(depth_m, input_focal_px);
         let sigma_m = self.error?.sigma_m(virtual_m, score, is_cut) * self.scale(input_focal_px);
         sigma_m.is_finite().then_some(sigma_m)
     }
 
-    /// This reference moved and stretched, so that depths come out right in the median for near and for far objects: Theil and Sen's line through what was found
-    /// (by a model of this reference) and what is right. None with fewer than [`LEAST_EXAMPLES`], or where the line does not rise.
+    /// This reference moved and stretched, so that depths come out right in the median for near and for far objects:
+    /// Theil and Sen's line through what was found (by a model of this reference) and what is right. None with fewer
+    /// than [`MIN_EXAMPLES`], or where the line does not rise.
     pub fn refitted(&self, examples: &[DepthExample]) -> Option<Self> {
-        if examples.len() < LEAST_EXAMPLES {
+        if examples.len() < MIN_EXAMPLES {
             return None;
         }
-        let step = examples.len().div_ceil(MOST_PAIRED);
+        let step = examples.len().div_ceil(MAX_PAIRED);
         let paired: Vec<_> = examples.iter().step_by(step).collect();
         let mut slopes = Vec::new();
         for (i, a) in paired.iter().enumerate() {
-            let apart = paired[i + 1..].iter().filter(|b| (a.found_m - b.found_m).abs() >= LEAST_APART_M);
+            let apart = paired[i + 1..].iter().filter(|b| (a.found_m - b.found_m).abs() >= MIN_APART_M);
             slopes.extend(apart.map(|b| (a.true_m - b.true_m) / (a.found_m - b.found_m)));
         }
         if slopes.is_empty() {
@@ -109,10 +111,10 @@ fn one() -> f64 {
 impl ClassReference {
     /// What is wrong with the sizes and factors of these classes, if anything is.
     pub fn problem_of_sizes(classes: &[Self]) -> Option<String> {
-        let is_usable = |number: &f64| *number > 0.0 && *number <= LARGEST_M;
+        let is_usable = |number: &f64| *number > 0.0 && *number <= MAX_M;
         let numbers = |known: &Self| [known.dimensions_lhw.as_slice(), &[known.heatmap_factor]].concat();
         let bad = classes.iter().find(|known| !numbers(known).iter().all(is_usable))?;
-        let expected = format!("expected positive numbers, at most {LARGEST_M}");
+        let expected = format!("expected positive numbers, at most {MAX_M}");
         Some(format!("has {} with a size or factor out of all proportion; {expected}", bad.class))
     }
 
@@ -133,7 +135,8 @@ impl ClassReference {
         None
     }
 
-    /// SMOKE's three classes with its reference sizes, in the official order of channels: car, cyclist, pedestrian (spec 5.1).
+    /// SMOKE's three classes with its reference sizes, in the official order of channels: car, cyclist, pedestrian
+    /// (spec 5.1).
     ///
     /// The car's height and width look exchanged; both public code bases carry it and it only shifts a learnt offset.
     pub fn smoke() -> Vec<Self> {

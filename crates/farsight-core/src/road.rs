@@ -1,10 +1,10 @@
 //! One road under all: from where things stand a camera sees how far away they are.
 //!
-//! An image shows a car's direction and shape, not its size, so each object's distance is unsure by a factor of its own,
-//! and by one that all vehicles of the image share ([`crate::scale`]). But objects of one image stand on one road, roughly
-//! a plane, so each has a say in where the others are; and where the camera's height above the road is known, that has,
-//! too. Plane and factors are looked for together: the likeliest ones by the error bars of the distances, by where the
-//! boxes end below, and by how roads lie.
+//! An image shows a car's direction and shape, not its size, so each object's distance is unsure by a factor of its
+//! own, and by one that all vehicles of the image share ([`crate::scale`]). But objects of one image stand on one road,
+//! roughly a plane, so each has a say in where the others are; and where the camera's height above the road is known,
+//! that has, too. Plane and factors are looked for together: the likeliest ones by the error bars of the distances, by
+//! where the boxes end below, and by how roads lie.
 
 mod plane;
 
@@ -14,7 +14,8 @@ use crate::linear::{dot, solved};
 use crate::scale::{ScalePrior, is_scaled};
 use crate::{Detection, MeasuredDepth};
 
-/// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they end below is a guess.
+/// Detections with a lower score stay as they are and say nothing about the road: many are half hidden, and where they
+/// end below is a guess.
 pub const SURE_SCORE: f64 = 0.5;
 
 /// How far off the lower edge of a box is, as a tangent of the angle: two pixels of KITTI's images.
@@ -28,17 +29,20 @@ const BENT: f64 = 0.003;
 const HEIGHT_ERROR_M: f64 = 0.05;
 
 /// Standard deviation of the logarithm of a common factor that is known.
-const LEAST_SCALE_SIGMA: f64 = 1e-9;
+const MIN_SCALE_SIGMA: f64 = 1e-9;
 
-/// How high cameras are that nobody measured, and how far from that they may be, metres: in a car, on a truck, over a road.
+/// How high cameras are that nobody measured, and how far from that they may be, metres: in a car, on a truck, over a
+/// road.
 const ANY_HEIGHT_M: f64 = 2.0;
 const ANY_HEIGHT_ERROR_M: f64 = 2.0;
 
-/// How the plane under a camera tips, standard deviations of its slope along the optical axis, which may look down, and across it.
+/// How the plane under a camera tips, standard deviations of its slope along the optical axis, which may look down, and
+/// across it.
 const SLOPE: f64 = 0.5;
 const TILT: f64 = 0.05;
 
-/// At so many standard deviations off the plane an object counts half, farther off less and less: it may be no object, or stand on a bridge.
+/// At so many standard deviations off the plane an object counts half, farther off less and less: it may be no object,
+/// or stand on a bridge.
 const ODD: f64 = 2.5;
 
 /// Newton's method (Gauss and Newton's) has long converged after so many steps.
@@ -78,8 +82,8 @@ impl Road {
     }
 }
 
-/// What the objects of an image have in common: the plane `y + slope z + tilt x = height` in camera coordinates, metres,
-/// as slope, height and tilt; and the logarithm of the factor of all vehicles' distances.
+/// What the objects of an image have in common: the plane `y + slope z + tilt x = height` in camera coordinates,
+/// metres, as slope, height and tilt; and the logarithm of the factor of all vehicles' distances.
 type Common = [f64; 4];
 
 /// What is known of one object.
@@ -102,7 +106,8 @@ impl GroundContact {
         is_usable.then_some(Self { foot, sigma, is_scaled: scale.log_sigma > 0.0 && is_scaled(&detection.class) })
     }
 
-    /// How far, metres, it stands off the plane when it is `factor` times as far away, and how much that may be by boxes and roads.
+    /// How far, metres, it stands off the plane when it is `factor` times as far away, and how much that may be by
+    /// boxes and roads.
     fn off(&self, common: &Common, factor: f64) -> (f64, f64) {
         let [x, y, z] = self.foot;
         let [slope, height, tilt, _] = *common;
@@ -207,7 +212,7 @@ impl Prior {
         scale: &ScalePrior,
     ) -> Self {
         // Nobody asks for a factor that is known, so any precision will do.
-        let sigmas = [slope_sigma, height_sigma, tilt_sigma, scale.log_sigma.max(LEAST_SCALE_SIGMA)];
+        let sigmas = [slope_sigma, height_sigma, tilt_sigma, scale.log_sigma.max(MIN_SCALE_SIGMA)];
         Self { expected: [slope, height_m, tilt, 0.0], precision: sigmas.map(|sigma| 1.0 / (sigma * sigma)) }
     }
 }
@@ -301,7 +306,8 @@ mod tests {
     /// Nothing is shared.
     const ALONE: ScalePrior = ScalePrior { factor: 1.0, log_sigma: 0.0 };
 
-    /// A car whose distance is told `factor` times too large, give or take `sigma`, on a road that falls by `slope`, 1.6 m below the camera.
+    /// A car whose distance is told `factor` times too large, give or take `sigma`, on a road that falls by `slope`,
+    /// 1.6 m below the camera.
     fn car(x: f64, z: f64, slope: f64, factor: f64, sigma: f64) -> Detection {
         let dimensions = Dimensions { height: 1.5, width: 1.6, length: 3.9 };
         let box3d = Box3d { dimensions, location: [x, 1.6 - slope * z, z], yaw: 0.2 }.scaled(factor);
@@ -333,8 +339,8 @@ mod tests {
         }
     }
 
-    /// What the fit makes small: squares of the errors in standard deviations, but for those off the plane, which spread
-    /// as Cauchy's distribution does.
+    /// What the fit makes small: squares of the errors in standard deviations, but for those off the plane, which
+    /// spread as Cauchy's distribution does.
     fn misfit(fit: &Fit, contacts: &[GroundContact], height: [f64; 2], scale: &ScalePrior) -> f64 {
         let [slope, above, tilt, shared] = fit.common;
         let plane = (slope / SLOPE).powi(2) + ((above - height[0]) / height[1]).powi(2) + (tilt / TILT).powi(2);

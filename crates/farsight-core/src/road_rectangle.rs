@@ -1,8 +1,9 @@
 //! The camera from a rectangle on a flat road whose sides were measured.
 //!
-//! A plane seen by a camera with square pixels and its principal point in the middle of the image tells the focal length
-//! and where the camera stands: the columns of its homography are images of two directions that are perpendicular and
-//! of known lengths (Zhang, *A flexible new technique for camera calibration*, 2000, with one view and one unknown).
+//! A plane seen by a camera with square pixels and its principal point in the middle of the image tells the focal
+//! length and where the camera stands: the columns of its homography are images of two directions that are
+//! perpendicular and of known lengths (Zhang, *A flexible new technique for camera calibration*, 2000, with one view
+//! and one unknown).
 
 use thiserror::Error;
 
@@ -106,7 +107,8 @@ impl RoadRectangle {
         })
     }
 
-    /// Columns of the homography from metres along the sides to pixels about `middle`; none when the corners are no image of a rectangle.
+    /// Columns of the homography from metres along the sides to pixels about `middle`; none when the corners are no
+    /// image of a rectangle.
     fn homography(&self, middle: [f64; 2]) -> Option<[[f64; 3]; 3]> {
         let [p0, p1, p2, p3] = self.corners_px.map(|[u, v]| [u - middle[0], v - middle[1]]);
         // All four turn the same way, and none lies on a side.
@@ -152,7 +154,8 @@ impl RoadRectangle {
 /// Focal lengths, in widths of the image, that cameras have: 160 to 2 degrees.
 const FOCALS: [f64; 2] = [0.088, 29.0];
 
-/// The focal length with which the first two columns are perpendicular and equally long, by least squares of the inverse square.
+/// The focal length with which the first two columns are perpendicular and equally long, by least squares of the
+/// inverse square.
 fn focal([a, b, _]: &[[f64; 3]; 3], width: f64) -> Option<f64> {
     let perpendicular = [2.0 * (a[0] * b[0] + a[1] * b[1]), 2.0 * a[2] * b[2]];
     let equal = [a[0] * a[0] + a[1] * a[1] - b[0] * b[0] - b[1] * b[1], a[2] * a[2] - b[2] * b[2]];

@@ -1,6 +1,7 @@
 //! Numbers that the geometry computes with: plain `f64`, or dual numbers that carry derivatives along.
 //!
-//! Forward-mode differentiation over eight variables is all the loss needs; a general library brings a matrix library with it.
+//! Forward-mode differentiation over eight variables is all the loss needs; a general library brings a matrix library
+//! with it.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -1,8 +1,8 @@
 //! What the distances of all vehicles of an image have in common: the sizes of the vehicles of a part of the world.
 //!
 //! A picture shows a small car near or a large one far. Where cars are larger than a network learnt, all distances are
-//! too short by one factor, and ten cars that agree are as wrong as one. So an image has a common factor with an error of
-//! its own, beside the error of each object.
+//! too short by one factor, and ten cars that agree are as wrong as one. So an image has a common factor with an error
+//! of its own, beside the error of each object.
 
 use std::fmt;
 use std::str::FromStr;
@@ -81,17 +81,17 @@ impl Default for ScalePrior {
 }
 
 /// A fit needs so many images with at least two objects.
-const LEAST_IMAGES: usize = 10;
+const MIN_IMAGES: usize = 10;
 
 impl ScalePrior {
     /// The prior that fits `images`: of each, the logarithms of found over true distance of its vehicles. None when
     /// fewer than ten have two.
     ///
-    /// The factor makes the errors right in the median. The variance is the one between images, after that within them is
-    /// taken off (analysis of variance of a random effect, method of moments).
+    /// The factor makes the errors right in the median. The variance is the one between images, after that within them
+    /// is taken off (analysis of variance of a random effect, method of moments).
     pub fn fit(images: &[Vec<f64>]) -> Option<Self> {
         let images: Vec<&Vec<f64>> = images.iter().filter(|errors| !errors.is_empty()).collect();
-        if images.iter().filter(|errors| errors.len() > 1).count() < LEAST_IMAGES {
+        if images.iter().filter(|errors| errors.len() > 1).count() < MIN_IMAGES {
             return None;
         }
         let count = |errors: &[f64]| errors.len() as f64;

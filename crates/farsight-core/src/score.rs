@@ -1,8 +1,9 @@
 //! From the height of a peak to the probability that the detection is right.
 //!
-//! A near car's centre can lie in many cells, so its peak stays low however plain the car; a far one has a single cell and a high peak. Ranked by their
-//! peaks, far cars and what looks like them come before near ones. A fit on labelled frames puts that right: logistic regression on the peak's logit and
-//! on the logarithm of the box's height and its square.
+//! A near car's centre can lie in many cells, so its peak stays low however plain the car; a far one has a single cell
+//! and a high peak. Ranked by their peaks, far cars and what looks like them come before near ones. A fit on labelled
+//! frames puts that right: logistic regression on the peak's logit and on the logarithm of the box's height and its
+//! square.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,17 +15,18 @@ const REFERENCE_HEIGHT_PX: f64 = 25.0;
 /// Bounds of a score (SMOKE, spec section 4).
 pub const SCORE_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
 
-/// Pull of the coefficients towards zero, in examples: keeps the fit finite when right and wrong can be told apart perfectly.
+/// Pull of the coefficients towards zero, in examples: keeps the fit finite when right and wrong can be told apart
+/// perfectly.
 const RIDGE: f64 = 1e-3;
 
 /// Newton's method has long converged after so many steps.
 const STEPS: usize = 50;
 
 /// Peaks lower than this are looked at neither when fitting nor afterwards.
-pub const LEAST_PEAK: f64 = 0.03;
+pub const MIN_PEAK: f64 = 0.03;
 
 /// The least number of examples, here of right and of wrong ones each, that a fit is made of.
-pub const LEAST_EXAMPLES: usize = 50;
+pub const MIN_EXAMPLES: usize = 50;
 
 /// A fit: coefficients of the logit of the probability.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -54,24 +56,25 @@ pub struct ScoreExample {
 }
 
 /// Fits give numbers far below this.
-const LARGEST_FACTOR: f64 = 100_000.0;
+const MAX_FACTOR: f64 = 100_000.0;
 
 impl ScoreCalibration {
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
         let [least, most] = self.heights_px;
         let numbers = [self.peak, self.height, self.height_squared, self.bias, most];
-        numbers.iter().all(|number| number.abs() <= LARGEST_FACTOR) && 0.0 < least && least <= most
+        numbers.iter().all(|number| number.abs() <= MAX_FACTOR) && 0.0 < least && least <= most
     }
 
-    /// The probability that a detection with this peak (0 to 1, both excluded) and a 2D box of this height, pixels of the network's input, is right.
+    /// The probability that a detection with this peak (0 to 1, both excluded) and a 2D box of this height, pixels of
+    /// the network's input, is right.
     pub fn probability(&self, peak: f64, height_px: f64) -> f64 {
         let [least, most] = self.heights_px;
         let terms = terms(peak, height_px.clamp(least, most));
         logistic(dot(&terms, &[self.peak, self.height, self.height_squared, self.bias]))
     }
 
-    /// The fit to `examples`; none with fewer than [`LEAST_EXAMPLES`] right or wrong ones.
+    /// The fit to `examples`; none with fewer than [`MIN_EXAMPLES`] right or wrong ones.
     pub fn fit(examples: &[ScoreExample]) -> Option<Self> {
         let rows: Vec<([f64; 4], f64)> =
             examples.iter().map(|e| (terms(e.peak, e.height_px), f64::from(u8::from(e.is_right)))).collect();
@@ -97,11 +100,11 @@ pub fn logistic(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
-/// Logistic regression: the weights of the terms in each row that make its answers (1 for right, 0 for wrong) most likely; none with fewer than
-/// [`LEAST_EXAMPLES`] right or wrong ones.
+/// Logistic regression: the weights of the terms in each row that make its answers (1 for right, 0 for wrong) most
+/// likely; none with fewer than [`MIN_EXAMPLES`] right or wrong ones.
 pub fn most_likely(rows: &[([f64; 4], f64)]) -> Option<[f64; 4]> {
     let right = rows.iter().filter(|(_, is_right)| *is_right > 0.5).count();
-    if right < LEAST_EXAMPLES || rows.len() - right < LEAST_EXAMPLES {
+    if right < MIN_EXAMPLES || rows.len() - right < MIN_EXAMPLES {
         return None;
     }
     let mut weights = [0.0; 4];

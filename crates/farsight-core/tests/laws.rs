@@ -206,7 +206,8 @@ fn standing(class: ObjectClass, score: f64, x: f64) -> Detection {
 
 #[test]
 fn of_things_in_one_place_the_best_stays() {
-    // Cars 3.9 m long, one behind the other: the second covers half of the first, the third touches the second, the fourth the third.
+    // Cars 3.9 m long, one behind the other: the second covers half of the first, the third touches the second, the
+    // fourth the third.
     let (car, van) = (ObjectClass::Car, ObjectClass::Van);
     let all = vec![
         standing(car.clone(), 0.9, 0.0),
@@ -223,8 +224,8 @@ fn of_things_in_one_place_the_best_stays() {
 #[test]
 fn no_two_things_stand_in_one_place() {
     let (car, van) = (ObjectClass::Car, ObjectClass::Van);
-    // Cars 3.9 m long, one behind the other. Overlaps with the first: of the second a half, of the third an eighth, of the last none; of the third with the
-    // second more than a third.
+    // Cars 3.9 m long, one behind the other. Overlaps with the first: of the second a half, of the third an eighth, of
+    // the last none; of the third with the second more than a third.
     let step = 3.9 / 3.0;
     let eighth = 3.9 * 7.0 / 9.0;
     let all = vec![
@@ -256,7 +257,8 @@ fn no_two_things_stand_in_one_place() {
 #[test]
 fn what_is_seen_as_one_at_one_distance_is_one() {
     let (car, van, pedestrian) = (ObjectClass::Car, ObjectClass::Van, ObjectClass::Pedestrian);
-    // Boxes 100 pixels wide and so far apart in the image; in space never in one place, so far apart in depth, with an error bar of 1 m.
+    // Boxes 100 pixels wide and so far apart in the image; in space never in one place, so far apart in depth, with an
+    // error bar of 1 m.
     let seen = |class: &ObjectClass, score: f64, x1: f64, z: f64| Detection {
         class: class.clone(),
         score,
@@ -276,7 +278,8 @@ fn what_is_seen_as_one_at_one_distance_is_one() {
             assert!((score - 0.5 * (1.0 - 0.8 * in_sight * in_depth)).abs() < 1e-9, "{class} at {x1}, {z}: {score}");
         }
     }
-    // Too far apart in the image, or in space by error bars of 1.4 m together; somebody before a car; nothing known of the distance.
+    // Too far apart in the image, or in space by error bars of 1.4 m together; somebody before a car; nothing known of
+    // the distance.
     for other in [
         seen(&car, 0.5, 50.0, 22.0),
         seen(&car, 0.5, 0.0, 23.6),

@@ -1,7 +1,8 @@
-//! How long one core takes from an image file to the network's input: reading and decoding, then warp and normalisation in one pass.
+//! How long one core takes from an image file to the network's input: reading and decoding, then warp and normalisation
+//! in one pass.
 //!
-//! `cargo run --release -p farsight-data --example input_speed -- IMAGE [WIDTHxHEIGHT] [ROUNDS]`; the image is timed as it is and as a JPEG of quality 95,
-//! full colour resolution.
+//! `cargo run --release -p farsight-data --example input_speed -- IMAGE [WIDTHxHEIGHT] [ROUNDS]`; the image is timed as
+//! it is and as a JPEG of quality 95, full colour resolution.
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

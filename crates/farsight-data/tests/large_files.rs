@@ -1,7 +1,7 @@
 //! Ten megabytes of anything: each reader of text takes a second and 256 MB at most, and refuses more by its limit.
 //!
-//! The times are printed (`-- --nocapture`) and stand in docs/reliability.md; what is asserted is the memory, and that the test ends at all: one line of three
-//! million words once took a minute.
+//! The times are printed (`-- --nocapture`) and stand in docs/reliability.md; what is asserted is the memory, and that
+//! the test ends at all: one line of three million words once took a minute.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic and print")]
 #![allow(unsafe_code, reason = "an allocator that counts can only be written with it")]
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use farsight_data::annotations::{FileAnnotation, Plates};
-use farsight_data::kitti::devkit::MOST_DIAGNOSTICS;
+use farsight_data::kitti::devkit::MAX_DIAGNOSTICS;
 use farsight_data::kitti::rows::{rows_from_text, rows_from_text_lenient};
 use farsight_data::kitti::split::split_from_text;
 use farsight_data::kitti::{Calibration, RowKind, read_labels, read_split, rows_as_devkit};
@@ -110,11 +110,11 @@ fn ten_megabytes_of_anything_take_a_bounded_amount_of_memory() {
 #[test]
 fn more_oddities_than_are_kept_are_counted() {
     let _alone = ALONE.lock();
-    let rows = 3 * MOST_DIAGNOSTICS;
+    let rows = 3 * MAX_DIAGNOSTICS;
     let read = rows_as_devkit(&"a\n".repeat(rows), RowKind::Label);
-    assert_eq!(read.diagnostics.len(), MOST_DIAGNOSTICS + 1);
+    assert_eq!(read.diagnostics.len(), MAX_DIAGNOSTICS + 1);
     let (_, last) = read.diagnostics.last().unwrap();
-    assert_eq!(last.to_string(), format!("{} more like those before", rows - MOST_DIAGNOSTICS));
+    assert_eq!(last.to_string(), format!("{} more like those before", rows - MAX_DIAGNOSTICS));
     // What makes every figure wrong is told wherever it stands.
     let fatal = "\nCar 0.00 0.5 1.55 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 1.62\n";
     let read = rows_as_devkit(&("a\n".repeat(rows) + fatal), RowKind::Label);

@@ -158,7 +158,8 @@ impl FrameFiles {
     /// Looks at labels and results; `split` names the frames to evaluate, otherwise all that have a result file.
     ///
     /// # Errors
-    /// When a folder is not there or holds something else, a frame of the split lacks a file, or a data set has no labels.
+    /// When a folder is not there or holds something else, a frame of the split lacks a file, or a data set has no
+    /// labels.
     pub fn open(
         labels: impl Into<LabelSource>,
         results: &Path,
@@ -323,7 +324,7 @@ impl FrameFiles {
         let mut dropped = 0;
         for id in self.ids.iter().take(PROBED_FILES) {
             let path = PathBuf::from(file(&self.results, id));
-            let bytes = farsight_files::read_file(&path, farsight_files::LARGEST_TEXT)
+            let bytes = farsight_files::read_file(&path, farsight_files::MAX_TEXT)
                 .map_err(|source| FilesError::Read { path, source })?;
             let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), RowKind::Result);
             if !read.rows.is_empty() {
@@ -373,7 +374,7 @@ fn labels_of(labels: &LabelSource, id: &str, findings: &mut Findings) -> Result<
 /// Reads one file; what is odd about it goes to `findings`.
 fn rows(folder: &Path, id: &str, kind: RowKind, findings: &mut Findings) -> Result<Vec<DevkitRow>, FilesError> {
     let path = PathBuf::from(file(folder, id));
-    let bytes = farsight_files::read_file(&path, farsight_files::LARGEST_TEXT)
+    let bytes = farsight_files::read_file(&path, farsight_files::MAX_TEXT)
         .map_err(|source| FilesError::Read { path: path.clone(), source })?;
     let read = rows_as_devkit(&String::from_utf8_lossy(&bytes), kind);
     for (line, diagnostic) in &read.diagnostics {

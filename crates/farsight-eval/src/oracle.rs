@@ -61,8 +61,8 @@ impl OraclePart {
 }
 
 impl OracleRow {
-    /// The gain of `with_truth`, an evaluation of frames with these `parts` replaced, over the frames as they are; `None`
-    /// when the two are of other labels.
+    /// The gain of `with_truth`, an evaluation of frames with these `parts` replaced, over the frames as they are;
+    /// `None` when the two are of other labels.
     pub fn new(
         parts: Vec<OraclePart>,
         with_truth: &Evaluation,

@@ -2,8 +2,8 @@
 //! accident of seeds and frames?
 //!
 //! A hierarchical bootstrap (Davison and Hinkley 1997, section 3.8): each resample draws seeds with replacement, and
-//! frames. Every run sees the same draw of frames: all runs are judged on the same frames, so what makes a frame hard is
-//! common to them and does not average out over seeds. Both arms of a seed are drawn together, so what a seed and a
+//! frames. Every run sees the same draw of frames: all runs are judged on the same frames, so what makes a frame hard
+//! is common to them and does not average out over seeds. Both arms of a seed are drawn together, so what a seed and a
 //! frame do to both of them cancels.
 //!
 //! With few seeds the spread between them is taken for too small (by a factor of sqrt((n - 1) / n) of n seeds).

@@ -17,13 +17,13 @@ use thiserror::Error;
 use folder::SCRATCH_SUFFIX;
 
 pub use folder::{FolderLock, remove_stale_scratch};
-pub use read::{LARGEST_CONFIG, LARGEST_TEXT, read_config, read_file, read_text};
+pub use read::{MAX_CONFIG, MAX_TEXT, read_config, read_file, read_text};
 
 /// How often another scratch name is tried when the first one is taken by what a killed process left behind.
 const NAME_ATTEMPTS: u32 = 64;
 
 /// Links that are followed one after the other; Linux gives up at as many.
-const LONGEST_CHAIN: u32 = 40;
+const MAX_CHAIN: u32 = 40;
 
 /// Why a file could not be written. The target is then as it was before.
 #[derive(Debug, Error)]
@@ -61,8 +61,8 @@ pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resu
     write_through(path, false, write)
 }
 
-/// Whether [`write_atomically`] could write to `path` now: a scratch file is made beside the target and removed again, with those that killed processes left
-/// of the same target.
+/// Whether [`write_atomically`] could write to `path` now: a scratch file is made beside the target and removed again,
+/// with those that killed processes left of the same target.
 ///
 /// For work that takes long: better told before it than after.
 ///
@@ -136,7 +136,7 @@ impl Place {
 /// What `path` leads to, whether it is there or not.
 fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
-    for _ in 0..LONGEST_CHAIN {
+    for _ in 0..MAX_CHAIN {
         match fs::read_link(&path) {
             Ok(target) => path = folder_of(&path).join(target),
             // No link.

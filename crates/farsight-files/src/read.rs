@@ -5,15 +5,16 @@ use std::io::{self, Read};
 use std::path::Path;
 
 /// Labels, results, calibrations and splits are shorter than this, bytes: a hundred thousand objects in one image.
-pub const LARGEST_TEXT: u64 = 10 << 20;
+pub const MAX_TEXT: u64 = 10 << 20;
 
 /// Configs are shorter than this, bytes. TOML takes 70 times its length in memory.
-pub const LARGEST_CONFIG: u64 = 1 << 20;
+pub const MAX_CONFIG: u64 = 1 << 20;
 
 /// The bytes of a regular file of at most `limit` bytes.
 ///
 /// # Errors
-/// When the file cannot be read, is larger, or is a folder, pipe, socket or device: a pipe could be waited for without end.
+/// When the file cannot be read, is larger, or is a folder, pipe, socket or device: a pipe could be waited for without
+/// end.
 pub fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     check_regular(fs::metadata(path)?.file_type())?;
     let file = File::open(path)?;
@@ -28,20 +29,20 @@ pub fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text in a regular file of at most [`LARGEST_TEXT`] bytes.
+/// The text in a regular file of at most [`MAX_TEXT`] bytes.
 ///
 /// # Errors
 /// As [`read_file`], and when it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    text_of(path, LARGEST_TEXT)
+    text_of(path, MAX_TEXT)
 }
 
-/// The text in a regular file of at most [`LARGEST_CONFIG`] bytes.
+/// The text in a regular file of at most [`MAX_CONFIG`] bytes.
 ///
 /// # Errors
 /// As [`read_text`].
 pub fn read_config(path: &Path) -> io::Result<String> {
-    text_of(path, LARGEST_CONFIG)
+    text_of(path, MAX_CONFIG)
 }
 
 fn text_of(path: &Path, limit: u64) -> io::Result<String> {

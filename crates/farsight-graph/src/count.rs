@@ -9,11 +9,13 @@ pub struct StageCount {
     pub stage: &'static str,
     /// Parameters, unused ones included and running statistics not, as every published table counts them.
     pub parameters: usize,
-    /// Multiply-accumulates of convolutions; norms, activations and the sampling of deformable convolutions are not counted.
+    /// Multiply-accumulates of convolutions; norms, activations and the sampling of deformable convolutions are not
+    /// counted.
     pub macs: u64,
 }
 
-/// Costs of each stage, in the order of the network, for an input of `width` x `height` pixels; `None` when the input does not fit the network.
+/// Costs of each stage, in the order of the network, for an input of `width` x `height` pixels; `None` when the input
+/// does not fit the network.
 pub fn count(graph: &Graph, width: usize, height: usize) -> Option<Vec<StageCount>> {
     let shapes = graph.shapes(width, height)?;
     let mut stages: Vec<StageCount> = Vec::new();

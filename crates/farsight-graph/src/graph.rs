@@ -28,8 +28,8 @@ pub enum Op {
         /// Channel groups.
         groups: usize,
     },
-    /// Modulated deformable convolution (`DCNv2`). Inputs: the map, and `3 k k` channels of offsets and mask logits per offset group:
-    /// first the offsets, `(dy, dx)` for each tap in row order, then the mask.
+    /// Modulated deformable convolution (`DCNv2`). Inputs: the map, and `3 k k` channels of offsets and mask logits per
+    /// offset group: first the offsets, `(dy, dx)` for each tap in row order, then the mask.
     DeformConv {
         /// Weight, `[out, in, kernel, kernel]`.
         weight: ParameterId,
@@ -89,7 +89,8 @@ pub enum Op {
     Multiply,
     /// Inputs one after the other along the channels.
     Concat,
-    /// Sum of the inputs with learnt weights: `sum(max(w_i, 0) x_i) / (sum(max(w_i, 0)) + 1e-4)` (fast normalised fusion of `EfficientDet`).
+    /// Sum of the inputs with learnt weights: `sum(max(w_i, 0) x_i) / (sum(max(w_i, 0)) + 1e-4)` (fast normalised
+    /// fusion of `EfficientDet`).
     WeightedSum {
         /// One weight an input.
         weight: ParameterId,
@@ -242,8 +243,8 @@ impl Graph {
         self.taps.iter().find(|(tap, _)| tap == name).map(|&(_, id)| id)
     }
 
-    /// Shape `[channels, height, width]` of every node for an input of `width` x `height` pixels; `None` where a map would be empty or two maps
-    /// that are added differ.
+    /// Shape `[channels, height, width]` of every node for an input of `width` x `height` pixels; `None` where a map
+    /// would be empty or two maps that are added differ.
     pub fn shapes(&self, width: usize, height: usize) -> Option<Vec<[usize; 3]>> {
         let mut shapes: Vec<[usize; 3]> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
@@ -283,7 +284,8 @@ impl Graph {
         consumers
     }
 
-    /// This network with parameters of other shapes: the same nodes, wider or narrower. `shape_of` knows each parameter by its name.
+    /// This network with parameters of other shapes: the same nodes, wider or narrower. `shape_of` knows each parameter
+    /// by its name.
     ///
     /// # Errors
     /// The parameter that is missing or does not fit what comes before it, and the shape that would.
@@ -349,7 +351,8 @@ impl Graph {
         }
     }
 
-    /// Maps that are added must have the same channels; the misfit is named by the last parameter before the first of them that differs.
+    /// Maps that are added must have the same channels; the misfit is named by the last parameter before the first of
+    /// them that differs.
     fn equal_inputs(&self, node: &Node) -> Result<(), Misfit> {
         let channels = self.nodes[node.inputs[0]].channels;
         match node.inputs.iter().find(|&&input| self.nodes[input].channels != channels) {

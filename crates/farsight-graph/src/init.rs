@@ -11,8 +11,8 @@ use crate::weights::{WeightTensor, Weights};
 
 /// Initial weights of `graph`.
 ///
-/// Every parameter has a stream of its own, made from `seed` and its name: adding a block to the network changes nothing elsewhere, so
-/// networks with and without MSFE start from the same backbone.
+/// Every parameter has a stream of its own, made from `seed` and its name: adding a block to the network changes
+/// nothing elsewhere, so networks with and without MSFE start from the same backbone.
 pub fn initial_weights(graph: &Graph, seed: u64) -> Weights {
     let tensor =
         |p: &Parameter| (p.name.clone(), WeightTensor { shape: p.shape.clone(), values: initial_values(p, seed) });

@@ -152,7 +152,8 @@ impl<C: NetworkConfig> Model<C> {
     /// The model of `config` whose layers are as wide as `weights` says: a pruned one.
     ///
     /// # Errors
-    /// When a tensor is missing or does not fit the others, or the outputs have not the channels that the config asks for.
+    /// When a tensor is missing or does not fit the others, or the outputs have not the channels that the config asks
+    /// for.
     pub fn narrowed(config: C, mut weights: Weights) -> Result<Self, ModelError> {
         let whole = config.graph();
         let shape_of = |name: &str| weights.tensors.get(name).map(|tensor| tensor.shape.clone());
@@ -190,7 +191,8 @@ impl<C: NetworkConfig> Model<C> {
     /// Reads a model file.
     ///
     /// # Errors
-    /// When the file cannot be read, is no safetensors file, is of another method, has no config, or does not fit its config.
+    /// When the file cannot be read, is no safetensors file, is of another method, has no config, or does not fit its
+    /// config.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
         Self::from_weights(Weights::read(path)?, path)
     }
@@ -203,7 +205,8 @@ impl<C: NetworkConfig> Model<C> {
         Self::from_weights(Weights::from_safetensors(bytes, source)?, source)
     }
 
-    /// The model whose weights, with method and config in their header, are in memory; `path` is only what errors call it.
+    /// The model whose weights, with method and config in their header, are in memory; `path` is only what errors call
+    /// it.
     ///
     /// # Errors
     /// As [`Model::read`].

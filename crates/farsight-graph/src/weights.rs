@@ -1,7 +1,7 @@
 //! The numbers of a network: named tensors, read from and written to safetensors files.
 //!
-//! Everything is `f32` in memory and on writing; half, bfloat16 and double are accepted on reading. A file from a stranger gives
-//! an error, never a panic, and never more memory than a few times its own size.
+//! Everything is `f32` in memory and on writing; half, bfloat16 and double are accepted on reading. A file from a
+//! stranger gives an error, never a panic, and never more memory than a few times its own size.
 
 mod element;
 mod seal;
@@ -29,7 +29,7 @@ const METADATA_KEY: &str = "__metadata__";
 const LENGTH_BYTES: usize = 8;
 
 /// The largest file of weights that is read, bytes: many times the largest network of this field.
-pub const LARGEST_FILE: u64 = 4 << 30;
+pub const MAX_FILE: u64 = 4 << 30;
 
 /// Last part of the name of batch norm's step counter, which no forward pass uses.
 pub const STEP_COUNTER: &str = "num_batches_tracked";
@@ -186,7 +186,7 @@ impl Weights {
     /// [`WeightsError`] names the file, and the tensor where there is one.
     pub fn read(path: &Path) -> Result<Self, WeightsError> {
         let bytes =
-            read_file(path, LARGEST_FILE).map_err(|source| WeightsError::Read { path: path.to_path_buf(), source })?;
+            read_file(path, MAX_FILE).map_err(|source| WeightsError::Read { path: path.to_path_buf(), source })?;
         Self::from_safetensors(&bytes, path)
     }
 
@@ -273,7 +273,8 @@ impl Weights {
         Ok(write_atomically(path, |out| self.write_safetensors(out))?)
     }
 
-    /// Writes a safetensors file of half-precision numbers (F16): half the size, about three significant digits. For files that are shipped.
+    /// Writes a safetensors file of half-precision numbers (F16): half the size, about three significant digits. For
+    /// files that are shipped.
     ///
     /// # Errors
     /// As [`Weights::write`].
@@ -317,7 +318,8 @@ impl Weights {
         }
     }
 
-    /// SHA-256 of names, shapes and values (as `f32`, little-endian) in the order of the names, hexadecimal: the same in whatever file they are.
+    /// SHA-256 of names, shapes and values (as `f32`, little-endian) in the order of the names, hexadecimal: the same
+    /// in whatever file they are.
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
         for (name, tensor) in &self.tensors {
@@ -397,7 +399,8 @@ fn split_header<'a>(bytes: &'a [u8], path: &Path) -> Result<(Metadata, &'a [u8])
         rest.split_at_checked(header_length).ok_or_else(|| wrong_length(header_length.saturating_add(LENGTH_BYTES)))?;
     let header: Metadata =
         serde_json::from_slice(header).map_err(|source| WeightsError::Header { path: path.to_path_buf(), source })?;
-    // Parsing has checked that the tensors lie side by side and fit their shapes; what is left is that the data is all there.
+    // Parsing has checked that the tensors lie side by side and fit their shapes; what is left is that the data is all
+    // there.
     if header.data_len() == data.len() {
         Ok((header, data))
     } else {

@@ -164,7 +164,8 @@ fn a_flipped_bit_anywhere_is_told() {
         for bit in 0..8 {
             let mut flipped = bytes.clone();
             flipped[place] ^= 1 << bit;
-            // A flip in the key of the hash, or in spaces behind the header, may leave a file that says the same or has no hash.
+            // A flip in the key of the hash, or in spaces behind the header, may leave a file that says the same or has
+            // no hash.
             if let Ok(read) = read(&flipped) {
                 assert!(read == weights || read.metadata.len() > weights.metadata.len(), "byte {place}, bit {bit}");
                 assert_eq!(read.tensors, weights.tensors, "byte {place}, bit {bit}");

@@ -110,7 +110,8 @@ pub enum CheckpointProblem {
         /// Values in the storage.
         count: usize,
     },
-    /// The tensors together have more values than the file has bytes: they share storages in a way that no network does.
+    /// The tensors together have more values than the file has bytes: they share storages in a way that no network
+    /// does.
     #[error("its tensors unfold to more values than the file has bytes")]
     TooMuch,
     /// A TFLite file is damaged.

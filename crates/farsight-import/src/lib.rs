@@ -1,10 +1,11 @@
 //! Tensors of PyTorch checkpoints.
 //!
-//! [`read_pth`] reads what `torch.save` writes, in the zip layout (PyTorch 1.6 and later) and in the legacy stream before it. What the names mean is the
-//! business of the method that they belong to.
+//! [`read_pth`] reads what `torch.save` writes, in the zip layout (PyTorch 1.6 and later) and in the legacy stream
+//! before it. What the names mean is the business of the method that they belong to.
 //!
-//! Such files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`] and the module
-//! behind it. A hostile file gives an error; it cannot make the program panic or take memory out of proportion to its own size.
+//! Such files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`]
+//! and the module behind it. A hostile file gives an error; it cannot make the program panic or take memory out of
+//! proportion to its own size.
 
 mod attribution;
 mod error;
@@ -23,17 +24,17 @@ pub use error::{CheckpointError, CheckpointProblem};
 pub use pickle::PickleError;
 
 /// The largest checkpoint that is read, bytes.
-const LARGEST_FILE: u64 = farsight_graph::weights::LARGEST_FILE;
+const MAX_FILE: u64 = farsight_graph::weights::MAX_FILE;
 
 /// Reads the state dictionary of a `.pth` file: the tensors by the file's own names.
 ///
-/// The dictionary may be the whole file or lie under `model` or `state_dict`; `module.`, which data-parallel training puts before
-/// every name, is removed.
+/// The dictionary may be the whole file or lie under `model` or `state_dict`; `module.`, which data-parallel training
+/// puts before every name, is removed.
 ///
 /// # Errors
 /// [`CheckpointError`] names the file, and the tensor where there is one.
 pub fn read_pth(path: &Path) -> Result<BTreeMap<String, WeightTensor>, CheckpointError> {
-    let read = || tensors_from_pth(&farsight_files::read_file(path, LARGEST_FILE)?);
+    let read = || tensors_from_pth(&farsight_files::read_file(path, MAX_FILE)?);
     read().map_err(|problem| CheckpointError::new(path, problem))
 }
 

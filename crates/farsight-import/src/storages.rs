@@ -11,7 +11,8 @@ use zip::result::ZipError;
 use super::error::CheckpointProblem;
 use super::pickle::{Pickled, Value};
 
-/// What the first pickle of the legacy layout holds, 0x1950a86a20f9469cfc6c, lowest byte first (PyTorch, `torch/serialization.py`).
+/// What the first pickle of the legacy layout holds, 0x1950a86a20f9469cfc6c, lowest byte first (PyTorch,
+/// `torch/serialization.py`).
 const LEGACY_MAGIC: [u8; 10] = [0x6c, 0xfc, 0x9c, 0x46, 0xf9, 0x20, 0x6a, 0xa8, 0x50, 0x19];
 
 /// What the second pickle of the legacy layout holds.
@@ -57,8 +58,8 @@ impl<'a> Storages<'a> {
 }
 
 fn open_zip(bytes: &[u8]) -> Result<(Pickled, Storages<'_>), CheckpointProblem> {
-    // Left to itself the zip crate guesses whether something stands before the archive, and guesses wrong for many archives of
-    // PyTorch: they have the 64-bit end records without needing them.
+    // Left to itself the zip crate guesses whether something stands before the archive, and guesses wrong for many
+    // archives of PyTorch: they have the 64-bit end records without needing them.
     let config = Config { archive_offset: ArchiveOffset::Known(0) };
     let mut archive = ZipArchive::with_config(config, Cursor::new(bytes))?;
     let mut budget = bytes.len() as u64;
@@ -93,7 +94,8 @@ fn read_entry(entry: ZipFile<'_, Cursor<&[u8]>>, budget: &mut u64) -> Result<Vec
     Ok(content)
 }
 
-/// Five pickles (magic number, version, machine, object, storage names), then each storage: its count as an i64 and its bytes.
+/// Five pickles (magic number, version, machine, object, storage names), then each storage: its count as an i64 and its
+/// bytes.
 fn open_legacy(bytes: &[u8]) -> Result<(Pickled, Storages<'_>), CheckpointProblem> {
     let mut rest = bytes;
     let magic = next_pickle(&mut rest)?;

@@ -110,7 +110,8 @@ impl Reader<'_, '_> {
 
 /// How many values the tensor has, when all of them lie in its storage and it has no more of them than the storage.
 ///
-/// The second condition refuses expanded tensors, whose few stored values stand for any number; a network's weights never are.
+/// The second condition refuses expanded tensors, whose few stored values stand for any number; a network's weights
+/// never are.
 fn fitting_count(tensor: &Tensor) -> Option<usize> {
     let Tensor { storage, offset, shape, strides } = tensor;
     let count = element_count(shape).filter(|_| shape.len() == strides.len())?;

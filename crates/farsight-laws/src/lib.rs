@@ -1,7 +1,9 @@
-//! What must hold for any bytes in a file that Farsight reads: nothing panics, what is accepted can be used, and what is written can be read again.
+//! What must hold for any bytes in a file that Farsight reads: nothing panics, what is accepted can be used, and what
+//! is written can be read again.
 //!
-//! Each [`Target`] is a law with inputs to begin with. Three things feed them: the fuzzer of this crate (`cargo xtask fuzz --minutes N`, any compiler), libFuzzer
-//! (`cargo +nightly fuzz run NAME`), and the tests, which replay what is saved in `fuzz/corpus` and `fuzz/artifacts`.
+//! Each [`Target`] is a law with inputs to begin with. Three things feed them: the fuzzer of this crate
+//! (`cargo xtask fuzz --minutes N`, any compiler), libFuzzer (`cargo +nightly fuzz run NAME`), and the tests, which
+//! replay what is saved in `fuzz/corpus` and `fuzz/artifacts`.
 
 #![allow(clippy::expect_used, reason = "a broken law is a finding")]
 #![allow(clippy::missing_panics_doc, reason = "a panic is how a law says that it is broken")]

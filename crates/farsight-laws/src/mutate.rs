@@ -57,7 +57,8 @@ const WORDS: [&str; 26] = [
     "=",
 ];
 
-/// A strange relative of one of `inputs`: one to eight changes of bits, bytes, numbers, words and stretches, some of them from another input.
+/// A strange relative of one of `inputs`: one to eight changes of bits, bytes, numbers, words and stretches, some of
+/// them from another input.
 pub fn mutated(inputs: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut bytes = inputs.get(random.below(inputs.len())).cloned().unwrap_or_default();
     for _ in 0..=random.below(8) {

@@ -1,4 +1,5 @@
-//! Good files to begin with, where none are in `fuzz/corpus`: they follow from the code, so that they are always of today's format.
+//! Good files to begin with, where none are in `fuzz/corpus`: they follow from the code, so that they are always of
+//! today's format.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -56,7 +57,8 @@ pub(crate) fn answers() -> Vec<Vec<u8>> {
     vec![text.as_bytes().to_vec()]
 }
 
-/// The model file of a network with fresh weights, with its hash and as from before there were hashes: mutants of the latter get further.
+/// The model file of a network with fresh weights, with its hash and as from before there were hashes: mutants of the
+/// latter get further.
 fn model_file<C: NetworkConfig>(config: C) -> Vec<Vec<u8>> {
     let weights = initial_weights(&config.graph(), 1);
     let Ok(mut model) = Model::new(config, weights) else { return Vec::new() };

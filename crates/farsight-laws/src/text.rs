@@ -93,8 +93,8 @@ pub(crate) fn answers(bytes: &[u8]) {
     assert!(same(&first, &second), "{first} is not {second}");
 }
 
-/// Whether two values are the same up to the last bit of their numbers: the reader of JSON rounds numbers of many digits to a
-/// neighbour at times.
+/// Whether two values are the same up to the last bit of their numbers: the reader of JSON rounds numbers of many
+/// digits to a neighbour at times.
 fn same(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Number(a), Value::Number(b)) => match (a.as_f64(), b.as_f64()) {

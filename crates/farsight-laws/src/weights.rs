@@ -1,4 +1,5 @@
-//! Laws of files of weights: every tensor is as long as its shape says, every number of a model is finite, and a model that is written is read again.
+//! Laws of files of weights: every tensor is as long as its shape says, every number of a model is finite, and a model
+//! that is written is read again.
 
 use std::path::Path;
 

@@ -1,6 +1,7 @@
 //! One training step at a time, on request: the Farsight half of `scripts/compare_training_step.py`.
 //!
-//! `step_speed CONFIG BATCH`: for every line on standard input, one step on a fixed random batch; its seconds on standard output.
+//! `step_speed CONFIG BATCH`: for every line on standard input, one step on a fixed random batch; its seconds on
+//! standard output.
 
 use std::io::{BufRead, stdin};
 use std::time::Instant;

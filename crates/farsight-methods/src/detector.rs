@@ -26,8 +26,8 @@ pub trait Detector: Send {
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera>;
 
-    /// What is in each image, highest score first, and the time of each stage for all of them. The engine sees the images together, so they must need inputs
-    /// of one size ([`Detector::input_size`]).
+    /// What is in each image, highest score first, and the time of each stage for all of them. The engine sees the
+    /// images together, so they must need inputs of one size ([`Detector::input_size`]).
     ///
     /// Locations are in the camera's coordinates, metres, 2D boxes in pixels of the image.
     ///

@@ -66,7 +66,8 @@ pub enum NetworkForm {
     Int8,
 }
 
-/// The methods, by their tags. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be computed at the peaks alone.
+/// The methods, by their tags. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be
+/// computed at the peaks alone.
 const METHODS: [(&str, FromWeights, Make); 2] = [
     (CenterNet3dConfig::METHOD, onnx_of::<CenterNet3dConfig>, detector_of::<CenterNet3dConfig>),
     (SsdConfig::METHOD, onnx_of::<SsdConfig>, detector_of::<SsdConfig>),

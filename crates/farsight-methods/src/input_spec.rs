@@ -25,16 +25,18 @@ pub struct InputSpec {
     pub focal_range_px: Option<[f64; 2]>,
 }
 
-/// An input grows at most so many times to bring a wide camera into the trained range: time and memory grow with the square.
+/// An input grows at most so many times to bring a wide camera into the trained range: time and memory grow with the
+/// square.
 const MAX_ENLARGEMENT: usize = 2;
 
 impl InputSpec {
     /// The input for an image of `image_size` (width and height, pixels) taken by `camera`.
     ///
-    /// The width is the model's, or the one nearest to it that brings the camera's focal length into the trained range. The height is the model's too (in
-    /// proportion), the image centred and cropped or padded, as SMOKE does, as long as that loses at most 16 rows at the top and at the bottom: images of KITTI's
-    /// shape. A higher image gets an input as high as it needs, in steps of 32, because the network is fully convolutional; at most as high as wide, as
-    /// beyond that the time grows and a road fills no picture. A portrait image is cropped to that square.
+    /// The width is the model's, or the one nearest to it that brings the camera's focal length into the trained range.
+    /// The height is the model's too (in proportion), the image centred and cropped or padded, as SMOKE does, as long
+    /// as that loses at most 16 rows at the top and at the bottom: images of KITTI's shape. A higher image gets an
+    /// input as high as it needs, in steps of 32, because the network is fully convolutional; at most as high as wide,
+    /// as beyond that the time grows and a road fills no picture. A portrait image is cropped to that square.
     pub fn input_for(&self, image_size: [usize; 2], camera: &Camera) -> InputRules {
         let width = self.input_width(image_size, camera);
         let in_proportion = |side: usize| (side * width).div_ceil(self.rules.size[0] * SIZE_STEP) * SIZE_STEP;
@@ -47,7 +49,8 @@ impl InputSpec {
         InputRules { size: [width, whole.max(height)], ..self.rules }
     }
 
-    /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and how it sees the image.
+    /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and how it
+    /// sees the image.
     ///
     /// # Shapes
     /// `[3, height, width]`, planar and normalised.
@@ -107,7 +110,7 @@ fn absurd(image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
     if offset_m.is_nan() || offset_m > FARTHEST_M {
         return Some(UnfamiliarCamera::Offset { offset_m });
     }
-    if across > MOST_STRETCHED * down || down > MOST_STRETCHED * across {
+    if across > MAX_STRETCHED * down || down > MAX_STRETCHED * across {
         return Some(UnfamiliarCamera::Stretched { focals_px });
     }
     let width_px = image_size[0];
@@ -119,7 +122,7 @@ fn absurd(image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
 const FARTHEST_M: f64 = 10.0;
 
 /// Nobody's pixels are longer than this times their width.
-const MOST_STRETCHED: f64 = 1.5;
+const MAX_STRETCHED: f64 = 1.5;
 
 /// From the longest telephoto lens to the widest that still makes straight lines of straight lines, degrees.
 const FIELDS_DEG: RangeInclusive<f64> = 0.5..=170.0;

@@ -1,8 +1,8 @@
 //! Methods: one folder each, with all that the method is side by side.
 //!
-//! A detector's folder ([`smoke`]) has its config, its graph, its targets, its decoder and, under the feature `train`, its loss and its training task.
-//! Second stages that look at single objects again ([`refiner`], [`plate_reader`]) are built the same way and share [`roi`]. What every detector can do
-//! stands in [`detector`].
+//! A detector's folder ([`smoke`]) has its config, its graph, its targets, its decoder and, under the feature `train`,
+//! its loss and its training task. Second stages that look at single objects again ([`refiner`], [`plate_reader`]) are
+//! built the same way and share [`roi`]. What every detector can do stands in [`detector`].
 
 mod batch;
 pub mod centernet3d;

@@ -4,7 +4,7 @@ use crate::error::OnnxProblem;
 use crate::wire::{Message, WireError};
 
 /// More nodes, constants or facts than this has no network of ours.
-const LARGEST_COUNT: usize = 100_000;
+const MAX_COUNT: usize = 100_000;
 
 /// How much of a stranger's name goes into a message.
 const SHOWN: usize = 60;
@@ -20,8 +20,8 @@ pub(super) fn counted<'a>(
     what: &'static str,
 ) -> impl Iterator<Item = Result<Message<'a>, OnnxProblem>> {
     items.enumerate().map(move |(count, item)| {
-        if count >= LARGEST_COUNT {
-            return Err(OnnxProblem::Count { what, limit: LARGEST_COUNT });
+        if count >= MAX_COUNT {
+            return Err(OnnxProblem::Count { what, limit: MAX_COUNT });
         }
         Ok(item?)
     })

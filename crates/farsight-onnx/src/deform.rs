@@ -4,7 +4,8 @@ use crate::parts::{Parts, int, ints, word};
 use crate::proto::AttributeProto;
 use farsight_graph::graph::Window;
 
-/// Names of what a deformable convolution reads. The offsets come first, `(dy, dx)` for each tap of each group, then the mask logits.
+/// Names of what a deformable convolution reads. The offsets come first, `(dy, dx)` for each tap of each group, then
+/// the mask logits.
 #[derive(Clone, Copy)]
 pub(super) struct Operands<'a> {
     pub(super) x: &'a str,
@@ -30,7 +31,8 @@ impl Sizes {
     }
 }
 
-/// ONNX's own operator, which ONNX Runtime has. Its settings are those of a `convolution` and the number of offset groups.
+/// ONNX's own operator, which ONNX Runtime has. Its settings are those of a `convolution` and the number of offset
+/// groups.
 pub(super) fn operator(
     parts: &mut Parts,
     operands: Operands<'_>,
@@ -100,7 +102,8 @@ fn group_samples(parts: &mut Parts, [x, offsets]: [&str; 2], group: i64, sizes: 
     parts.node("Reshape", &[&weighted, &side_by_side], &step("samples"), Vec::new())
 }
 
-/// Where the taps of a group lie along one axis (0 rows, 1 columns), in `GridSample`'s coordinates, `[batch, taps, height, width]`.
+/// Where the taps of a group lie along one axis (0 rows, 1 columns), in `GridSample`'s coordinates,
+/// `[batch, taps, height, width]`.
 ///
 /// With corners not aligned, cell `p` of `n` has the coordinate `(2 p + 1) / n - 1`.
 fn axis(parts: &mut Parts, [x, offsets]: [&str; 2], axis: i64, group: i64, window: Window, name: &str) -> String {

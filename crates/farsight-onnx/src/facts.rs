@@ -22,8 +22,8 @@ pub mod key {
     pub const NORMALISATION: &str = "farsight.normalisation";
     /// Reference depth and reference sizes that the regression is relative to, JSON.
     pub const REFERENCE: &str = "farsight.reference";
-    /// [`farsight_graph::weights::Weights::sha256`] of the weights as they were trained. The last of the keys, and so of the
-    /// file: what lacks it has been cut short.
+    /// [`farsight_graph::weights::Weights::sha256`] of the weights as they were trained. The last of the keys, and so
+    /// of the file: what lacks it has been cut short.
     pub const WEIGHTS_SHA256: &str = "farsight.weights_sha256";
     /// Where the regression head lies that can be computed at single cells, JSON; see [`crate::LocalHeadFile`].
     pub const PEAKS_HEAD: &str = "farsight.peaks_head";
@@ -59,7 +59,8 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// What is known about `model`: its method, its config, and what its own file says about training, camera and licence.
+    /// What is known about `model`: its method, its config, and what its own file says about training, camera and
+    /// licence.
     pub fn new<C: NetworkConfig>(model: &Model<C>, target: Target) -> Self {
         let own = model.weights.metadata.iter().filter(|(key, _)| key.starts_with(PREFIX));
         let mut facts = Self { entries: own.map(|(key, value)| (key.clone(), value.clone())).collect() };

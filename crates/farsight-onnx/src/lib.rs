@@ -1,7 +1,7 @@
 //! ONNX files: networks of ours written for other engines, and what a file says about itself.
 //!
-//! A file holds the network of a model in its deployable form, and in its metadata all that is needed to use it. Only files of this kind are
-//! read; see [`OnnxModel`] for what a file from a stranger cannot do.
+//! A file holds the network of a model in its deployable form, and in its metadata all that is needed to use it. Only
+//! files of this kind are read; see [`OnnxModel`] for what a file from a stranger cannot do.
 
 mod bounded;
 mod deform;

@@ -1,4 +1,5 @@
-//! How much memory a file's numbers ask for, before an engine asks for it: an engine that gets none ends the whole process.
+//! How much memory a file's numbers ask for, before an engine asks for it: an engine that gets none ends the whole
+//! process.
 
 use std::collections::HashMap;
 
@@ -8,13 +9,13 @@ use crate::field;
 use crate::wire::{Message, Value};
 
 /// No window of a network of ours is wider, and nothing is moved, spread or enlarged by more.
-const LARGEST_SETTING: i64 = 128;
+const MAX_SETTING: i64 = 128;
 
 /// No network of ours has more groups, or axes of this number.
-const LARGEST_COUNT: i64 = 65_536;
+const MAX_COUNT: i64 = 65_536;
 
 /// Bytes of one map for [`AREA_PX`] pixels: fifty times the largest map of SMOKE.
-const LARGEST_MAP: f64 = (2_u64 << 30) as f64;
+const MAX_MAP: f64 = (2_u64 << 30) as f64;
 
 /// Pixels of SMOKE's input.
 const AREA_PX: f64 = 1280.0 * 384.0;
@@ -70,9 +71,9 @@ pub(super) fn check(graph: Message<'_>, image: &str) -> Result<(), OnnxProblem> 
         let known: Vec<Size> = inputs.iter().filter_map(|name| sizes.get(name)).copied().collect();
         let enlarged = if operator == "Resize" { Some(resize_factor(constant(2))?) } else { None };
         let Some(size) = size_of_output(operator, &known, &settings, constant(1), enlarged)? else { continue };
-        if size.bytes() > LARGEST_MAP {
+        if size.bytes() > MAX_MAP {
             let name = shortened(outputs.first().copied().unwrap_or_default());
-            return Err(OnnxProblem::Memory { name, megabytes: size.bytes() / 1e6, limit: LARGEST_MAP / 1e6 });
+            return Err(OnnxProblem::Memory { name, megabytes: size.bytes() / 1e6, limit: MAX_MAP / 1e6 });
         }
         sizes.extend(outputs.into_iter().map(|name| (name, size)));
     }
@@ -124,11 +125,11 @@ fn settings(node: Message<'_>, operator: &str) -> Result<Settings, OnnxProblem> 
             OnnxProblem::Setting { operator, setting, value, limit }
         };
         let list = whole_numbers(attribute, field::ATTRIBUTE_INTS)?;
-        if let Some(&value) = list.iter().find(|value| value.unsigned_abs() > LARGEST_SETTING.unsigned_abs()) {
-            return Err(refused(value, LARGEST_SETTING));
+        if let Some(&value) = list.iter().find(|value| value.unsigned_abs() > MAX_SETTING.unsigned_abs()) {
+            return Err(refused(value, MAX_SETTING));
         }
         let single = attribute.number(field::ATTRIBUTE_INT)?.cast_signed();
-        let limit = if name == "blocksize" { LARGEST_SETTING } else { LARGEST_COUNT };
+        let limit = if name == "blocksize" { MAX_SETTING } else { MAX_COUNT };
         if single.unsigned_abs() > limit.unsigned_abs() {
             return Err(refused(single, limit));
         }
@@ -170,7 +171,7 @@ fn resize_factor(scales: Option<Message<'_>>) -> Result<f64, OnnxProblem> {
     let raw = scales.map(|scales| scales.last(field::TENSOR_RAW)).transpose()?.flatten();
     let Some(raw) = raw else { return Err(OnnxProblem::Resize) };
     let factors: Vec<f32> = raw.bytes().as_chunks().0.iter().map(|factor| f32::from_le_bytes(*factor)).collect();
-    if factors.iter().all(|factor| *factor > 0.0 && f64::from(*factor) <= LARGEST_SETTING as f64) {
+    if factors.iter().all(|factor| *factor > 0.0 && f64::from(*factor) <= MAX_SETTING as f64) {
         return Ok(factors.into_iter().map(f64::from).fold(0.0, f64::max));
     }
     Err(OnnxProblem::Resize)
@@ -180,9 +181,9 @@ fn resize_factor(scales: Option<Message<'_>>) -> Result<f64, OnnxProblem> {
 fn check_range(end: Message<'_>) -> Result<(), OnnxProblem> {
     let raw = end.last(field::TENSOR_RAW)?.map_or(&[][..], Message::bytes);
     let values = raw.as_chunks().0.iter().map(|value| i64::from_le_bytes(*value));
-    match values.into_iter().find(|value| value.unsigned_abs() > LARGEST_COUNT.unsigned_abs()) {
+    match values.into_iter().find(|value| value.unsigned_abs() > MAX_COUNT.unsigned_abs()) {
         Some(value) => {
-            let (operator, setting, limit) = ("Range".to_owned(), "end".to_owned(), LARGEST_COUNT);
+            let (operator, setting, limit) = ("Range".to_owned(), "end".to_owned(), MAX_COUNT);
             Err(OnnxProblem::Setting { operator, setting, value, limit })
         }
         None => Ok(()),

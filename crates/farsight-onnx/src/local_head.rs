@@ -26,7 +26,8 @@ pub struct HeadLayer {
 
 /// A network that ends where one head begins, and the head: a convolution, `ReLU`, a 1x1 convolution.
 ///
-/// The file itself stays a whole network that any program can run. The head need only be computed at the peaks of a heatmap.
+/// The file itself stays a whole network that any program can run. The head need only be computed at the peaks of a
+/// heatmap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocalHeadFile {
     /// The network without the head. Its last output holds the features.
@@ -38,7 +39,8 @@ pub struct LocalHeadFile {
 }
 
 impl LocalHeadFile {
-    /// Cuts `model` before the head that makes `output`; `None` when the head looks at the whole map, as with group norm. `source` is only what errors call it.
+    /// Cuts `model` before the head that makes `output`; `None` when the head looks at the whole map, as with group
+    /// norm. `source` is only what errors call it.
     ///
     /// # Errors
     /// When the file is not what its metadata say.

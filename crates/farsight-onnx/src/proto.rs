@@ -1,4 +1,5 @@
-//! The part of `onnx.proto` that networks of ours need, written by hand so that no `protoc` is needed. Field numbers are those of ONNX 1.15.
+//! The part of `onnx.proto` that networks of ours need, written by hand so that no `protoc` is needed. Field numbers
+//! are those of ONNX 1.15.
 
 /// Number of `FLOAT` among the element types.
 pub(super) const FLOAT: i32 = 1;

@@ -32,8 +32,8 @@ pub(super) fn bias(parts: &mut Parts, name: &str, weights: &QuantizedWeights) ->
     parts.node("DequantizeLinear", &[&values, &scale, &zero], &format!("{name}/rounded"), vec![int("axis", 0)])
 }
 
-/// Learnt upsampling, which no engine has in 8 bits: a depthwise convolution makes a map for each position within an enlarged cell, and these are
-/// then interleaved.
+/// Learnt upsampling, which no engine has in 8 bits: a depthwise convolution makes a map for each position within an
+/// enlarged cell, and these are then interleaved.
 pub(super) struct UpConv<'a> {
     /// The map, in 8 bits.
     pub(super) x: &'a str,
@@ -62,10 +62,12 @@ impl UpConv<'_> {
     }
 }
 
-/// The kernels `[factor factor channels, 1, 3, 3]` that make the maps for all positions (row by row) within enlarged cells, from that of a transposed
-/// convolution, `[channels, 1, 2 factor, 2 factor]`, stride `factor`, padding `factor / 2`.
+/// The kernels `[factor factor channels, 1, 3, 3]` that make the maps for all positions (row by row) within enlarged
+/// cells, from that of a transposed convolution, `[channels, 1, 2 factor, 2 factor]`, stride `factor`, padding
+/// `factor / 2`.
 ///
-/// An enlarged cell sees the cell it lies in and the neighbours that are nearest to it, so three cells a side are enough.
+/// An enlarged cell sees the cell it lies in and the neighbours that are nearest to it, so three cells a side are
+/// enough.
 pub(super) fn phases(weight: &[f32], factor: usize) -> Vec<f32> {
     let side = 2 * factor;
     let mut kernels = Vec::with_capacity(weight.len() / side / side * factor * factor * 9);

@@ -54,7 +54,7 @@ const OPERATORS: [&str; 28] = [
 const DEFORM_CONV: &str = "DeformConv";
 
 /// The largest file that is read: several times the largest network of ours.
-const LARGEST_FILE: u64 = 1 << 30;
+const MAX_FILE: u64 = 1 << 30;
 
 /// Bytes of a safetensors file up to the first brace of its header.
 const SAFETENSORS_START: usize = 9;
@@ -70,10 +70,11 @@ pub struct TensorInfo {
 
 /// A file of ours, checked, and what it says about itself.
 ///
-/// Whoever made the file, this holds: it is a whole protobuf message of at most a gibibyte, it says which method it is of, it has one input
-/// and at least one output, its constants are in it and in no other file, and it consists of operators that `farsight export`
-/// writes: none that loops, branches or calls other code. No window, stride or enlargement is wider than 128, and no map of an image takes more than 2 GiB.
-/// Its floats are finite, and where it carries a hash, it is as it was written. Reading it takes memory for one copy of the file.
+/// Whoever made the file, this holds: it is a whole protobuf message of at most a gibibyte, it says which method it is
+/// of, it has one input and at least one output, its constants are in it and in no other file, and it consists of
+/// operators that `farsight export` writes: none that loops, branches or calls other code. No window, stride or
+/// enlargement is wider than 128, and no map of an image takes more than 2 GiB. Its floats are finite, and where it
+/// carries a hash, it is as it was written. Reading it takes memory for one copy of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnnxModel {
     bytes: Vec<u8>,
@@ -93,12 +94,12 @@ impl OnnxModel {
         let failed = |error| OnnxError::new(path, OnnxProblem::Read(error));
         let file = File::open(path).map_err(failed)?;
         let found = file.metadata().map_err(failed)?.len();
-        if found > LARGEST_FILE {
-            return Err(OnnxError::new(path, OnnxProblem::Size { found, limit: LARGEST_FILE }));
+        if found > MAX_FILE {
+            return Err(OnnxError::new(path, OnnxProblem::Size { found, limit: MAX_FILE }));
         }
         let mut bytes = Vec::new();
         // A file may grow while it is read, and some (/dev/zero) have no size.
-        file.take(LARGEST_FILE).read_to_end(&mut bytes).map_err(failed)?;
+        file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
         Self::from_bytes(bytes, path)
     }
 
@@ -117,8 +118,8 @@ impl OnnxModel {
         Self::from_bytes(bytes, source)
     }
 
-    /// As [`OnnxModel::from_model`], in 8 bits with the ranges that the model's file keeps: all but what reads the image,
-    /// the last layers, and a head that is computed at the peaks.
+    /// As [`OnnxModel::from_model`], in 8 bits with the ranges that the model's file keeps: all but what reads the
+    /// image, the last layers, and a head that is computed at the peaks.
     ///
     /// # Errors
     /// When it keeps none of this network, or the weights do not fit.

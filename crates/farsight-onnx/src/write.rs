@@ -13,7 +13,8 @@ use farsight_graph::quantize::{Quantization, QuantizedWeights, Range};
 use farsight_graph::transform::{LocalHead, Network};
 use farsight_graph::weights::{WeightTensor, WeightsError};
 
-/// ONNX operators as of 1.14: the first with `DeformConv`; `GridSample` still calls its interpolation "bilinear", as all engines know it.
+/// ONNX operators as of 1.14: the first with `DeformConv`; `GridSample` still calls its interpolation "bilinear", as
+/// all engines know it.
 const OPSET: i64 = 19;
 
 /// The file format that goes with it.
@@ -22,8 +23,8 @@ const IR_VERSION: i64 = 9;
 /// The bytes of an ONNX file that computes the taps of `network`.
 ///
 /// # Shapes
-/// One input, `image`, `[batch, 3, height, width]`; one output a tap, named like the tap. Batch, height and width are free; height and width
-/// must be multiples of 32.
+/// One input, `image`, `[batch, 3, height, width]`; one output a tap, named like the tap. Batch, height and width are
+/// free; height and width must be multiples of 32.
 ///
 /// # Errors
 /// When a weight is missing or has another shape.
@@ -31,8 +32,9 @@ pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>
     encoded(network, None, facts, target)
 }
 
-/// As [`write`](fn@write), with what `quantization` says in 8 bits: maps are rounded by a pair of `QuantizeLinear` and `DequantizeLinear`, weights and biases come out
-/// of `DequantizeLinear` (QDQ form). An engine that knows the form computes in 8 bits; any other gets the same numbers from the file as it stands.
+/// As [`write`](fn@write), with what `quantization` says in 8 bits: maps are rounded by a pair of `QuantizeLinear` and
+/// `DequantizeLinear`, weights and biases come out of `DequantizeLinear` (QDQ form). An engine that knows the form
+/// computes in 8 bits; any other gets the same numbers from the file as it stands.
 ///
 /// # Errors
 /// As [`write`](fn@write).
@@ -242,8 +244,8 @@ impl Writer<'_> {
         })
     }
 
-    /// Group norm is instance norm over maps as high as all channels of a group together. Engines compute its mean first and then the
-    /// squares of the differences, so large means do no harm.
+    /// Group norm is instance norm over maps as high as all channels of a group together. Engines compute its mean
+    /// first and then the squares of the differences, so large means do no harm.
     fn group_norm(
         &mut self,
         x: &str,

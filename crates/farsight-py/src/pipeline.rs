@@ -20,7 +20,7 @@ use crate::picture::from_bytes;
 use crate::track::{Video, Wanted};
 
 /// More threads than any computer has cores are a mistake.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
 /// Of one image: the JSON of `farsight range`, the upright pixels, warnings.
 type Answer<'py> = (String, Bound<'py, PyBytes>, Vec<String>);
@@ -51,8 +51,8 @@ impl Pipeline {
             precision: numbers(precision)?,
             side_by_side: None,
         };
-        if threads.is_some_and(|threads| !(1..=MOST_THREADS).contains(&threads)) {
-            return Err(PyValueError::new_err(format!("threads: expected a number from 1 to {MOST_THREADS}")));
+        if threads.is_some_and(|threads| !(1..=MAX_THREADS).contains(&threads)) {
+            return Err(PyValueError::new_err(format!("threads: expected a number from 1 to {MAX_THREADS}")));
         }
         let region: Region =
             region.parse().map_err(|expected| PyValueError::new_err(format!("region {region:?}: {expected}")))?;

@@ -4,7 +4,8 @@ use farsight_core::{Box3d, Detection};
 
 use crate::geometry::{Quaternion, product};
 
-/// Turns a box's own axes (x forward, y left, z up) into those of a box with yaw 0 in camera coordinates, which faces x.
+/// Turns a box's own axes (x forward, y left, z up) into those of a box with yaw 0 in camera coordinates, which faces
+/// x.
 const UPRIGHT: Quaternion = [std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f64::consts::FRAC_1_SQRT_2];
 
 /// A box in the frame `camera`.

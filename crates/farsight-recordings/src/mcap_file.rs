@@ -30,7 +30,8 @@ const LINK: &str = "camera_link";
 const CAMERA: &str = "camera";
 const OPTICAL: &str = "camera_optical";
 
-/// A recording for Foxglove (protobuf: image, calibration, transforms, boxes) and for ROS 2 (`vision_msgs/Detection3DArray`).
+/// A recording for Foxglove (protobuf: image, calibration, transforms, boxes) and for ROS 2
+/// (`vision_msgs/Detection3DArray`).
 ///
 /// Topics are `/camera/image`, `/camera/calibration`, `/tf`, `/scene` and `/detections`. Chunks are not compressed, as
 /// images are already.

@@ -1,4 +1,5 @@
-//! Recordings of rerun. No other file knows whether it is there: without the feature `rerun` its functions answer with an error.
+//! Recordings of rerun. No other file knows whether it is there: without the feature `rerun` its functions answer with
+//! an error.
 
 use std::path::Path;
 
@@ -26,8 +27,8 @@ mod with_rerun {
 
     /// A recording for rerun's viewer.
     ///
-    /// `world` has camera coordinates (x right, y down, z forward), `world/camera` the pinhole, `world/camera/image` the
-    /// image, and `world/objects` the boxes.
+    /// `world` has camera coordinates (x right, y down, z forward), `world/camera` the pinhole, `world/camera/image`
+    /// the image, and `world/objects` the boxes.
     pub struct RerunRecording {
         stream: RecordingStream,
     }

@@ -29,8 +29,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// For `network` in its deployable form, of which `layers` are to be in 8 bits, with the outputs that are asked for;
-    /// `facts` are those of its model. It runs on so many threads; `None` takes one for each core.
+    /// For `network` in its deployable form, of which `layers` are to be in 8 bits, with the outputs that are asked
+    /// for; `facts` are those of its model. It runs on so many threads; `None` takes one for each core.
     ///
     /// # Errors
     /// When rten cannot run the network.

@@ -1,4 +1,5 @@
-//! Whether a shared library is all there. The system maps a library before it looks at it: of a truncated one the first use of what is missing ends the process.
+//! Whether a shared library is all there. The system maps a library before it looks at it: of a truncated one the first
+//! use of what is missing ends the process.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom};
@@ -41,7 +42,8 @@ pub enum LibraryDamage {
     },
 }
 
-/// Refuses a truncated library, and one beside which a truncated one lies: libraries load each other. What is no 64-bit ELF file is left to the system.
+/// Refuses a truncated library, and one beside which a truncated one lies: libraries load each other. What is no 64-bit
+/// ELF file is left to the system.
 ///
 /// # Errors
 /// [`LibraryDamage`] names the file.

@@ -1,7 +1,7 @@
 //! Tensors in, tensors out: what runs a network.
 //!
-//! A [`Runner`] is one network, ready to run; there is one file for each engine, and it alone knows the engine's library. What the tensors mean is the
-//! business of the method that the network belongs to.
+//! A [`Runner`] is one network, ready to run; there is one file for each engine, and it alone knows the engine's
+//! library. What the tensors mean is the business of the method that the network belongs to.
 
 pub mod calibration;
 pub mod elf;

@@ -1,4 +1,5 @@
-//! Calls of the libraries that engines are made of. They are other people's code under a stranger's model, and they may panic.
+//! Calls of the libraries that engines are made of. They are other people's code under a stranger's model, and they may
+//! panic.
 
 use std::any::Any;
 use std::error::Error;
@@ -13,12 +14,14 @@ pub(crate) type Failure = Box<dyn Error + Send + Sync>;
 /// How many calls are going on.
 static INSIDE: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether a library of an engine is at work. A panic is then caught and becomes an [`EngineError`], so a program's panic hook need not report it.
+/// Whether a library of an engine is at work. A panic is then caught and becomes an [`EngineError`], so a program's
+/// panic hook need not report it.
 pub fn inside_library() -> bool {
     INSIDE.load(Ordering::Relaxed) > 0
 }
 
-/// The answer of `work`; a panic becomes an error, because a model from a stranger may hit an assumption of the library.
+/// The answer of `work`; a panic becomes an error, because a model from a stranger may hit an assumption of the
+/// library.
 pub(crate) fn unpanicked<T>(engine: &str, work: impl FnOnce() -> Result<T, Failure>) -> Result<T, EngineError> {
     INSIDE.fetch_add(1, Ordering::Relaxed);
     let answer = catch_unwind(AssertUnwindSafe(work));

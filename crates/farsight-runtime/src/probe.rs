@@ -10,11 +10,12 @@ use crate::Tensor;
 /// Any number will do, as long as it is always the same.
 const SEED: u64 = 4;
 
-/// Width and height of the fixed input, pixels: every level has several rows and columns, and not equally many, so that exchanged axes show.
+/// Width and height of the fixed input, pixels: every level has several rows and columns, and not equally many, so that
+/// exchanged axes show.
 pub const SIZE: [usize; 2] = [128, 64];
 
-/// An input of `size` (width, height) pixels, planar `[3, height, width]`: noise, the same every time and everywhere, with the mean and
-/// deviation that normalisation gives to images.
+/// An input of `size` (width, height) pixels, planar `[3, height, width]`: noise, the same every time and everywhere,
+/// with the mean and deviation that normalisation gives to images.
 pub fn input([width, height]: [usize; 2]) -> Vec<f32> {
     noise(3 * width * height)
 }
@@ -41,8 +42,8 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Whether the maps are the same up to `tolerance`: absolute for values up to 1, and relative to the largest value beyond, because
-    /// single precision rounds relative to what it rounds.
+    /// Whether the maps are the same up to `tolerance`: absolute for values up to 1, and relative to the largest value
+    /// beyond, because single precision rounds relative to what it rounds.
     pub fn within(&self, tolerance: f32) -> bool {
         self.largest <= tolerance * self.scale.max(1.0)
     }

@@ -48,7 +48,8 @@ pub trait Runner: Send {
     /// All outputs, in the order of [`Runner::outputs`], for `inputs` by name.
     ///
     /// # Errors
-    /// When an input is missing or has another shape than the network can take, or the engine fails, for want of memory for instance.
+    /// When an input is missing or has another shape than the network can take, or the engine fails, for want of memory
+    /// for instance.
     fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError>;
 
     /// A runner of the same network for another thread; the weights are shared where the engine can: rten, OpenVINO and

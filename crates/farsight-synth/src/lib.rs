@@ -42,7 +42,7 @@ mod stream;
 pub(crate) mod vector;
 
 pub use dataset::SceneDataset;
-pub use generator::{CameraRanges, LARGEST_IMAGE_PX, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
+pub use generator::{CameraRanges, MAX_IMAGE_PX, PlaceWeights, SceneConfig, WeatherWeights, generate_scene};
 pub use layout::scene_from_labels;
 pub use region::RegionWeights;
 pub use scene::LabelledScene;

@@ -15,7 +15,7 @@ const TOLERANCE: f64 = 3.0;
 
 /// Weight of the latest innovation in what is usual for a track, and the most that it counts.
 const SURPRISE_WEIGHT: f64 = 0.1;
-const MOST_SURPRISE: f64 = 25.0;
+const MAX_SURPRISE: f64 = 25.0;
 
 /// The mean of a few squared innovations is as large by chance.
 const USUAL_SURPRISE: f64 = 1.5;
@@ -219,7 +219,7 @@ impl Filter {
         }
 
         let Self { state, surprise, .. } = self;
-        let mut surprised = |squared: f64| *surprise += SURPRISE_WEIGHT * (squared.min(MOST_SURPRISE) - *surprise);
+        let mut surprised = |squared: f64| *surprise += SURPRISE_WEIGHT * (squared.min(MAX_SURPRISE) - *surprise);
         state.update(&row([(BEARING, 1.0)]), measured.bearing, measured.bearing_variance(noise), TOLERANCE);
         surprised(state.update(&row([(LOG_DEPTH, 1.0), (FACTOR, 1.0)]), measured.log_depth, white, TOLERANCE));
         if let Some(log_height) = measured.log_height {

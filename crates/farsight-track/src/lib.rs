@@ -1,4 +1,5 @@
-//! Tracks of vehicles and people through video: identity, distance, speed and time to collision, each with its error bar.
+//! Tracks of vehicles and people through video: identity, distance, speed and time to collision, each with its error
+//! bar.
 //!
 //! [`Tracker::update`] takes the detections of one frame and answers the tracks at its time. No file is read here, and
 //! no picture is looked at.
@@ -7,8 +8,8 @@
 //! face. Velocities are relative to the camera and in its axes.
 //!
 //! # Method
-//! The error of one image's distance is mostly a wrong size, and it stays: the next image has the same. Such an error is
-//! a factor on distance and speed, and leaves their ratio alone. So the filter keeps logarithms: of the depth of the
+//! The error of one image's distance is mostly a wrong size, and it stays: the next image has the same. Such an error
+//! is a factor on distance and speed, and leaves their ratio alone. So the filter keeps logarithms: of the depth of the
 //! nearest face, and of its rate of change `k`, from which time to collision is `-1 / k`. Two measurements speak of
 //! them: the distance of each image, with a factor that drifts slowly, and the height of the box in the image, which
 //! tells changes of distance much better than distance. The height's own errors are correlated in time and modelled so.

@@ -2,8 +2,8 @@
 
 /// Options of a [`crate::Tracker`].
 ///
-/// Acceleration and heights were fitted on rendered sequences (`docs/video.md`); the other noise was set by hand from the
-/// errors of the shipped models in a real sequence, wider than they were.
+/// Acceleration and heights were fitted on rendered sequences (`docs/video.md`); the other noise was set by hand from
+/// the errors of the shipped models in a real sequence, wider than they were.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackerOptions {
     /// From this score on a detection begins a track.

@@ -64,8 +64,8 @@ impl State {
         Self { mean, covariance: symmetric(&product(&product(&step, &self.covariance), &transposed(&step))) }
     }
 
-    /// Takes in a number that should be `row * mean`, with this variance. An innovation of more than `tolerance` standard
-    /// deviations counts less and less. Returns its square in its expected variance.
+    /// Takes in a number that should be `row * mean`, with this variance. An innovation of more than `tolerance`
+    /// standard deviations counts less and less. Returns its square in its expected variance.
     pub(crate) fn update(&mut self, row: &Vector, measured: f64, variance: f64, tolerance: f64) -> f64 {
         let seen: Vector = std::array::from_fn(|i| dot(&self.covariance[i], row));
         let spread = dot(&seen, row);

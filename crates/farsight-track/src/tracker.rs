@@ -80,13 +80,13 @@ const SAME_SCENE: f64 = 1.0 / 3.0;
 const TENTATIVE_MISSES: u32 = 1;
 
 /// A track of which less than this share of its box is in the image has left it.
-const LEAST_IN_IMAGE: f64 = 0.2;
+const MIN_IN_IMAGE: f64 = 0.2;
 
 /// Behind something is what this covers by more than this share.
 const HIDDEN_SHARE: f64 = 0.5;
 
 /// Every track coasts for so long, seconds.
-const LEAST_COAST_S: f64 = 0.2;
+const MIN_COAST_S: f64 = 0.2;
 
 /// Nothing is said of a velocity that is less sure than this share of what was thought before anything was known, nor
 /// after fewer detections, nor after less time in seconds.
@@ -264,7 +264,7 @@ impl Tracker {
         let [width, height] = frame.image_size.map(|side| side as f64);
         self.entries.retain(|entry| {
             let visible = entry.expected.clamped(width, height).area();
-            let is_in_image = visible > LEAST_IN_IMAGE * entry.expected.area();
+            let is_in_image = visible > MIN_IN_IMAGE * entry.expected.area();
             let may_miss = entry.id > 0 || entry.misses <= TENTATIVE_MISSES;
             entry.misses == 0 || (is_in_image && may_miss && now - entry.seen_s <= max_lost_s)
         });
@@ -327,7 +327,7 @@ impl Entry {
         let most_s = if self.is_hidden { max_hidden_s } else { max_coast_s };
         let seen_share = f64::from(self.hits) / (self.frames.saturating_sub(u64::from(self.misses)).max(1)) as f64;
         let known_s = (self.seen_s - self.born_s) * seen_share * seen_share;
-        now - self.seen_s <= most_s.min(known_s).max(LEAST_COAST_S)
+        now - self.seen_s <= most_s.min(known_s).max(MIN_COAST_S)
     }
 
     /// Tracks in the order of their first frames, and of their boxes in it.

@@ -110,7 +110,8 @@ impl Adam {
         });
     }
 
-    /// Moves the parameters of `network` against the gradient of `objective`, cut to the norm `clip_norm` (0: as it is). Returns the norm before that.
+    /// Moves the parameters of `network` against the gradient of `objective`, cut to the norm `clip_norm` (0: as it
+    /// is). Returns the norm before that.
     ///
     /// # Errors
     /// When the norm is not finite; nothing is moved then.

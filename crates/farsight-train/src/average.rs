@@ -1,4 +1,5 @@
-//! Running means of a network's weights: an average of many steps is steadier than the last one, and often better on what the network has never seen.
+//! Running means of a network's weights: an average of many steps is steadier than the last one, and often better on
+//! what the network has never seen.
 
 use farsight_graph::weights::Weights;
 use tch::{Tensor, no_grad};
@@ -8,7 +9,8 @@ use crate::executor::{Network, fill, weight_from_tensor};
 /// Prefix of the running means in a checkpoint.
 const PREFIX: &str = "average.";
 
-/// Exponential running means of all parameters and statistics (EMA), over the steps taken so far: each counts `decay` times as much as the next.
+/// Exponential running means of all parameters and statistics (EMA), over the steps taken so far: each counts `decay`
+/// times as much as the next.
 #[derive(Debug)]
 pub(crate) struct Averages {
     decay: f64,
@@ -26,7 +28,8 @@ impl Averages {
     /// Takes the weights after one more step in.
     pub(crate) fn follow(&mut self, network: &Network) {
         self.steps += 1;
-        // The newest one's share of all steps so far: all of it after the first, so that the weights a run starts from count as no step.
+        // The newest one's share of all steps so far: all of it after the first, so that the weights a run starts from
+        // count as no step.
         let share = (1.0 - self.decay) / (1.0 - self.decay.powf(self.steps as f64));
         no_grad(|| {
             for ((_, mean), (_, tensor)) in self.means.iter_mut().zip(network.parameters()) {

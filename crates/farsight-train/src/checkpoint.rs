@@ -69,8 +69,8 @@ pub enum CheckpointError {
     },
 }
 
-/// Writes a checkpoint, whole or not at all: `weights` (parameters, optimiser and what else there is), progress, the `identity` of the run: what of its
-/// config changes its steps, and the fingerprint of its `data`.
+/// Writes a checkpoint, whole or not at all: `weights` (parameters, optimiser and what else there is), progress, the
+/// `identity` of the run: what of its config changes its steps, and the fingerprint of its `data`.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -93,7 +93,8 @@ pub fn write(
     Ok(weights.write(path)?)
 }
 
-/// Reads a checkpoint of the run with this `identity`: its tensors, parameters and optimiser together, and its progress.
+/// Reads a checkpoint of the run with this `identity`: its tensors, parameters and optimiser together, and its
+/// progress.
 ///
 /// # Errors
 /// When the file cannot be read, is not as it was written, or belongs to a run with another config.

@@ -146,7 +146,8 @@ impl Default for RenderedConfig {
     }
 }
 
-/// How a network learns, whatever its method. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140 epochs, batch 8.
+/// How a network learns, whatever its method. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140
+/// epochs, batch 8.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
@@ -173,19 +174,23 @@ pub struct TrainConfig {
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_from: Option<PathBuf>,
-    /// Starts of the names of tensors that start anew although `start_from` has them. With it, even empty, `start_from` must have all others.
+    /// Starts of the names of tensors that start anew although `start_from` has them. With it, even empty, `start_from`
+    /// must have all others.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_without: Option<Vec<String>>,
-    /// Starts of the names of tensors that nothing moves; batch norms among them use their running statistics as they are.
+    /// Starts of the names of tensors that nothing moves; batch norms among them use their running statistics as they
+    /// are.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub freeze: Vec<String>,
     /// Factors on the learning rate of tensors by how their names start; of several the longest start counts.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub rate_factors: BTreeMap<String, f64>,
-    /// Decay of the exponential running means of the weights (EMA), which the model gets in the end; without it those of the last step.
+    /// Decay of the exponential running means of the weights (EMA), which the model gets in the end; without it those
+    /// of the last step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ema_decay: Option<f64>,
-    /// Batches after the last step over which the statistics of batch norm are taken anew; without it they are those of the last dozens of steps.
+    /// Batches after the last step over which the statistics of batch norm are taken anew; without it they are those of
+    /// the last dozens of steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistics_batches: Option<u64>,
     /// Steps between checkpoints; one is also written at the end.

@@ -1,4 +1,5 @@
-//! Modulated deformable convolution (`DCNv2`) from libtorch's own operations: no extension to build, CPU and CUDA, with gradients.
+//! Modulated deformable convolution (`DCNv2`) from libtorch's own operations: no extension to build, CPU and CUDA, with
+//! gradients.
 
 use farsight_graph::graph::Window;
 use tch::Tensor;
@@ -7,11 +8,13 @@ use tch::Tensor;
 const BILINEAR: i64 = 0;
 const ZEROS: i64 = 0;
 
-/// The samples that a deformable convolution multiplies with its kernel, `[batch, channels k k, out height, out width]`.
+/// The samples that a deformable convolution multiplies with its kernel,
+/// `[batch, channels k k, out height, out width]`.
 ///
 /// # Shapes
-/// `x` `[batch, channels, height, width]`; `offset` `[batch, groups 2 k k, out height, out width]`, `(dy, dx)` for each tap in row order;
-/// `mask` `[batch, groups k k, out height, out width]`. Samples outside the map count zero, neighbour by neighbour (spec 3.1).
+/// `x` `[batch, channels, height, width]`; `offset` `[batch, groups 2 k k, out height, out width]`, `(dy, dx)` for each
+/// tap in row order; `mask` `[batch, groups k k, out height, out width]`. Samples outside the map count zero, neighbour
+/// by neighbour (spec 3.1).
 pub fn deformable_samples(x: &Tensor, offset: &Tensor, mask: &Tensor, window: Window) -> Tensor {
     let (batch, channels, height, width) = x.size4().unwrap_or_default();
     let (_, mask_channels, out_height, out_width) = mask.size4().unwrap_or_default();

@@ -17,7 +17,8 @@ const BATCH_NORM_MOMENTUM: f64 = 0.1;
 /// What a pass is for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mode {
-    /// Batch norm uses the batch and updates its running statistics, unless those are frozen: then they are used as they are.
+    /// Batch norm uses the batch and updates its running statistics, unless those are frozen: then they are used as
+    /// they are.
     Train,
     /// The same, with the batch counting for this share of the statistics.
     Gather {
@@ -37,7 +38,8 @@ pub enum Precision {
     /// Single precision.
     #[default]
     F32,
-    /// bfloat16 (mixed precision), with the channels of a pixel side by side: what the matrix units of CPUs and GPUs are made for.
+    /// bfloat16 (mixed precision), with the channels of a pixel side by side: what the matrix units of CPUs and GPUs
+    /// are made for.
     Bf16,
     /// Double precision throughout, for tests: they test formulas, not rounding.
     ///
@@ -61,7 +63,8 @@ impl Precision {
         wide_kind(self.kind())
     }
 
-    /// An input or a parameter in the order in which the layers want its numbers; they hand that order on to what they compute, gradients too.
+    /// An input or a parameter in the order in which the layers want its numbers; they hand that order on to what they
+    /// compute, gradients too.
     fn arranged(self, tensor: &Tensor) -> Tensor {
         match self {
             Self::Bf16 if tensor.dim() == 4 => tensor.permute([0, 2, 3, 1]).contiguous().permute([0, 3, 1, 2]),
@@ -231,7 +234,8 @@ impl Network {
                 let momentum = if let Mode::Gather { share } = mode { share } else { BATCH_NORM_MOMENTUM };
                 x.batch_norm(weight, bias, mean, variance, training, momentum, NORM_EPSILON, true)
             }
-            // Nobody else reads this map and nothing that makes it needs its own output for the gradient: no second copy.
+            // Nobody else reads this map and nothing that makes it needs its own output for the gradient: no second
+            // copy.
             Op::Relu if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => x.shallow_clone().relu_(),
             Op::Relu => x.relu(),
             Op::Relu6 if pending[node.inputs[0]] == 1 && self.may_overwrite(node.inputs[0]) => {
@@ -261,7 +265,8 @@ impl Network {
         }
     }
 
-    /// The samples at the displaced taps, which a 1x1 convolution over channels and taps makes a deformable convolution.
+    /// The samples at the displaced taps, which a 1x1 convolution over channels and taps makes a deformable
+    /// convolution.
     fn deformed(x: &Tensor, offsets: &Tensor, window: Window) -> Tensor {
         let [x, offsets] = [x, offsets].map(|map| map.to_kind(wide_kind(map.kind())).contiguous());
         let taps = offsets.size()[1] / 3;

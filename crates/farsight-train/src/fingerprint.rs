@@ -23,7 +23,8 @@ pub struct Fingerprint {
 }
 
 impl Fingerprint {
-    /// Of the first `frames` frames of `dataset`. Of rendered scenes the first one stands for all: they follow from the config, which a checkpoint knows.
+    /// Of the first `frames` frames of `dataset`. Of rendered scenes the first one stands for all: they follow from the
+    /// config, which a checkpoint knows.
     ///
     /// # Errors
     /// When a camera or labels cannot be read.

@@ -1,4 +1,5 @@
-//! What learns: a network, its optimiser and, where asked for, the running means of its weights. They start, stop and go on together.
+//! What learns: a network, its optimiser and, where asked for, the running means of its weights. They start, stop and
+//! go on together.
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,8 @@
-//! Training on libtorch: executor, optimiser, training loop, checkpoints. It knows no method: what a step is, a method says.
+//! Training on libtorch: executor, optimiser, training loop, checkpoints. It knows no method: what a step is, a method
+//! says.
 //!
-//! The only crate that knows libtorch. `tch` calls that cannot fail for shapes the graph has checked panic instead of returning an error;
-//! everything that depends on the user's files, config or data returns one.
+//! The only crate that knows libtorch. `tch` calls that cannot fail for shapes the graph has checked panic instead of
+//! returning an error; everything that depends on the user's files, config or data returns one.
 
 pub mod adam;
 mod average;

@@ -9,7 +9,8 @@ const PROBABILITY_LIMITS: (f64, f64) = (1e-4, 1.0 - 1e-4);
 
 /// Penalty-reduced focal loss of `logits` against the heatmap `target`, alpha 2, beta 4 (spec 7.1).
 ///
-/// Normalised by the number of cells equal to 1 in the whole batch; without any, the sum is not normalised, as in official SMOKE.
+/// Normalised by the number of cells equal to 1 in the whole batch; without any, the sum is not normalised, as in
+/// official SMOKE.
 pub fn focal_loss(logits: &Tensor, target: &Tensor) -> Tensor {
     let (low, high) = PROBABILITY_LIMITS;
     let kind = wide_kind(logits.kind());

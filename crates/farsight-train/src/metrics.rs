@@ -152,8 +152,8 @@ pub struct MetricsWriter {
 }
 
 impl MetricsWriter {
-    /// Opens `metrics.jsonl` and an event file in `folder`. Records after `steps`, of a run that was killed later than its last
-    /// checkpoint, are dropped: they will be written again.
+    /// Opens `metrics.jsonl` and an event file in `folder`. Records after `steps`, of a run that was killed later than
+    /// its last checkpoint, are dropped: they will be written again.
     ///
     /// # Errors
     /// When a file cannot be read or written.

@@ -1,4 +1,5 @@
-//! Parts of a network, named by how the names of their tensors start: which stay as they are, which start anew, which learn at another rate.
+//! Parts of a network, named by how the names of their tensors start: which stay as they are, which start anew, which
+//! learn at another rate.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -53,7 +54,8 @@ impl Parts {
         if graph.parameters.iter().any(|p| p.role == Role::Learnt) { Ok(graph) } else { Err(TrainError::AllFrozen) }
     }
 
-    /// `fresh` weights of `graph` with the tensors that are to be taken from `loaded`, which is the file `path`, and how many those are.
+    /// `fresh` weights of `graph` with the tensors that are to be taken from `loaded`, which is the file `path`, and
+    /// how many those are.
     ///
     /// # Errors
     /// When none has a place in the network, or one is missing that is not to start anew.

@@ -12,7 +12,8 @@ use crate::config::{RunConfig, TaskConfig};
 use crate::error::TrainError;
 use crate::metrics::Metrics;
 
-/// Makes what a task learns from of the frame that a key stands for; shared by the loader's threads. The same key gives the same sample, always.
+/// Makes what a task learns from of the frame that a key stands for; shared by the loader's threads. The same key gives
+/// the same sample, always.
 pub type Sampler<S> = Box<dyn Fn(ItemKey) -> Result<S, DatasetError> + Send + Sync>;
 
 /// The config of a task's run.
@@ -34,8 +35,8 @@ pub trait Task: Sized {
     /// Name of the trained model in a run's folder.
     const MODEL_FILE: &'static str;
 
-    /// The task of `run` and the graph that learns, which may have more than the model: heads for training only. `start` are the weights that the run starts
-    /// from, if it starts from any.
+    /// The task of `run` and the graph that learns, which may have more than the model: heads for training only.
+    /// `start` are the weights that the run starts from, if it starts from any.
     ///
     /// # Errors
     /// When the run cannot be trained.

@@ -1,4 +1,5 @@
-//! The training loop, whatever the method: data in order, steps, metrics, checkpoints, validation, going on where a run was killed.
+//! The training loop, whatever the method: data in order, steps, metrics, checkpoints, validation, going on where a run
+//! was killed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -72,19 +73,22 @@ pub trait Callback {
     /// A step is done; the numbers are its own.
     fn on_step(&mut self, step: &StepSummary);
 
-    /// Whether the run is to stop at a checkpoint now, with [`TrainError::Stopped`]; asked after every step but the last.
+    /// Whether the run is to stop at a checkpoint now, with [`TrainError::Stopped`]; asked after every step but the
+    /// last.
     fn stops(&mut self) -> bool {
         false
     }
 
-    /// The model so far stands in the file `model`: what it is worth on the frames of `config`, by name. It belongs to so many steps.
+    /// The model so far stands in the file `model`: what it is worth on the frames of `config`, by name. It belongs to
+    /// so many steps.
     ///
     /// # Errors
     /// What kept it from being measured; the run ends.
     fn validate(&mut self, step: u64, model: &Path, config: &ValidateConfig) -> Result<Vec<(String, f64)>, String>;
 }
 
-/// Trains, and writes model, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the model.
+/// Trains, and writes model, checkpoints, metrics and the resolved config to the job's folder. Returns the path of the
+/// model.
 ///
 /// # Errors
 /// See [`TrainError`].
@@ -188,7 +192,8 @@ impl<T: Task> Trainer<'_, T> {
         Loader::new(&config, move |key: ItemKey| sampler(key))
     }
 
-    /// What is left of the run after `progress`: steps, checkpoints, metrics, validation. In the end the network has the weights that the run is for.
+    /// What is left of the run after `progress`: steps, checkpoints, metrics, validation. In the end the network has
+    /// the weights that the run is for.
     fn run(
         &self,
         learner: &mut Learner,
@@ -276,8 +281,8 @@ impl<T: Task> Trainer<'_, T> {
         callback.validate(progress.steps, &path, config).map_err(TrainError::Validate)
     }
 
-    /// Takes the statistics of batch norm anew, as means over so many batches after the last: those gathered while learning are of the last dozens of steps
-    /// only.
+    /// Takes the statistics of batch norm anew, as means over so many batches after the last: those gathered while
+    /// learning are of the last dozens of steps only.
     fn gather_statistics(&self, learner: &Learner, count: u64) -> Result<(), TrainError> {
         let after = Position { epoch: self.job.run.train.epochs, batch: 0 };
         let mut gathered = 0;
@@ -324,7 +329,8 @@ fn dataset(data: &DataConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError>
     Ok(if data.cache { Arc::new(CachedDataset::new(dataset)) } else { dataset })
 }
 
-/// Makes the folder of a run, which must not hold another one, and takes it; what a killed run left half written there is removed.
+/// Makes the folder of a run, which must not hold another one, and takes it; what a killed run left half written there
+/// is removed.
 fn prepare_folder(out: &Path, resume: bool) -> Result<FolderLock, TrainError> {
     let failed = |source| TrainError::Write { path: out.into(), source };
     fs::create_dir_all(out).map_err(failed)?;

@@ -19,19 +19,20 @@ const PANEL_SHARE: (f64, f64) = (0.46, 0.8);
 /// Smallest side of a panel, pixels: small images still get a view that can be read.
 const MIN_PANEL_PX: f64 = 320.0;
 
-/// Largest side of a panel, pixels. It grows with the longer side of the image, and would be hundreds of times a very long image.
+/// Largest side of a panel, pixels. It grows with the longer side of the image, and would be hundreds of times a very
+/// long image.
 const MAX_PANEL_PX: f64 = 2160.0;
 
 /// Images of this many pixels and more are drawn smaller: no screen shows them whole.
-const LARGEST_DRAWN_PX: u64 = 12_000_000;
+const MAX_DRAWN_PX: u64 = 12_000_000;
 
 /// A picture may have this many pixels beside twice those of its image.
 const SPARE_PX: u64 = 8_000_000;
 
 /// The annotated image with the bird's-eye view: below a wide image such as KITTI's, to the right of others.
 ///
-/// A large image is drawn smaller, by the whole number that [`picture_divisor`] tells, and so is a very long one. An image that cannot be
-/// drawn on (no pixels) comes back as it is.
+/// A large image is drawn smaller, by the whole number that [`picture_divisor`] tells, and so is a very long one. An
+/// image that cannot be drawn on (no pixels) comes back as it is.
 pub fn picture(image: &RgbImage, scene: &Scene, options: &DrawOptions) -> RgbImage {
     drawn(image, scene, options, &Tags::Classes)
 }
@@ -55,13 +56,14 @@ fn drawn(image: &RgbImage, scene: &Scene, options: &DrawOptions, says: &Tags) ->
     composed(&smaller, &scene, options, says).unwrap_or(smaller)
 }
 
-/// By which whole number the sides of an image of this size are divided in its [`picture`]: 1 below 12 megapixels, unless it is very long.
+/// By which whole number the sides of an image of this size are divided in its [`picture`]: 1 below 12 megapixels,
+/// unless it is very long.
 pub fn picture_divisor(image_size: [u32; 2]) -> u32 {
     let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
     let most = 2 * pixels(image_size) + SPARE_PX;
     let fits = |divisor: &u32| {
         let size = divided(image_size, *divisor);
-        pixels(size) < LARGEST_DRAWN_PX && pixels(Layout::new(size).size) <= most
+        pixels(size) < MAX_DRAWN_PX && pixels(Layout::new(size).size) <= most
     };
     let longest = image_size[0].max(image_size[1]).max(1);
     (1..longest).find(fits).unwrap_or(longest)

@@ -1,8 +1,9 @@
 //! Compares the lines of `farsight track --json` with what is known of one vehicle:
 //! `cargo run --release -p farsight --example judge_tracks TRACKS.jsonl FOLDER`.
 //!
-//! FOLDER holds `lead.csv` (frame, track, `z_center_m`, `z_rear_m`, `vz_mps`, `ttc_s` in each frame) with `label_02.txt` (KITTI's
-//! tracking labels), or `truth.csv` (frame, u1, v1, u2, v2, `near_z_m`, `near_x_m`, `vz_mps` of one frame).
+//! FOLDER holds `lead.csv` (frame, track, `z_center_m`, `z_rear_m`, `vz_mps`, `ttc_s` in each frame) with
+//! `label_02.txt` (KITTI's tracking labels), or `truth.csv` (frame, u1, v1, u2, v2, `near_z_m`, `near_x_m`, `vz_mps` of
+//! one frame).
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::format_push_string, reason = "an example")]
 
 use std::collections::{BTreeMap, BTreeSet};

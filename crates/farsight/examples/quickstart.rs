@@ -1,4 +1,5 @@
-//! The whole pipeline: `cargo run --release --example quickstart -- photo.jpg --hfov 65` prints what is in the photo as JSON.
+//! The whole pipeline: `cargo run --release --example quickstart -- photo.jpg --hfov 65` prints what is in the photo as
+//! JSON.
 #![allow(clippy::print_stdout, reason = "the answer of a program")]
 
 use farsight::json::ImageRecord;

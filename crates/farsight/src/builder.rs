@@ -132,8 +132,8 @@ impl PipelineBuilder {
         Self { plates, ..self }
     }
 
-    /// What is known of the road under the camera; by default that there is one for the shipped weights, and nothing for
-    /// others.
+    /// What is known of the road under the camera; by default that there is one for the shipped weights, and nothing
+    /// for others.
     #[must_use]
     pub fn road(self, road: Road) -> Self {
         Self { road: Some(road), ..self }

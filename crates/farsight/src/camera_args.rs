@@ -7,10 +7,12 @@ use clap::Args;
 use farsight::{Camera, CameraSource, CameraSourceError, RoadPlane};
 use farsight_data::kitti::Calibration;
 
-/// Cameras that have all their numbers already. `requires` alone lets them pass, as clap asks for nothing that conflicts with what is there.
+/// Cameras that have all their numbers already. `requires` alone lets them pass, as clap asks for nothing that
+/// conflicts with what is there.
 const NO_INTRINSICS: [&str; 2] = ["calib", "hfov"];
 
-/// The camera options, of which one is needed for images that neither lie in KITTI's layout nor tell their focal length (EXIF).
+/// The camera options, of which one is needed for images that neither lie in KITTI's layout nor tell their focal length
+/// (EXIF).
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Camera (photos with EXIF data and images in KITTI's layout bring their own)")]
 pub(crate) struct CameraArgs {

@@ -38,7 +38,8 @@ impl OpenDetector {
     }
 }
 
-/// The detector of `source` on `engine`. Its regression head is only computed where it is needed, if it is of that kind.
+/// The detector of `source` on `engine`. Its regression head is only computed where it is needed, if it is of that
+/// kind.
 pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing) -> Result<OpenDetector, Error> {
     engine.check()?;
     let name = source.name().to_owned();

@@ -16,7 +16,8 @@ pub fn draw(image: &RgbImage, camera: &Camera, objects: &[DetectedObject], range
     drawn(image, camera, None, objects, range)
 }
 
-/// [`draw()`] for an image that `lens` has distorted; `camera` is the pinhole behind it. Boxes are bent as the image is.
+/// [`draw()`] for an image that `lens` has distorted; `camera` is the pinhole behind it. Boxes are bent as the image
+/// is.
 pub fn draw_through_lens(
     image: &RgbImage,
     camera: &Camera,

@@ -46,7 +46,8 @@ impl EngineOptions {
         if self.precision == Precision::Int8 { NetworkForm::Int8 } else { NetworkForm::Deployable }
     }
 
-    /// Starts a network in its ONNX form; `source` is only what errors call it. Answers of it that are not finite are errors.
+    /// Starts a network in its ONNX form; `source` is only what errors call it. Answers of it that are not finite are
+    /// errors.
     ///
     /// # Errors
     /// When the engine's library is not there, or the engine fails or has no such network; libtorch runs no ONNX files.

@@ -89,7 +89,7 @@ pub struct EngineOptions {
 }
 
 /// With more images at once a machine with many cores would only hold more memory.
-const MOST_SIDE_BY_SIDE: usize = 4;
+const MAX_SIDE_BY_SIDE: usize = 4;
 
 impl EngineOptions {
     /// As these, for so many images: neighbouring ones are looked at side by side, with the threads that are asked for
@@ -100,7 +100,7 @@ impl EngineOptions {
     pub fn for_images(self, images: usize) -> Self {
         let cores = available_parallelism().map_or(1, NonZero::get);
         let wanted = cores / self.threads.unwrap_or(1).max(1);
-        let count = wanted.min(images).clamp(1, MOST_SIDE_BY_SIDE);
+        let count = wanted.min(images).clamp(1, MAX_SIDE_BY_SIDE);
         if count == 1 || self.kind == EngineKind::Libtorch {
             return self;
         }

@@ -14,7 +14,8 @@ use crate::printer::counted;
 pub(crate) struct Inputs {
     /// In the order of the arguments, sorted within each, each file once.
     pub(crate) images: Vec<PathBuf>,
-    /// One message for each argument without an image, and for each kind of file that looks like an image or film and is left out.
+    /// One message for each argument without an image, and for each kind of file that looks like an image or film and
+    /// is left out.
     pub(crate) problems: Vec<String>,
 }
 
@@ -36,7 +37,8 @@ pub(crate) fn find(arguments: &[PathBuf]) -> Inputs {
 }
 
 impl Inputs {
-    /// Adds the images that are not there yet. A file that is named twice is meant once; links to a file that is there are told.
+    /// Adds the images that are not there yet. A file that is named twice is meant once; links to a file that is there
+    /// are told.
     fn add(&mut self, argument: &Path, images: Vec<PathBuf>, seen: &mut HashMap<PathBuf, PathBuf>) {
         let mut links = Vec::new();
         for image in images {

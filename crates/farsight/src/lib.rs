@@ -14,9 +14,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A [`Pipeline`] is everything that `farsight range` does with an image: the detector, the refiner and the plate reader
-//! that look again at what it found, suppression of what stands in one place, and the road plane under all of it.
-//! [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
+//! A [`Pipeline`] is everything that `farsight range` does with an image: the detector, the refiner and the plate
+//! reader that look again at what it found, suppression of what stands in one place, and the road plane under all of
+//! it. [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
 //! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw()`]
 //! draws it. [`video`] follows what the pipeline finds through the frames of a video, by a [`Tracker`].
 //!

@@ -1,7 +1,7 @@
 //! The command line.
 //!
-//! Exit status: 0 done; 1 done, but an input failed or something was told that the caller asked for; 2 could not run, or could not write an output;
-//! 75 the time that was given is over, the same command goes on.
+//! Exit status: 0 done; 1 done, but an input failed or something was told that the caller asked for; 2 could not run,
+//! or could not write an output; 75 the time that was given is over, the same command goes on.
 
 mod camera_args;
 mod commands;
@@ -58,7 +58,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// A panic in the library of an engine becomes an error of ours; what Rust prints about it by itself would only confuse.
+/// A panic in the library of an engine becomes an error of ours; what Rust prints about it by itself would only
+/// confuse.
 fn report_no_caught_panics() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

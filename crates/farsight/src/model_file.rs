@@ -1,4 +1,5 @@
-//! Files that are given as models: those that are plainly none are told for what they are, before somebody tries to read them as one.
+//! Files that are given as models: those that are plainly none are told for what they are, before somebody tries to
+//! read them as one.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -47,7 +48,8 @@ pub(crate) fn kind_error(path: &Path, found: impl Into<String>, expected: impl I
     Error::Kind { path: path.to_owned(), found: found.into(), expected: expected.into() }
 }
 
-/// Whether the file is a model without the hash that files of ours carry since they do. One with a hash is checked when it is read.
+/// Whether the file is a model without the hash that files of ours carry since they do. One with a hash is checked when
+/// it is read.
 pub fn lacks_hash(path: &Path) -> bool {
     match is_safetensors(path) {
         Ok(true) => Weights::read_metadata(path).is_ok_and(|facts| !facts.contains_key(FILE_SHA256_KEY)),

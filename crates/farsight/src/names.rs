@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use farsight::camera_source::file_stem;
 
-/// A name for the outputs of each image: its own without the extension, and with a number where another image has that name.
+/// A name for the outputs of each image: its own without the extension, and with a number where another image has that
+/// name.
 ///
 /// Names that differ only in case count as one, because some file systems take them for one.
 pub(crate) fn output_names(images: &[PathBuf]) -> Vec<String> {

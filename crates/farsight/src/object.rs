@@ -41,16 +41,16 @@ pub struct DetectedObject {
     pub range_m: f64,
     /// Standard deviation of `range_m`, metres; not a number where the model has no error bars.
     pub range_sigma_m: f64,
-    /// The distance lies between these with a probability of 50, 68 and 90%, metres; not numbers where the model has no error bars. The second is
-    /// `range_m` give or take `range_sigma_m`, in proportion.
+    /// The distance lies between these with a probability of 50, 68 and 90%, metres; not numbers where the model has no
+    /// error bars. The second is `range_m` give or take `range_sigma_m`, in proportion.
     pub range_intervals_m: [[f64; 2]; 3],
     /// Standard deviation of the depth, metres.
     depth_sigma_m: Option<f64>,
 }
 
 impl DetectedObject {
-    /// What is told of `detection` when this distance is asked for. `interval_sigmas` are half the widths of the intervals that hold 50 and 90%, error
-    /// bars ([`farsight_core::DepthFusion::interval_sigmas`]).
+    /// What is told of `detection` when this distance is asked for. `interval_sigmas` are half the widths of the
+    /// intervals that hold 50 and 90%, error bars ([`farsight_core::DepthFusion::interval_sigmas`]).
     pub fn new(detection: Detection, range: RangeKind, interval_sigmas: [f64; 2]) -> Self {
         let range_m = range.measure()(&detection.box3d);
         let range_sigma_m = detection.sigma_of_m(range_m).unwrap_or(f64::NAN);

@@ -1,4 +1,5 @@
-//! Where results go, checked before the work that makes them: nothing that somebody still needs is replaced, and no work is lost for want of a folder.
+//! Where results go, checked before the work that makes them: nothing that somebody still needs is replaced, and no
+//! work is lost for want of a folder.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -45,7 +46,8 @@ pub(crate) fn make_folder(folder: &Path) -> Result<()> {
     check_writable(&folder.join("results")).with_context(|| format!("{}: cannot be written to", folder.display()))
 }
 
-/// Result files have a folder of their own: `inputs` do not come from it, and what is there under the names of the files to write are result files.
+/// Result files have a folder of their own: `inputs` do not come from it, and what is there under the names of the
+/// files to write are result files.
 pub(crate) fn check_results<'a>(
     folder: &Path,
     names: impl IntoIterator<Item = &'a String>,

@@ -87,8 +87,8 @@ impl Pipeline {
         Ok(answers.pop().unwrap_or_default())
     }
 
-    /// [`Pipeline::detect`] for an image that a lens has distorted: the networks see it as a pinhole would have taken it.
-    /// Locations are as ever; boxes in the image are where `image` shows the objects.
+    /// [`Pipeline::detect`] for an image that a lens has distorted: the networks see it as a pinhole would have taken
+    /// it. Locations are as ever; boxes in the image are where `image` shows the objects.
     ///
     /// # Errors
     /// As [`Pipeline::detect`], and when `image` has another size than the images of `undistorter`.
@@ -157,7 +157,8 @@ impl Pipeline {
         *locked(&self.shared.doubt)
     }
 
-    /// What is made for the weights that come with the library and was left out for others: second stages and the road, as far as nothing was said of them.
+    /// What is made for the weights that come with the library and was left out for others: second stages and the road,
+    /// as far as nothing was said of them.
     pub fn left_out(&self) -> &[&'static str] {
         &self.shared.left_out
     }
@@ -226,7 +227,7 @@ impl Shared {
 }
 
 /// What is farther away or larger than this, metres, is no answer: cameras see a hundredth of it.
-const LARGEST_ANSWER_M: f64 = 1e6;
+const MAX_ANSWER_M: f64 = 1e6;
 
 fn check_answer_of_all(found: &[Detection], model: &str) -> Result<(), DetectError> {
     found.iter().try_for_each(|one| check_answer(one, model))
@@ -237,7 +238,7 @@ fn check_answer(found: &Detection, model: &str) -> Result<(), DetectError> {
     let Box3d { location, dimensions: Dimensions { length, height, width }, .. } = found.box3d;
     let dimensions = [length, height, width];
     let numbers = location.iter().chain(&dimensions).chain(&found.range_sigma_m).chain([&found.score]);
-    if numbers.into_iter().all(|number| number.abs() <= LARGEST_ANSWER_M) {
+    if numbers.into_iter().all(|number| number.abs() <= MAX_ANSWER_M) {
         return Ok(());
     }
     Err(DetectError::Absurd {
@@ -245,7 +246,7 @@ fn check_answer(found: &Detection, model: &str) -> Result<(), DetectError> {
         class: found.class.clone(),
         location,
         dimensions,
-        limit: LARGEST_ANSWER_M,
+        limit: MAX_ANSWER_M,
     })
 }
 

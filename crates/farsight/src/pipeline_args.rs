@@ -135,20 +135,22 @@ impl EngineArgs {
 }
 
 /// More threads than any computer has cores are a mistake.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
 fn threads(text: &str) -> Result<usize, String> {
-    let count = text.parse().ok().filter(|count| (1..=MOST_THREADS).contains(count));
-    count.ok_or_else(|| format!("expected a number from 1 to {MOST_THREADS}"))
+    let count = text.parse().ok().filter(|count| (1..=MAX_THREADS).contains(count));
+    count.ok_or_else(|| format!("expected a number from 1 to {MAX_THREADS}"))
 }
 
 /// The stages after the detector.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub(crate) struct SecondStageArgs {
-    /// Refiner that `farsight train` wrote, to refine each object, "shipped" for the one that comes with the program, or "none" [default: shipped, if the model's weights are]
+    /// Refiner that `farsight train` wrote, to refine each object, "shipped" for the one that comes with the program,
+    /// or "none" [default: shipped, if the model's weights are]
     #[arg(long, value_name = "FILE|none")]
     refiner: Option<PathBuf>,
-    /// Plate reader that `farsight train` wrote, which measures cars by their number plates, "shipped" for the one that comes with the program, or "none" [default: shipped for farsight-s, none for others]
+    /// Plate reader that `farsight train` wrote, which measures cars by their number plates, "shipped" for the one that
+    /// comes with the program, or "none" [default: shipped for farsight-s, none for others]
     #[arg(long, value_name = "FILE|none")]
     plates: Option<PathBuf>,
 }
@@ -175,11 +177,13 @@ fn stage(word: Option<&Path>) -> StageSource {
 /// Where the camera is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub(crate) struct RoadArgs {
-    /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it is not known, or "none" for each object
-    /// by itself [default: any for the weights that come with the program, none for others]
+    /// Height of the camera above the road, on which all that is found is put if the model has error bars, "any" if it
+    /// is not known, or "none" for each object by itself
+    /// [default: any for the weights that come with the program, none for others]
     #[arg(long, value_name = "METRES|any|none", value_parser = road, allow_negative_numbers = true)]
     above_road: Option<Road>,
-    /// Part of the world that the images are from, by the sizes of its vehicles: world, europe, north-america, china, japan or india; for farsight-w
+    /// Part of the world that the images are from, by the sizes of its vehicles: world, europe, north-america, china,
+    /// japan or india; for farsight-w
     #[arg(long, value_name = "REGION", default_value_t)]
     region: Region,
 }
@@ -212,7 +216,8 @@ fn road(text: &str) -> Result<Road, String> {
 /// What a pipeline is made of.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub(crate) struct PipelineArgs {
-    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, or one that comes with the program: farsight-w, which has seen photographs, or farsight-s, a SMOKE [default: farsight-w]
+    /// Model that `farsight train`, `farsight import` or `farsight export` wrote, or one that comes with the program:
+    /// farsight-w, which has seen photographs, or farsight-s, a SMOKE [default: farsight-w]
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
@@ -227,7 +232,8 @@ pub(crate) struct PipelineArgs {
     pub(crate) effort: EffortName,
     #[command(flatten)]
     pub(crate) road: RoadArgs,
-    /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1 keeps all, as SMOKE does [default: 0.1]
+    /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1
+    /// keeps all, as SMOKE does [default: 0.1]
     #[arg(long, value_name = "IOU", value_parser = overlap_from_text, allow_negative_numbers = true)]
     pub(crate) max_overlap: Option<f64>,
 }
@@ -261,7 +267,8 @@ impl PipelineArgs {
         Ok(self.road.choose(builder))
     }
 
-    /// [`PipelineArgs::builder`] that also knows the road of a camera that was calibrated, unless --above-road is given.
+    /// [`PipelineArgs::builder`] that also knows the road of a camera that was calibrated, unless --above-road is
+    /// given.
     pub(crate) fn builder_for(&self, camera: &CameraArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
         let builder = self.builder(printer)?;
         let road = if self.road.above_road.is_none() { camera.road()? } else { None };

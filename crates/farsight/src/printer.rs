@@ -179,19 +179,19 @@ impl Stream {
 
 /// No line of a message is longer, characters, whatever word of a stranger's file it tells; where it is cut it keeps so
 /// many at its end.
-const LONGEST_LINE: usize = 1000;
+const MAX_LINE: usize = 1000;
 const KEPT_AT_END: usize = 300;
 
 /// A message whose long lines are cut in the middle.
 fn shortened(text: &str) -> String {
     let short = |line: &str| {
         let count = line.chars().count();
-        if count <= LONGEST_LINE {
+        if count <= MAX_LINE {
             return line.to_owned();
         }
-        let start: String = line.chars().take(LONGEST_LINE - KEPT_AT_END).collect();
+        let start: String = line.chars().take(MAX_LINE - KEPT_AT_END).collect();
         let end: String = line.chars().skip(count - KEPT_AT_END).collect();
-        format!("{start} [{} characters] {end}", count - LONGEST_LINE)
+        format!("{start} [{} characters] {end}", count - MAX_LINE)
     };
     text.split('\n').map(short).collect::<Vec<_>>().join("\n")
 }

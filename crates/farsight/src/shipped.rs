@@ -1,4 +1,5 @@
-//! What comes with the program: a trained model and scenes to try it on. Both are in the executable, so that it works wherever it is copied to.
+//! What comes with the program: a trained model and scenes to try it on. Both are in the executable, so that it works
+//! wherever it is copied to.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -36,7 +36,8 @@ pub(crate) struct Stages {
     pub(crate) refiner: Option<Refiner>,
     /// What measures vehicles by their number plates.
     pub(crate) plate_reader: Option<PlateReader>,
-    /// Of images in which what was found contradicts the height of the camera that was given, since they were last taken.
+    /// Of images in which what was found contradicts the height of the camera that was given, since they were last
+    /// taken.
     pub(crate) height_doubts: Vec<HeightDoubt>,
 }
 
@@ -59,7 +60,8 @@ impl Stages {
         self.detector.has_error_bars() || self.refiner.is_some()
     }
 
-    /// Half the widths of the intervals that hold 50 and 90%, error bars: the refiner's, and a normal distribution's without one.
+    /// Half the widths of the intervals that hold 50 and 90%, error bars: the refiner's, and a normal distribution's
+    /// without one.
     pub(crate) fn interval_sigmas(&self) -> [f64; 2] {
         self.refiner.as_ref().map_or(NORMAL_INTERVAL_SIGMAS, Refiner::interval_sigmas)
     }

@@ -15,7 +15,8 @@ use serde::Deserialize;
 
 /// The parts of a training's config that describe what is trained.
 ///
-/// `farsight train` reads the other tables; that there are no others is checked here too, as what is misspelt would be ignored.
+/// `farsight train` reads the other tables; that there are no others is checked here too, as what is misspelt would be
+/// ignored.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RunFile {

@@ -50,7 +50,8 @@ fn engines(folder: &Path) -> Vec<String> {
     ready.into_iter().map(name).filter(|name| name != "libtorch").collect()
 }
 
-/// Networks with drawn weights: one whose head is cut off, one with everything that is hard to export, one on another backbone.
+/// Networks with drawn weights: one whose head is cut off, one with everything that is hard to export, one on another
+/// backbone.
 fn models() -> [(&'static str, SmokeModel); 3] {
     let model = |backbone, norm, neck, msfe| {
         let config =
@@ -76,7 +77,8 @@ fn models() -> [(&'static str, SmokeModel); 3] {
     ]
 }
 
-/// The model with its last convolutions scaled so that it answers with numbers of the size that trained networks answer with.
+/// The model with its last convolutions scaled so that it answers with numbers of the size that trained networks answer
+/// with.
 fn with_ordinary_answers(mut model: SmokeModel) -> SmokeModel {
     let [logits, regression] = answer(&model);
     let largest = |values: &[f32]| values.iter().fold(0.0_f32, |largest, value| value.abs().max(largest));
@@ -322,7 +324,8 @@ fn parity_tells_by_its_status() {
     assert!((largest - 0.01).abs() < 1e-4, "{largest}");
 }
 
-/// Distances after refiner, plate reader and road plane, metres: what rounds differently is looked at again three times.
+/// Distances after refiner, plate reader and road plane, metres: what rounds differently is looked at again three
+/// times.
 const PIPELINE_M: f64 = 0.02;
 
 /// What `pipeline` says of a shipped scene: class, distance and score of each sure object.

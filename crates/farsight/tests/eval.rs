@@ -273,7 +273,8 @@ fn place_scores_rank_what_is_sure_of_its_place_first() {
     let (status, _, err) = eval(folder.path(), &["--scores", "place"]);
     assert_eq!((status, err.contains("results/000001.txt:2: no error bar")), (2, true), "{err}");
 
-    // Ten cars that are where they are said to be, by narrow error bars, and ten that are 5 m off, by wide ones and with higher scores.
+    // Ten cars that are where they are said to be, by narrow error bars, and ten that are 5 m off, by wide ones and
+    // with higher scores.
     let car = |i: usize, z: f64, rest: &str| {
         let [left, right] = [10 * i, 10 * i + 9];
         format!("Car 0 0 1.50 {left} 170.00 {right} 230.00 1.50 1.60 4.00 {}.00 1.70 {z:.2} 1.60{rest}\n", 4 * i)

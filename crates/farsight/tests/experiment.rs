@@ -1,4 +1,5 @@
-//! `farsight experiment run`: cells in order, nothing done twice, killed at any moment, told when it belongs to another plan.
+//! `farsight experiment run`: cells in order, nothing done twice, killed at any moment, told when it belongs to another
+//! plan.
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 #[allow(dead_code, reason = "each test program uses a part")]

@@ -1,5 +1,6 @@
-//! Faults: every command that writes is killed at random moments and has its disk full at many a byte. Nothing that it leaves is half written, what could not
-//! be written is told by the exit status, and the next run ends as if nothing had happened.
+//! Faults: every command that writes is killed at random moments and has its disk full at many a byte. Nothing that it
+//! leaves is half written, what could not be written is told by the exit status, and the next run ends as if nothing
+//! had happened.
 //!
 //! `FARSIGHT_FAULTS=100` tries each so often; docs/reliability.md says what was found.
 

@@ -1,4 +1,5 @@
-//! `farsight export --fit-on`: distances that are right in the median and have error bars, scores that are probabilities.
+//! `farsight export --fit-on`: distances that are right in the median and have error bars, scores that are
+//! probabilities.
 
 #![allow(clippy::unwrap_used)]
 
@@ -56,7 +57,8 @@ fn answers_are_fitted_on_labelled_frames() {
     // Scores move a little, so those near the limit of what is told may come or go.
     let sure: Vec<_> = once.iter().filter(|found| found[2] >= 0.13).collect();
     assert!(2 * sure.len() > once.len(), "{once:?}");
-    // Boxes that moved find other objects at the edge of the overlap asked for, so the second fit is on a few others of the hundred and sixty.
+    // Boxes that moved find other objects at the edge of the overlap asked for, so the second fit is on a few others of
+    // the hundred and sixty.
     for [depth_m, sigma_m, score] in sure {
         let apart = |other: &[f64; 3]| (other[0] - depth_m).abs();
         let [depth_again_m, sigma_again_m, score_again] =

@@ -14,16 +14,19 @@ use serde_json::Value;
 
 use program::{done, farsight, root};
 
-/// How far the distance of a car may move between engines, as a share: a sum on the border between two steps may be rounded either way.
+/// How far the distance of a car may move between engines, as a share: a sum on the border between two steps may be
+/// rounded either way.
 const DISTANCE: f64 = 0.03;
 
-/// The same for scores; the shipped model's are probabilities that change about three times as fast as the peaks they are made from.
+/// The same for scores; the shipped model's are probabilities that change about three times as fast as the peaks they
+/// are made from.
 const SCORE: f64 = 0.15;
 
 /// Detections with a higher score than this have a twin on every engine, but for a few.
 const BEST: f64 = 0.9;
 
-/// Share of them that have one: a peak that lies between two cells may be read from the other, where the network says another distance or score.
+/// Share of them that have one: a peak that lies between two cells may be read from the other, where the network says
+/// another distance or score.
 const MOST: f64 = 0.9;
 
 /// By what factor the limits are wider for those few.

@@ -14,7 +14,8 @@ use program::{done, farsight, root};
 
 const LENS: &str = "brown:-0.22,0.05,0.001,-0.0005,0";
 
-/// The scene as a camera with this lens would have taken it: each pixel shows what the pinhole shows where its ray goes.
+/// The scene as a camera with this lens would have taken it: each pixel shows what the pinhole shows where its ray
+/// goes.
 fn distorted(pinhole: &RgbImage, camera: &Camera, lens: Lens) -> RgbImage {
     let (width, height) = pinhole.dimensions();
     RgbImage::from_fn(width, height, |column, row| {

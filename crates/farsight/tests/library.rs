@@ -1,4 +1,5 @@
-//! The library and the program on it: what one says, the other says, digit for digit; and `eval` measures what `range` shows.
+//! The library and the program on it: what one says, the other says, digit for digit; and `eval` measures what `range`
+//! shows.
 
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 

@@ -1,4 +1,5 @@
-//! What the program refuses, and what it then leaves as it was: outputs over inputs, options that would be ignored, files of another kind.
+//! What the program refuses, and what it then leaves as it was: outputs over inputs, options that would be ignored,
+//! files of another kind.
 
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 

@@ -1,4 +1,5 @@
-//! What follows the detector as users meet it: `--refiner`, `--plates`, `--above-road`, and `farsight export` of a refiner or a plate reader.
+//! What follows the detector as users meet it: `--refiner`, `--plates`, `--above-road`, and `farsight export` of a
+//! refiner or a plate reader.
 
 #![allow(clippy::unwrap_used)]
 
@@ -61,7 +62,8 @@ fn the_refiner_moves_boxes_and_says_how_sure_it_is() {
     let moved =
         |place: fn(&[f64; 3]) -> f64| both.iter().filter(|d| (place(d) - place(&nearest(d[0]))).abs() > 1e-6).count();
     assert!(moved(|d| d[0]) > 0 && moved(|d| d[2]) > 0, "nothing changed");
-    // The shipped weights get all that they get in the program from whatever file they are read; other weights are used as they are, unless a refiner or a road is named.
+    // The shipped weights get all that they get in the program from whatever file they are read; other weights are used
+    // as they are, unless a refiner or a road is named.
     let shipped = root().join("models/farsight-s.safetensors").display().to_string();
     done(folder, &["export", "--model", &shipped, "--out", "shipped.onnx"]);
     assert_eq!(found(folder, &[&all[..], &["--model", "shipped.onnx"]].concat()), both);

@@ -1,4 +1,5 @@
-//! Jobs divided by `--shard`: whatever happens to the workers, the merged parts are the undivided result, byte for byte.
+//! Jobs divided by `--shard`: whatever happens to the workers, the merged parts are the undivided result, byte for
+//! byte.
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 mod program;

@@ -33,7 +33,8 @@ fn slice(polygon: &[[f64; 2]; 4], x: f64) -> Option<[f64; 2]> {
     })
 }
 
-/// Shared area by slices: between two neighbouring corners or crossings its width is linear, so the middle slice tells all of it.
+/// Shared area by slices: between two neighbouring corners or crossings its width is linear, so the middle slice tells
+/// all of it.
 fn area_by_slices(a: &Box3d, b: &Box3d) -> f64 {
     let [p, q] = [footprint(a), footprint(b)];
     let mut stops: Vec<f64> = p.iter().chain(&q).map(|c| c[0]).collect();

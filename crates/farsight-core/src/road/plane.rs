@@ -13,8 +13,8 @@ const MIN_OBJECTS: usize = 4;
 /// A plane is told where it is surer of the height than this, as a share: less is no better than a guess.
 const MAX_HEIGHT_ERROR: f64 = 0.3;
 
-/// What a network gets wrong alike in all images of one camera: standard deviations of slope, tilt and, as a share, height.
-/// Chosen with seven rendered cameras in view.
+/// What a network gets wrong alike in all images of one camera: standard deviations of slope, tilt and, as a share,
+/// height. Chosen with seven rendered cameras in view.
 const ALIKE_SLOPE: f64 = 0.005;
 const ALIKE_TILT: f64 = 0.003;
 const ALIKE_HEIGHT: f64 = 0.03;
@@ -25,7 +25,8 @@ const MIN_AHEAD: f64 = 0.1;
 /// A road as a camera sees it: the plane `y + slope z + tilt x = height` in camera coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoadPlane {
-    /// By how much the road comes up towards the optical axis, metres a metre: the tangent of how far the camera looks down.
+    /// By how much the road comes up towards the optical axis, metres a metre: the tangent of how far the camera looks
+    /// down.
     pub slope: f64,
     /// By how much it comes up to the right, metres a metre: the tangent of the camera's roll.
     pub tilt: f64,
@@ -36,8 +37,8 @@ pub struct RoadPlane {
 }
 
 impl RoadPlane {
-    /// The plane on which the objects of all `images` of one camera stand; each image has unknown sizes by `scale` of its
-    /// own, and the camera may be known to be `height` (metres, and its standard deviation) above it.
+    /// The plane on which the objects of all `images` of one camera stand; each image has unknown sizes by `scale` of
+    /// its own, and the camera may be known to be `height` (metres, and its standard deviation) above it.
     ///
     /// None where it cannot be told: fewer than four objects that are sure, or all at one place.
     pub fn of(images: &[Vec<Detection>], road: Road, scale: &ScalePrior) -> Option<Self> {
@@ -83,8 +84,9 @@ impl RoadPlane {
             && self.sigmas[2] < MAX_HEIGHT_ERROR * self.height_m
     }
 
-    /// The same camera in coordinates that are level: y points straight down to the road, z ahead over it. Its projection
-    /// holds the rotation, as those of rendered cameras that look down do. With it, the plane in these coordinates.
+    /// The same camera in coordinates that are level: y points straight down to the road, z ahead over it. Its
+    /// projection holds the rotation, as those of rendered cameras that look down do. With it, the plane in these
+    /// coordinates.
     ///
     /// None where the camera looks straight down.
     pub fn levelled(&self, camera: &Camera) -> Option<(Camera, Self)> {

@@ -17,7 +17,8 @@ pub struct CorruptedDataset {
 }
 
 impl CorruptedDataset {
-    /// The images of `dataset` at one of [`SEVERITIES`](super::SEVERITIES). What is random follows from a frame's number.
+    /// The images of `dataset` at one of [`SEVERITIES`](super::SEVERITIES). What is random follows from a frame's
+    /// number.
     pub fn new(dataset: Arc<dyn Dataset>, corruption: Corruption, severity: u8) -> Self {
         Self { dataset, corruption, severity }
     }

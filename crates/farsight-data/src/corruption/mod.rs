@@ -59,7 +59,8 @@ impl Corruption {
         }
     }
 
-    /// `image` made worse by one of [`SEVERITIES`] (others are taken for the nearest); `seed` decides about what is random.
+    /// `image` made worse by one of [`SEVERITIES`] (others are taken for the nearest); `seed` decides about what is
+    /// random.
     pub fn applied(self, image: &RgbImage, severity: u8, seed: u64) -> RgbImage {
         let place = usize::from(severity.clamp(1, 5) - 1);
         let mut rng = Pcg64Mcg::seed_from_u64(seed);

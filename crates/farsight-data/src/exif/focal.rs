@@ -1,16 +1,18 @@
 //! From EXIF data to a focal length in pixels.
 //!
-//! **Which convention.** A "35 mm equivalent" can compare widths (36 mm) or diagonals (43.27 mm). CIPA's DCG-001, which the makers
-//! follow, compares diagonals, and phones do: a sensor of 4032 x 3024 pixels of 1.4 micrometres behind 4.25 mm has 26.1 mm by its
-//! diagonal and 27.1 mm by its width, and iPhones with it write 26. So a focal length in pixels is `F * diagonal / 43.27`, which holds
-//! for any side ratio and does not depend on how the picture is turned.
+//! **Which convention.** A "35 mm equivalent" can compare widths (36 mm) or diagonals (43.27 mm). CIPA's DCG-001, which
+//! the makers follow, compares diagonals, and phones do: a sensor of 4032 x 3024 pixels of 1.4 micrometres behind 4.25
+//! mm has 26.1 mm by its diagonal and 27.1 mm by its width, and iPhones with it write 26. So a focal length in pixels
+//! is `F * diagonal / 43.27`, which holds for any side ratio and does not depend on how the picture is turned.
 //!
-//! **Which diagonal.** It is that of the sensor's own picture. Phones, whose sensors are 4:3, make 16:9 pictures by cutting strips off
-//! and keep the number, so the diagonal is that of the smallest 4:3 picture which holds this one; cameras with 3:2 sensors likewise.
+//! **Which diagonal.** It is that of the sensor's own picture. Phones, whose sensors are 4:3, make 16:9 pictures by
+//! cutting strips off and keep the number, so the diagonal is that of the smallest 4:3 picture which holds this one;
+//! cameras with 3:2 sensors likewise.
 //!
-//! **What is not believed.** A picture whose sides no longer have the ratio that the camera stored was cropped, and EXIF no longer
-//! tells what it sees. Two sources that contradict each other, and a digital zoom of which nobody knows whether the equivalent includes
-//! it, are refused as well: a wrong focal length makes every distance wrong, by the same factor.
+//! **What is not believed.** A picture whose sides no longer have the ratio that the camera stored was cropped, and
+//! EXIF no longer tells what it sees. Two sources that contradict each other, and a digital zoom of which nobody knows
+//! whether the equivalent includes it, are refused as well: a wrong focal length makes every distance wrong, by the
+//! same factor.
 
 use std::fmt;
 
@@ -29,16 +31,16 @@ const DIAGONAL_DEG: std::ops::RangeInclusive<f64> = 2.0..=135.0;
 const AGREEMENT: f64 = 1.15;
 
 /// Pictures of which the longer side has more than this many of the shorter were put together from several.
-const LONGEST_SIDE_RATIO: f64 = 2.6;
+const MAX_SIDE_RATIO: f64 = 2.6;
 
 /// Side ratios differ by less than this when a picture was only made smaller: sides are rounded.
 const SIDE_RATIO_TOLERANCE: f64 = 0.02;
 
 /// Below it, a digital zoom changes nothing that matters.
-const LEAST_ZOOM: f64 = 1.02;
+const MIN_ZOOM: f64 = 1.02;
 
 /// No camera enlarges more.
-const LARGEST_ZOOM: f64 = 100.0;
+const MAX_ZOOM: f64 = 100.0;
 
 /// A focal length that EXIF data tell.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,9 +103,11 @@ struct Candidate {
     told: String,
 }
 
-/// The focal length of a picture of `size` (width and height of the upright picture, pixels; it may have been made smaller).
+/// The focal length of a picture of `size` (width and height of the upright picture, pixels; it may have been made
+/// smaller).
 ///
-/// In this order: the 35 mm equivalent; the lens's focal length with the sensor's resolution; the same with the sensor of a known phone.
+/// In this order: the 35 mm equivalent; the lens's focal length with the sensor's resolution; the same with the sensor
+/// of a known phone.
 ///
 /// # Errors
 /// When there is none, none that can be believed, or several that contradict one another.
@@ -149,7 +153,7 @@ fn long_and_short(size: [u32; 2]) -> [f64; 2] {
 /// The digital zoom, 1 without.
 fn zoom(exif: &Exif, doubts: &mut Vec<String>) -> f64 {
     let Some(zoom) = exif.digital_zoom else { return 1.0 };
-    if (1.0..=LARGEST_ZOOM).contains(&zoom) {
+    if (1.0..=MAX_ZOOM).contains(&zoom) {
         return zoom;
     }
     doubts.push(format!("a digital zoom of {zoom}"));
@@ -182,7 +186,7 @@ fn equivalents(
     let focal_px = film_mm * columns.hypot(columns / native) / FILM_DIAGONAL_MM;
     let told = format!("35 mm equivalent of {film_mm:.0} mm");
     let with_zoom = Candidate { focal_px, told: told.clone() };
-    if zoom < LEAST_ZOOM {
+    if zoom < MIN_ZOOM {
         return Ok(with_zoom);
     }
     let without_zoom = Candidate { focal_px: focal_px * zoom, told: format!("{told}, digital zoom {zoom:.1}") };
@@ -255,7 +259,7 @@ fn known_phone(exif: &Exif, size: [u32; 2], zoom: f64) -> Option<Candidate> {
 }
 
 fn zoomed(zoom: f64) -> String {
-    if zoom < LEAST_ZOOM { String::new() } else { format!(", digital zoom {zoom:.1}") }
+    if zoom < MIN_ZOOM { String::new() } else { format!(", digital zoom {zoom:.1}") }
 }
 
 fn agree(one: &Candidate, other: &Candidate) -> bool {
@@ -287,7 +291,7 @@ impl fmt::Display for Pixels {
 /// Whether the picture is still the one that the camera stored, and of one view.
 fn check_picture(exif: &Exif, size: [u32; 2]) -> Result<(), FocalProblem> {
     let [long, short] = long_and_short(size);
-    if long > LONGEST_SIDE_RATIO * short {
+    if long > MAX_SIDE_RATIO * short {
         return Err(FocalProblem::Panorama(size));
     }
     let Some(stored) = exif.stored_size else { return Ok(()) };

@@ -1,4 +1,5 @@
-//! What cameras and phones write about a picture (EXIF), as far as it says how the picture is turned and how wide it sees.
+//! What cameras and phones write about a picture (EXIF), as far as it says how the picture is turned and how wide it
+//! sees.
 //!
 //! [`focal`] makes a focal length of it.
 
@@ -12,8 +13,8 @@ use image::metadata::Orientation;
 
 pub use focal::{FocalFromExif, FocalProblem, focal};
 
-/// The facts of a picture's EXIF data. What is missing, or zero where the standard calls zero "unknown", is `None`; a number that
-/// makes no sense (infinite, not a number) stays, so that it can be told.
+/// The facts of a picture's EXIF data. What is missing, or zero where the standard calls zero "unknown", is `None`; a
+/// number that makes no sense (infinite, not a number) stays, so that it can be told.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Exif {
     /// Who made the camera.
@@ -53,7 +54,7 @@ const DNG_VERSION: Tag = Tag(Context::Tiff, 50_706);
 const CFA_PATTERN: Tag = Tag(Context::Tiff, 33_422);
 
 /// Longest name of a camera that is kept, characters.
-const LONGEST_NAME: usize = 40;
+const MAX_NAME: usize = 40;
 
 impl Exif {
     /// Nothing is known.
@@ -149,7 +150,7 @@ fn focal_plane(x: Option<f64>, y: Option<f64>, unit: Option<u32>) -> Option<[f64
 fn text(field: &Field) -> Option<String> {
     let Value::Ascii(parts) = &field.value else { return None };
     let text = String::from_utf8_lossy(parts.first()?).into_owned();
-    let printable: String = text.chars().filter(|c| !c.is_control()).take(LONGEST_NAME).collect();
+    let printable: String = text.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
     Some(printable.trim().to_owned()).filter(|text| !text.is_empty())
 }
 

@@ -26,8 +26,9 @@ const fn prefix(model: &'static str, focal_mm: f64, pixel: (f64, f64)) -> Phone 
     Phone { model, prefix: true, focal_mm, pixel }
 }
 
-/// Pixel sizes and counts are those that the makers publish (Apple's and Google's pages of technical data, Samsung's pages of each
-/// phone and of its ISOCELL sensors, Sony's of the IMX sensors). A test compares each with the equivalent focal length that the maker publishes.
+/// Pixel sizes and counts are those that the makers publish (Apple's and Google's pages of technical data, Samsung's
+/// pages of each phone and of its ISOCELL sensors, Sony's of the IMX sensors). A test compares each with the equivalent
+/// focal length that the maker publishes.
 const PHONES: [Phone; 28] = [
     exact("iPhone 7", 3.99, (1.22, 4032.0)),
     exact("iPhone 7 Plus", 3.99, (1.22, 4032.0)),

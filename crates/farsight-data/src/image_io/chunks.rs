@@ -5,10 +5,10 @@ use std::io::{self, Read, Seek, SeekFrom};
 use crate::exif::Exif;
 
 /// Largest EXIF data that are read; a JPEG segment has room for 64 kB.
-const LARGEST_EXIF: u32 = 1 << 20;
+const MAX_EXIF: u32 = 1 << 20;
 
 /// Chunks, segments or blocks that are looked at; real files have dozens, or thousands of image data.
-const MOST_CHUNKS: usize = 1 << 20;
+const MAX_CHUNKS: usize = 1 << 20;
 
 /// What was found.
 #[derive(Debug, Default)]
@@ -30,7 +30,7 @@ impl Found {
 pub(super) fn of_jpeg(source: &mut (impl Read + Seek)) -> io::Result<Found> {
     let mut found = Found::default();
     source.seek(SeekFrom::Start(0))?;
-    for _ in 0..MOST_CHUNKS {
+    for _ in 0..MAX_CHUNKS {
         let mut byte = [0];
         if source.read_exact(&mut byte).is_err() {
             break;
@@ -73,7 +73,7 @@ pub(super) fn of_jpeg(source: &mut (impl Read + Seek)) -> io::Result<Found> {
 pub(super) fn of_png(source: &mut (impl Read + Seek)) -> io::Result<Found> {
     let mut found = Found::default();
     source.seek(SeekFrom::Start(8))?;
-    for _ in 0..MOST_CHUNKS {
+    for _ in 0..MAX_CHUNKS {
         let mut head = [0; 8];
         if source.read_exact(&mut head).is_err() {
             break;
@@ -83,7 +83,7 @@ pub(super) fn of_png(source: &mut (impl Read + Seek)) -> io::Result<Found> {
         match &name {
             b"IEND" => break,
             b"acTL" => found.animated = true,
-            b"eXIf" if length <= LARGEST_EXIF => {
+            b"eXIf" if length <= MAX_EXIF => {
                 found.exif = Some(taken(source, length)?);
                 source.seek_relative(4)?;
                 continue;
@@ -100,7 +100,7 @@ pub(super) fn of_webp(source: &mut (impl Read + Seek)) -> io::Result<Found> {
     const ANIMATED: u8 = 2;
     let mut found = Found::default();
     source.seek(SeekFrom::Start(12))?;
-    for _ in 0..MOST_CHUNKS {
+    for _ in 0..MAX_CHUNKS {
         let mut head = [0; 8];
         if source.read_exact(&mut head).is_err() {
             break;
@@ -108,7 +108,7 @@ pub(super) fn of_webp(source: &mut (impl Read + Seek)) -> io::Result<Found> {
         let [name @ .., a, b, c, d] = head;
         let length = u32::from_le_bytes([a, b, c, d]);
         let content = match &name {
-            b"EXIF" | b"VP8X" if length <= LARGEST_EXIF => taken(source, length)?,
+            b"EXIF" | b"VP8X" if length <= MAX_EXIF => taken(source, length)?,
             _ => {
                 source.seek_relative(i64::from(length) + i64::from(length % 2))?;
                 continue;
@@ -137,7 +137,7 @@ fn gif_frames(source: &mut (impl Read + Seek)) -> io::Result<usize> {
     source.read_exact(&mut head)?;
     source.seek_relative(color_table(head[10]))?;
     let mut frames = 0;
-    for _ in 0..MOST_CHUNKS {
+    for _ in 0..MAX_CHUNKS {
         let mut kind = [0];
         source.read_exact(&mut kind)?;
         match kind[0] {

@@ -38,7 +38,8 @@ pub fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
 /// How large an image may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImageLimits {
-    /// Most pixels, counted by what they unpack to: three bytes are one pixel, so one with four channels of 16 bits counts as 8/3.
+    /// Most pixels, counted by what they unpack to: three bytes are one pixel, so one with four channels of 16 bits
+    /// counts as 8/3.
     pub max_pixels: u64,
 }
 
@@ -46,14 +47,16 @@ pub struct ImageLimits {
 static USUAL_MAX_PIXELS: AtomicU64 = AtomicU64::new(100_000_000);
 
 impl ImageLimits {
-    /// Sets the usual limits of this process, for every image that is read without limits of its own: those of data sets, for instance.
+    /// Sets the usual limits of this process, for every image that is read without limits of its own: those of data
+    /// sets, for instance.
     pub fn set_usual(self) {
         USUAL_MAX_PIXELS.store(self.max_pixels, Ordering::Relaxed);
     }
 }
 
 impl Default for ImageLimits {
-    /// The usual limits: 100 megapixels, larger than the pictures of almost all cameras, and 300 MB, unless [`ImageLimits::set_usual`] set others.
+    /// The usual limits: 100 megapixels, larger than the pictures of almost all cameras, and 300 MB, unless
+    /// [`ImageLimits::set_usual`] set others.
     fn default() -> Self {
         Self { max_pixels: USUAL_MAX_PIXELS.load(Ordering::Relaxed) }
     }
@@ -95,14 +98,16 @@ pub fn read_image(path: &Path) -> Result<RgbImage, ImageError> {
 
 /// Reads an image file as 8-bit RGB, whatever its name says: PNG, JPEG, WebP, BMP, TIFF, GIF, PPM, PGM or PBM.
 ///
-/// Grey and palettes become RGB, 16 bits become 8, an alpha channel is dropped; of an animation the first frame is read. The orientation that
-/// cameras and phones write (EXIF) is applied, so the image is upright as viewers show it; a calibration must be that of the upright image.
+/// Grey and palettes become RGB, 16 bits become 8, an alpha channel is dropped; of an animation the first frame is
+/// read. The orientation that cameras and phones write (EXIF) is applied, so the image is upright as viewers show it; a
+/// calibration must be that of the upright image.
 ///
-/// The `image` crate decodes KITTI's PNG files in less than half the time that zune-png needs (8.4 against 19 ms, side by side).
+/// The `image` crate decodes KITTI's PNG files in less than half the time that zune-png needs (8.4 against 19 ms, side
+/// by side).
 ///
 /// # Errors
-/// When the file is no regular file, cannot be read, is no such image, is damaged or truncated, or has more pixels than `limits` allow: this
-/// is checked from its header, before memory is taken for the pixels.
+/// When the file is no regular file, cannot be read, is no such image, is damaged or truncated, or has more pixels than
+/// `limits` allow: this is checked from its header, before memory is taken for the pixels.
 pub fn load_image(path: &Path, limits: ImageLimits) -> Result<LoadedImage, ImageError> {
     decode(Input::open(path)?, limits)
 }

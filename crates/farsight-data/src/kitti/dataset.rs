@@ -121,8 +121,8 @@ impl From<RowsError> for DatasetError {
 impl KittiDataset {
     /// Opens the data set at `root`: the frames of `split`, or all that have an image, sorted by id.
     ///
-    /// `split` is a name (`train` stands for `ImageSets/train.txt`) or the path of a split file. Every frame is checked for
-    /// its files here, so that a training does not end at the last frame of its first epoch.
+    /// `split` is a name (`train` stands for `ImageSets/train.txt`) or the path of a split file. Every frame is checked
+    /// for its files here, so that a training does not end at the last frame of its first epoch.
     ///
     /// # Errors
     /// When folders, the split or files of a frame are missing, or the split file is malformed.

@@ -20,7 +20,7 @@ use stream::Stream;
 const ABSURD: f64 = 1e5;
 
 /// More diagnostics of a file than this are counted, not kept: a file of a single endless line has millions.
-pub const MOST_DIAGNOSTICS: usize = 10_000;
+pub const MAX_DIAGNOSTICS: usize = 10_000;
 
 /// A row that the devkit takes.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +40,7 @@ pub struct DevkitRows {
     pub rows: Vec<DevkitRow>,
     /// What was odd, in file order: the line, from 1, and what is odd about it.
     pub diagnostics: Vec<(usize, Diagnostic)>,
-    /// Diagnostics beyond [`MOST_DIAGNOSTICS`].
+    /// Diagnostics beyond [`MAX_DIAGNOSTICS`].
     untold: usize,
 }
 
@@ -72,10 +72,11 @@ pub fn rows_as_devkit(text: &str, kind: RowKind) -> DevkitRows {
 }
 
 impl DevkitRows {
-    /// Keeps what is odd about a line, or counts it when there is too much of that. What makes all figures wrong is always kept.
+    /// Keeps what is odd about a line, or counts it when there is too much of that. What makes all figures wrong is
+    /// always kept.
     fn tell(&mut self, line: usize, diagnostic: Diagnostic) {
         let has_fatal = || self.diagnostics.iter().any(|(_, told)| told.is_fatal());
-        if self.diagnostics.len() < MOST_DIAGNOSTICS || (diagnostic.is_fatal() && !has_fatal()) {
+        if self.diagnostics.len() < MAX_DIAGNOSTICS || (diagnostic.is_fatal() && !has_fatal()) {
             self.diagnostics.push((line, diagnostic));
         } else {
             self.untold += 1;

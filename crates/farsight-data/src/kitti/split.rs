@@ -77,9 +77,9 @@ pub fn split_from_text(text: &str, path: &Path) -> Result<Vec<String>, SplitErro
 }
 
 /// A longer id is the name of no file, bytes.
-const LONGEST_ID: usize = 200;
+const MAX_ID: usize = 200;
 
 pub(super) fn is_id(id: &str) -> bool {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-    (1..=LONGEST_ID).contains(&id.len()) && !id.starts_with('.') && id.chars().all(allowed)
+    (1..=MAX_ID).contains(&id.len()) && !id.starts_with('.') && id.chars().all(allowed)
 }

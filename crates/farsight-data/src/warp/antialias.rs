@@ -19,7 +19,8 @@ struct Support {
 }
 
 impl Support {
-    /// What the output pixel at the source's `position` sees on an axis of `len` pixels; a triangle that reaches `reach` pixels either way.
+    /// What the output pixel at the source's `position` sees on an axis of `len` pixels; a triangle that reaches
+    /// `reach` pixels either way.
     fn new(position: f64, reach: f64, len: usize) -> Self {
         let weight = |pixel: f64| (1.0 - (pixel - position).abs() / reach).max(0.0);
         let [low, high] = [(position - reach).ceil(), (position + reach).floor()];
@@ -34,7 +35,8 @@ impl Support {
     }
 }
 
-/// Supports of `count` output pixels, the first at `start` and each `step` further, and the range of those that see the source.
+/// Supports of `count` output pixels, the first at `start` and each `step` further, and the range of those that see the
+/// source.
 fn supports(start: f64, step: f64, count: usize, len: usize) -> (Vec<Support>, Range<usize>) {
     let reach = step.abs().max(1.0);
     let all: Vec<Support> = (0..count).map(|i| Support::new(start + step * i as f64, reach, len)).collect();

@@ -230,7 +230,8 @@ fn data_behind_the_end_and_padding_are_no_flaw() {
     }
 }
 
-/// An image whose left half is white, turned in the file as each orientation says, so that it is upright when it is turned back.
+/// An image whose left half is white, turned in the file as each orientation says, so that it is upright when it is
+/// turned back.
 #[test]
 fn exif_turns_jpeg_png_webp_and_tiff() {
     let upright = RgbImage::from_fn(16, 8, |x, y| Rgb(if x < 8 && y < 4 { [255; 3] } else { [0; 3] }));

@@ -1,4 +1,5 @@
-//! Replays what the fuzz target was fed: its corpus, every input that once broke a law, and damaged versions of the corpus.
+//! Replays what the fuzz target was fed: its corpus, every input that once broke a law, and damaged versions of the
+//! corpus.
 
 use std::fs;
 use std::path::Path;

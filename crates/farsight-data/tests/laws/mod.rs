@@ -1,5 +1,5 @@
-//! What must hold for any bytes in an image file: nothing panics, limits hold, and what is read can be written and read again. The fuzz
-//! target and the replay of its saved inputs share this.
+//! What must hold for any bytes in an image file: nothing panics, limits hold, and what is read can be written and read
+//! again. The fuzz target and the replay of its saved inputs share this.
 #![allow(dead_code, unreachable_pub)] // Each user takes a part.
 #![allow(clippy::expect_used)] // A broken law is a finding.
 

@@ -23,7 +23,8 @@ pub struct OperatingPoint {
     pub found: usize,
     /// Detections a frame that are none of anything ([`FalseAlarm`]).
     pub false_alarms_per_frame: f64,
-    /// Frames with objects of the class, whatever their difficulty, and those in which the nearest of them was not found.
+    /// Frames with objects of the class, whatever their difficulty, and those in which the nearest of them was not
+    /// found.
     pub frames_with_objects: usize,
     /// See `frames_with_objects`.
     pub nearest_missed: usize,

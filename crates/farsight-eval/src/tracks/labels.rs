@@ -49,7 +49,7 @@ pub enum TrackLabelError {
 }
 
 /// No sequence is longer.
-const MOST_FRAMES: usize = 10_000_000;
+const MAX_FRAMES: usize = 10_000_000;
 
 /// The frames of a label file, and their velocities from a file with the columns `frame`, `time_s`, `id`, `vx_mps`,
 /// `vy_mps`, `vz_mps` and `speed_mps`, if there is one. Frames without a row are empty.
@@ -111,7 +111,7 @@ fn whole(
     fields: &[&str],
     expected: &'static str,
 ) -> Result<usize, TrackLabelError> {
-    field(path, line, place, fields, expected, |text| text.parse().ok().filter(|number| *number < MOST_FRAMES))
+    field(path, line, place, fields, expected, |text| text.parse().ok().filter(|number| *number < MAX_FRAMES))
 }
 
 fn field<T>(

@@ -14,8 +14,8 @@ const HEIGHT: f64 = 170.0;
 const MARGIN: f64 = 34.0;
 
 /// Tracks that are shown at most, and frames that one must have.
-const MOST_SHOWN: usize = 60;
-const LEAST_FRAMES: usize = 8;
+const MAX_SHOWN: usize = 60;
+const MIN_FRAMES: usize = 8;
 
 /// 90% of a normal distribution, standard deviations.
 const NINETY: f64 = 1.645;
@@ -39,12 +39,12 @@ pub fn page(report: &TracksReport, sequences: &[JudgedSequence]) -> String {
          .t{{stroke:#000;fill:none;stroke-width:1.5}}.s{{stroke:#06c;fill:none;stroke-width:1.5}}\
          .b{{fill:#06c;opacity:.18}}.a{{stroke:#ccc}}text{{font-size:11px}}</style>\
          <h1>Tracks</h1><pre>{}</pre><p>Black: as it is. Blue: as it is told, with its 90% interval. By the mean relative \
-         error of the distance; {} of {} objects with {LEAST_FRAMES} frames or more.</p>",
+         error of the distance; {} of {} objects with {MIN_FRAMES} frames or more.</p>",
         escaped(&text(report)),
-        courses.len().min(MOST_SHOWN),
+        courses.len().min(MAX_SHOWN),
         courses.len()
     );
-    for course in courses.iter().take(MOST_SHOWN) {
+    for course in courses.iter().take(MAX_SHOWN) {
         let told: Vec<u64> = course.samples.iter().map(|one| one.ids[1]).fold(Vec::new(), |mut ids, id| {
             if ids.last() != Some(&id) {
                 ids.push(id);
@@ -81,7 +81,7 @@ fn courses<'a>(sequence: &'a JudgedSequence) -> Vec<Course<'a>> {
         let error = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
         Course { sequence: &sequence.name, id, samples, error }
     };
-    by_id.into_iter().filter(|(_, samples)| samples.len() >= LEAST_FRAMES).map(course).collect()
+    by_id.into_iter().filter(|(_, samples)| samples.len() >= MIN_FRAMES).map(course).collect()
 }
 
 /// A plot over frames of what is true, what is told, and half the interval around it.

@@ -29,7 +29,8 @@ impl Backbone {
         }
     }
 
-    /// Features at the strides 1 to 32 of `image`. `channels` and `stem` are DLA-34's, `width` is the factor on those of the others.
+    /// Features at the strides 1 to 32 of `image`. `channels` and `stem` are DLA-34's, `width` is the factor on those
+    /// of the others.
     pub fn levels(self, b: &mut Builder, image: NodeId, channels: [usize; 6], stem: Stem, width: f64) -> [NodeId; 6] {
         match self {
             Self::Dla34 => dla34(b, image, channels, stem),
@@ -38,7 +39,8 @@ impl Backbone {
         }
     }
 
-    /// The levels together at stride 4. `channels` are those of DLA-34's levels, `width` those of the feature pyramid of the others.
+    /// The levels together at stride 4. `channels` are those of DLA-34's levels, `width` those of the feature pyramid
+    /// of the others.
     pub fn neck(
         self,
         b: &mut Builder,

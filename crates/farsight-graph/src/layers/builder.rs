@@ -185,7 +185,8 @@ impl Builder {
         self.push(Op::Concat, inputs, channels)
     }
 
-    /// Squeeze and excitation: a gate a channel from the mean of the map, `reduction` times narrower in between; the gates start near 0.88.
+    /// Squeeze and excitation: a gate a channel from the mean of the map, `reduction` times narrower in between; the
+    /// gates start near 0.88.
     pub fn channel_attention(&mut self, x: NodeId, name: &str, reduction: usize) -> NodeId {
         let channels = self.channels(x);
         let mean = self.map(Op::GlobalAveragePool, x);

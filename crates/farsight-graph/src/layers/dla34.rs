@@ -14,11 +14,13 @@ pub enum Stem {
     /// DLA's: two convolutions at the input's full size before the first step down.
     #[default]
     Full,
-    /// Steps down at once. At small widths DLA's stem costs more time than any other stage, most of it for moving full-size maps.
+    /// Steps down at once. At small widths DLA's stem costs more time than any other stage, most of it for moving
+    /// full-size maps.
     Half,
 }
 
-/// Appends DLA-34 with these channels a level; returns levels 0 to 5, strides 1 to 32 (2 to 32 with the half-size stem).
+/// Appends DLA-34 with these channels a level; returns levels 0 to 5, strides 1 to 32 (2 to 32 with the half-size
+/// stem).
 pub fn dla34(b: &mut Builder, image: NodeId, channels: [usize; 6], stem: Stem) -> [NodeId; 6] {
     b.stage("base");
     let (base, level0, level1) = match stem {

@@ -7,10 +7,11 @@ use crate::graph::{NodeId, Op, Window};
 /// Prefix of the parameter names, torchvision's for a backbone with a pyramid.
 const PREFIX: &str = "backbone.fpn.";
 
-/// Appends the pyramid of `width` channels over backbone `levels` 2 to 5 (strides 4 to 32); returns its map at stride 4.
+/// Appends the pyramid of `width` channels over backbone `levels` 2 to 5 (strides 4 to 32); returns its map at stride
+/// 4.
 ///
-/// Unlike the paper's it convolves before it goes down to the next level and not only at the end: the backbone may be frozen, and then all that
-/// the detector learns is here and in the heads.
+/// Unlike the paper's it convolves before it goes down to the next level and not only at the end: the backbone may be
+/// frozen, and then all that the detector learns is here and in the heads.
 pub fn fpn(b: &mut Builder, levels: &[NodeId; 6], width: usize, kind: NeckKind) -> NodeId {
     b.stage("fpn");
     let mut above = None;

@@ -1,5 +1,5 @@
-//! The `MobileNetV2` backbone (Sandler et al. 2018, arXiv 1801.04381) as torchvision builds it, names included, without its last
-//! convolution and its classifier.
+//! The `MobileNetV2` backbone (Sandler et al. 2018, arXiv 1801.04381) as torchvision builds it, names included, without
+//! its last convolution and its classifier.
 
 use super::Builder;
 use crate::graph::{NodeId, Op, Window};
@@ -31,7 +31,8 @@ pub enum Convention {
 }
 
 impl Convention {
-    /// The window of a 3x3 convolution that brings the map from `before` times the image's stride to `stride` times that.
+    /// The window of a 3x3 convolution that brings the map from `before` times the image's stride to `stride` times
+    /// that.
     pub fn window(self, before: usize, stride: usize) -> Window {
         let is_odd = 300_usize.div_ceil(before) % 2 == 1;
         match self {
@@ -54,7 +55,8 @@ pub struct Maps {
 /// Widths are multiples of this.
 const WIDTH_STEP: usize = 8;
 
-/// Appends the backbone with `width` times its channels; returns levels 0 to 5, of strides 2, 2, 4, 8, 16, 32: the last block of each stride.
+/// Appends the backbone with `width` times its channels; returns levels 0 to 5, of strides 2, 2, 4, 8, 16, 32: the last
+/// block of each stride.
 pub fn mobilenet_v2(b: &mut Builder, image: NodeId, width: f64, convention: Convention) -> [NodeId; 6] {
     let Maps { levels, .. } = mobilenet_v2_maps(b, image, width, convention);
     for (i, level) in levels.into_iter().enumerate() {
@@ -130,7 +132,8 @@ pub fn conv_norm_relu6(b: &mut Builder, x: NodeId, name: &str, channels: usize, 
     b.map(Op::Relu6, x)
 }
 
-/// `width` times the channels, rounded to a multiple of eight but never down by more than a tenth (torchvision's `_make_divisible`).
+/// `width` times the channels, rounded to a multiple of eight but never down by more than a tenth (torchvision's
+/// `_make_divisible`).
 fn scaled(channels: usize, width: f64) -> usize {
     let wanted = channels as f64 * width;
     let rounded = ((wanted + WIDTH_STEP as f64 / 2.0) as usize / WIDTH_STEP).max(1) * WIDTH_STEP;

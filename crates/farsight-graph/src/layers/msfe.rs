@@ -1,4 +1,5 @@
-//! Multi-scale feature enhancement (MSFE, also called cross-layer feature fusion): three designs (MSFE/DGH spec section 3).
+//! Multi-scale feature enhancement (MSFE, also called cross-layer feature fusion): three designs (MSFE/DGH spec section
+//! 3).
 //!
 //! Each starts as the identity: the norm that closes its residual branch has scale zero.
 
@@ -20,7 +21,8 @@ pub enum Msfe {
     B,
     /// Bidirectional pyramid before the neck.
     C,
-    /// Not the paper's: what design A costs without its idea, for experiments. Levels keep to themselves and nothing weighs channels.
+    /// Not the paper's: what design A costs without its idea, for experiments. Levels keep to themselves and nothing
+    /// weighs channels.
     Control,
 }
 
@@ -33,7 +35,8 @@ const REDUCTION: usize = 8;
 /// Pyramid levels by their KITTI-era names C3, C4, C5.
 const LEVELS: [usize; 3] = [3, 4, 5];
 
-/// Design A: a top-down pyramid with channel attention at each level, added to C3, C4, C5. `pyramid` and the answer are C3, C4, C5.
+/// Design A: a top-down pyramid with channel attention at each level, added to C3, C4, C5. `pyramid` and the answer are
+/// C3, C4, C5.
 pub fn residual_pyramid(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) -> [NodeId; 3] {
     b.stage("msfe");
     let laterals = [0, 1, 2].map(|i| lateral(b, prefix, i, pyramid[i], width));
@@ -53,8 +56,8 @@ pub fn residual_pyramid(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], wid
     })
 }
 
-/// The control of design A: the same convolutions at each level, but no level hears of another and there is no channel attention. The few parameters of the
-/// attention are not made up for.
+/// The control of design A: the same convolutions at each level, but no level hears of another and there is no channel
+/// attention. The few parameters of the attention are not made up for.
 pub fn separate_levels(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) -> [NodeId; 3] {
     b.stage("msfe");
     [0, 1, 2].map(|i| {
@@ -64,7 +67,8 @@ pub fn separate_levels(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], widt
     })
 }
 
-/// Design B: C3, C4, C5 side by side at stride 8, weighed by one channel attention, added to the neck's output `features` at stride 4.
+/// Design B: C3, C4, C5 side by side at stride 8, weighed by one channel attention, added to the neck's output
+/// `features` at stride 4.
 pub fn concat_fusion(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], features: NodeId, width: usize) -> NodeId {
     b.stage("msfe");
     let laterals = [0, 1, 2].map(|i| {
@@ -108,7 +112,8 @@ pub fn bifpn(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) 
     [0, 1, 2].map(|i| write_back(b, prefix, i, outputs[i], pyramid[i]))
 }
 
-/// What design A does at a level after the levels have met. The coarsest has few cells; a separable convolution is enough there.
+/// What design A does at a level after the levels have met. The coarsest has few cells; a separable convolution is
+/// enough there.
 fn smooth(b: &mut Builder, prefix: &str, i: usize, x: NodeId, width: usize) -> NodeId {
     let norm = level_name(prefix, i, "smooth_norm");
     if i < 2 {

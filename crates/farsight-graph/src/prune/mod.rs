@@ -1,7 +1,8 @@
 //! Structured pruning: whole channels leave the network, and what remains is a smaller network of the same kind.
 //!
-//! Channels that are added to each other, gated or normalised in groups stand or fall together (`spaces`). Within each such space the channels with
-//! the largest weights stay: each is worth the L1 norm of the filters that make it, times the scale that the norm behind it gives it.
+//! Channels that are added to each other, gated or normalised in groups stand or fall together (`spaces`). Within each
+//! such space the channels with the largest weights stay: each is worth the L1 norm of the filters that make it, times
+//! the scale that the norm behind it gives it.
 
 mod spaces;
 
@@ -28,8 +29,9 @@ pub enum PruneError {
     Model(#[from] ModelError),
 }
 
-/// `model` with about the share `keep` of the channels of every layer; inputs, heads' outputs and offsets of deformable convolutions stay whole.
-/// Scores and error bars that were fitted to `model` are not kept: they say nothing about another network.
+/// `model` with about the share `keep` of the channels of every layer; inputs, heads' outputs and offsets of deformable
+/// convolutions stay whole. Scores and error bars that were fitted to `model` are not kept: they say nothing about
+/// another network.
 ///
 /// # Errors
 /// When the share is not above 0 and at most 1.

@@ -27,8 +27,8 @@ pub enum Observer {
 
 /// Counts of the values of a map in bins of equal width on both sides of zero, as many values as may come.
 ///
-/// Takes the same memory for any number of values. The width of the bins is a power of two and grows with the values, so what was
-/// counted does not depend on their order.
+/// Takes the same memory for any number of values. The width of the bins is a power of two and grows with the values,
+/// so what was counted does not depend on their order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
     width: f32,

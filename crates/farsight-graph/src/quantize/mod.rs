@@ -1,8 +1,9 @@
 //! Static quantisation: which convolutions compute in 8 bits, and what those 8 bits stand for.
 //!
-//! A convolution in 8 bits reads a map of 8-bit numbers and has 8-bit weights; its sums are kept in 32 bits. The maps between such convolutions
-//! stay in 8 bits wherever all that lies between them (sums, concatenations, pooling, enlargement) can. The regression head and the last layer
-//! of the heatmap stay as they are: their answers are what is read.
+//! A convolution in 8 bits reads a map of 8-bit numbers and has 8-bit weights; its sums are kept in 32 bits. The maps
+//! between such convolutions stay in 8 bits wherever all that lies between them (sums, concatenations, pooling,
+//! enlargement) can. The regression head and the last layer of the heatmap stay as they are: their answers are what is
+//! read.
 //!
 //! | step | who |
 //! |---|---|
@@ -34,10 +35,11 @@ pub struct Quantization {
 }
 
 impl Quantization {
-    /// The convolutions `layers` of `graph` in 8 bits, and the maps that go with them, whose values lie in the ranges `observed`.
+    /// The convolutions `layers` of `graph` in 8 bits, and the maps that go with them, whose values lie in the ranges
+    /// `observed`.
     ///
-    /// Maps that are joined or handed on get one range for all, so that an engine can move their bytes as they are. A map without a range in
-    /// `observed` stays as it is, and so does a convolution that reads it.
+    /// Maps that are joined or handed on get one range for all, so that an engine can move their bytes as they are. A
+    /// map without a range in `observed` stays as it is, and so does a convolution that reads it.
     pub fn new(graph: &Graph, layers: &BTreeSet<NodeId>, observed: &BTreeMap<NodeId, Range>) -> Self {
         let maps = maps(graph, layers);
         let mut ranges: BTreeMap<NodeId, Range> =

@@ -4,11 +4,13 @@ use std::collections::BTreeSet;
 
 use crate::graph::{Graph, NodeId, Op};
 
-/// The convolutions that can compute in 8 bits, learnt upsampling among them: all that the output called `output` needs, except for
+/// The convolutions that can compute in 8 bits, learnt upsampling among them: all that the output called `output`
+/// needs, except for
 ///
 /// - its last: its answers are what is read;
 /// - those that see one cell only: they cost nothing;
-/// - those that read the image: instructions for 8 bits take four channels or more at once, and three are slower than in float.
+/// - those that read the image: instructions for 8 bits take four channels or more at once, and three are slower than
+///   in float.
 pub fn layers(graph: &Graph, output: &str) -> BTreeSet<NodeId> {
     let Some(last) = graph.tap(output) else { return BTreeSet::new() };
     let mut needed = vec![false; graph.nodes.len()];
@@ -50,7 +52,8 @@ fn single_cells(graph: &Graph) -> Vec<bool> {
     single
 }
 
-/// The maps that are in 8 bits when `layers` are: what they read, what they make, and what lies between them as far as it can be.
+/// The maps that are in 8 bits when `layers` are: what they read, what they make, and what lies between them as far as
+/// it can be.
 ///
 /// A `ReLU` or `ReLU6` is part of the node before it: only what comes out of it counts.
 pub fn maps(graph: &Graph, layers: &BTreeSet<NodeId>) -> BTreeSet<NodeId> {

@@ -4,10 +4,10 @@
 const STEPS: f32 = 255.0;
 
 /// The largest weight; the range is symmetric, so -128 is not used.
-const LARGEST_WEIGHT: f32 = 127.0;
+const MAX_WEIGHT: f32 = 127.0;
 
 /// A bias of more steps than this makes the steps of its channel longer: sums are kept in 32 bits.
-const LARGEST_BIAS: f64 = (1_u64 << 30) as f64;
+const MAX_BIAS: f64 = (1_u64 << 30) as f64;
 
 /// The numbers that 8 bits stand for: from `low` to `high` in 255 equal steps, zero exactly among them.
 ///
@@ -19,7 +19,8 @@ pub struct Range {
 }
 
 impl Range {
-    /// From `low` to `high`, widened so that it contains zero. A range of zeros only, or of what is no number, becomes 0 to 1.
+    /// From `low` to `high`, widened so that it contains zero. A range of zeros only, or of what is no number, becomes
+    /// 0 to 1.
     pub fn new(low: f32, high: f32) -> Self {
         let (low, high) = (low.min(0.0), high.max(0.0));
         let sound = low.is_finite() && high.is_finite() && (high - low).is_normal();
@@ -64,12 +65,14 @@ pub struct QuantizedWeights {
     pub scales: Vec<f32>,
     /// The biases in steps of [`Self::bias_scales`].
     pub bias: Vec<i32>,
-    /// Length of a step of each bias: that of the input times that of the weights, so that it is added to the sums as they are.
+    /// Length of a step of each bias: that of the input times that of the weights, so that it is added to the sums as
+    /// they are.
     pub bias_scales: Vec<f32>,
 }
 
 impl QuantizedWeights {
-    /// The weights `[out, in, k, k]` and the biases `[out]` (or none) of a convolution whose input has steps of `input_scale`.
+    /// The weights `[out, in, k, k]` and the biases `[out]` (or none) of a convolution whose input has steps of
+    /// `input_scale`.
     pub fn new(weight: &[f32], bias: &[f32], channels: usize, input_scale: f32) -> Self {
         let rows = weight.chunks_exact((weight.len() / channels.max(1)).max(1));
         let scales: Vec<f32> =
@@ -85,8 +88,8 @@ impl QuantizedWeights {
 /// The shortest step that reaches the largest weight of a channel and its bias. A channel of zeros gets steps of 1.
 fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32) -> f32 {
     let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
-    let for_bias = bias.map_or(0.0, |bias| f64::from(bias.abs()) / (f64::from(input_scale) * LARGEST_BIAS));
-    let scale = (largest / LARGEST_WEIGHT).max(for_bias as f32);
+    let for_bias = bias.map_or(0.0, |bias| f64::from(bias.abs()) / (f64::from(input_scale) * MAX_BIAS));
+    let scale = (largest / MAX_WEIGHT).max(for_bias as f32);
     if scale.is_normal() { scale } else { 1.0 }
 }
 

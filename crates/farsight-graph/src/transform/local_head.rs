@@ -3,10 +3,12 @@
 use super::Network;
 use crate::graph::{Graph, NodeId, Op, ParameterId, Window};
 
-/// The nodes and parameters of a head that looks at a small neighbourhood only: a convolution, `ReLU`, a 1x1 convolution.
+/// The nodes and parameters of a head that looks at a small neighbourhood only: a convolution, `ReLU`, a 1x1
+/// convolution.
 ///
-/// A decoder needs some heads at the few peaks of a heatmap only; with such a head the network can end at `features`, and the rest is
-/// computed there. With a norm between the convolutions that looks at the whole map (group norm) there is no such head.
+/// A decoder needs some heads at the few peaks of a heatmap only; with such a head the network can end at `features`,
+/// and the rest is computed there. With a norm between the convolutions that looks at the whole map (group norm) there
+/// is no such head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LocalHead {
     /// The map that the head reads.
@@ -32,7 +34,8 @@ impl LocalHead {
     }
 }
 
-/// Input and parameters of an ordinary convolution with bias that keeps the size of the map, with this kernel if one is given.
+/// Input and parameters of an ordinary convolution with bias that keeps the size of the map, with this kernel if one is
+/// given.
 fn local_convolution(graph: &Graph, id: NodeId, kernel: Option<usize>) -> Option<(NodeId, [ParameterId; 2])> {
     let node = &graph.nodes[id];
     let Op::Conv { weight, bias: Some(bias), window, groups: 1 } = node.op else { return None };

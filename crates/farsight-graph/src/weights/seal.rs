@@ -9,8 +9,8 @@ use super::hexadecimal;
 /// Key of the header under which the hash of everything else in the file stands, hexadecimal.
 pub const FILE_SHA256_KEY: &str = "farsight.file_sha256";
 
-/// SHA-256 of what a file says: its free-text facts but the hash itself, then format, shape and bytes of each tensor, all in the order of their names. How the
-/// header is laid out plays no part.
+/// SHA-256 of what a file says: its free-text facts but the hash itself, then format, shape and bytes of each tensor,
+/// all in the order of their names. How the header is laid out plays no part.
 pub(super) struct Seal(Sha256);
 
 impl Seal {

@@ -194,7 +194,8 @@ impl<'a> Machine<'a> {
                 self.push(Value::Global(global))
             }
             op::BINPERSID => self.push_storage(),
-            // What BUILD would set are attributes, `_metadata` of a state dictionary for instance: no tensor is among them.
+            // What BUILD would set are attributes, `_metadata` of a state dictionary for instance: no tensor is among
+            // them.
             op::BUILD => self.pop().map(drop),
             op::NEWOBJ_EX => {
                 self.pop()?;

@@ -1,11 +1,12 @@
 //! A pickle reader that runs nothing.
 //!
-//! Python's own reader calls whatever function a pickle names; this one only builds [`Value`]s. It knows the opcodes that PyTorch
-//! writes and five globals with a meaning (see [`value::Global`]). Every other class or function becomes an inert
-//! [`Value::Object`] that remembers the name, so that optimizer states and training notes do not get in the way of the weights.
+//! Python's own reader calls whatever function a pickle names; this one only builds [`Value`]s. It knows the opcodes
+//! that PyTorch writes and five globals with a meaning (see [`value::Global`]). Every other class or function becomes
+//! an inert [`Value::Object`] that remembers the name, so that optimizer states and training notes do not get in the
+//! way of the weights.
 //!
-//! What a hostile pickle cannot do: run code, overflow the call stack (nothing recurses, values refer to each other by place), or take
-//! memory that is not in proportion to its own length.
+//! What a hostile pickle cannot do: run code, overflow the call stack (nothing recurses, values refer to each other by
+//! place), or take memory that is not in proportion to its own length.
 
 mod input;
 mod machine;

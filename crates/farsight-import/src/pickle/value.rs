@@ -6,7 +6,8 @@ use std::rc::Rc;
 
 use farsight_graph::weights::Element;
 
-/// Place of a value in its [`super::Pickled`]. Values refer to each other by place, so that shared and even circular ones are harmless.
+/// Place of a value in its [`super::Pickled`]. Values refer to each other by place, so that shared and even circular
+/// ones are harmless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Id(pub(super) u32);
 
@@ -89,7 +90,8 @@ pub(crate) struct StorageType {
     pub(crate) element: Option<Element>,
 }
 
-/// Every storage class that `torch.save` may name (PyTorch 2.11, `torch/storage.py`). Sizes of the unread ones are needed to step over them.
+/// Every storage class that `torch.save` may name (PyTorch 2.11, `torch/storage.py`). Sizes of the unread ones are
+/// needed to step over them.
 const STORAGE_TYPES: [StorageType; 15] = [
     read_as("FloatStorage", Element::F32),
     read_as("HalfStorage", Element::F16),

@@ -1,7 +1,8 @@
-//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. What breaks a law, takes too long or ends the process is kept in
-//! `fuzz/artifacts/TARGET`, where the tests replay it.
+//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. What breaks a law, takes too long or
+//! ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it.
 //!
-//! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no other.
+//! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no
+//! other.
 
 #![allow(clippy::print_stdout, reason = "a program that reports")]
 
@@ -21,7 +22,7 @@ const SLOW: Duration = Duration::from_secs(5);
 const MEMORY_KIB: u64 = 6 << 20;
 
 /// Findings of a target after which it stops.
-const MOST_FINDINGS: usize = 20;
+const MAX_FINDINGS: usize = 20;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -99,7 +100,7 @@ fn one(name: &str, seconds: &str, seed: &str) -> ExitCode {
     inputs.extend((target.seeds)());
     set_hook(Box::new(|_| {}));
     let (mut random, mut tried, mut findings, mut slowest) = (Random::new(seed), 0_u64, 0, Duration::ZERO);
-    while start.elapsed() < end && findings < MOST_FINDINGS {
+    while start.elapsed() < end && findings < MAX_FINDINGS {
         let input = mutated(&inputs, &mut random);
         drop(fs::write(current(name), &input));
         let begun = Instant::now();

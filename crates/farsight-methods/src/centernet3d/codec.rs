@@ -1,5 +1,5 @@
-//! Encode and decode: between a box in the scene with its 2D box and the channels at one cell of the maps. `decode(encode(x)) = x` where the centre of the
-//! 3D box is seen at the centre of the 2D box.
+//! Encode and decode: between a box in the scene with its 2D box and the channels at one cell of the maps.
+//! `decode(encode(x)) = x` where the centre of the 3D box is seen at the centre of the 2D box.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 
@@ -68,8 +68,8 @@ impl Codec {
         self.depth_focal_px.map_or(1.0, |focal_px| camera.focal_y() * STRIDE as f64 / focal_px)
     }
 
-    /// What stands at the cell of `object`, whose 2D box is `box2d` in cells of the feature map seen by `camera`. None when the centre of the 2D box has no
-    /// cell.
+    /// What stands at the cell of `object`, whose 2D box is `box2d` in cells of the feature map seen by `camera`. None
+    /// when the centre of the 2D box has no cell.
     pub fn encode(&self, object: &Box3d, box2d: &Box2d, camera: &Camera) -> Option<Encoded> {
         let center = [f64::midpoint(box2d.x1, box2d.x2), f64::midpoint(box2d.y1, box2d.y2)];
         if !(center.iter().all(|v| *v >= 0.0) && object.depth_m() > 0.0) {
@@ -92,7 +92,8 @@ impl Codec {
         })
     }
 
-    /// The box that `encoded` stands for under `camera` (of the feature map): its centre is taken to be seen at the centre of the 2D box, as by the authors.
+    /// The box that `encoded` stands for under `camera` (of the feature map): its centre is taken to be seen at the
+    /// centre of the 2D box, as by the authors.
     pub fn decode(&self, encoded: &Encoded, camera: &Camera) -> Box3d {
         let pixel = [0, 1].map(|axis| encoded.cell[axis] as f64 + encoded.offset[axis]);
         let [height, width, length] = encoded.dimensions_hwl;

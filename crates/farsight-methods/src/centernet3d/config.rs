@@ -2,7 +2,7 @@
 
 use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_core::references::LARGEST_FOCAL_PX;
+use farsight_core::references::MAX_FOCAL_PX;
 use farsight_core::{ClassReference, RangeError};
 use farsight_graph::layers::{Backbone, NeckKind, NormKind, Stem};
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ const FPN_CHANNELS: usize = 64;
 const WIDTH_STEP: usize = 16;
 
 /// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
-const LARGEST_SIDE: usize = 8192;
+const MAX_SIDE: usize = 8192;
 
 /// A network's description, as it stands in a config file and in the header of its weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -46,8 +46,8 @@ pub struct CenterNet3dConfig {
     pub heatmap: HeatmapRule,
     /// Classes in the order of the heatmap's channels. Their sizes play no part: this network says metres.
     pub classes: Vec<ClassReference>,
-    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true depth. Without it the depth is taken as it
-    /// is, as by the authors.
+    /// Virtual depth: the focal length, pixels of the network's input, under which the network's depth is the true
+    /// depth. Without it the depth is taken as it is, as by the authors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_focal_px: Option<f64>,
     /// Error bars, where they were fitted.
@@ -112,9 +112,9 @@ impl CenterNet3dConfig {
     /// What is wrong with the fields, if anything is.
     pub(super) fn problem_of_fields(&self) -> Option<String> {
         let [width, height] = self.input;
-        if self.input.iter().any(|&side| side == 0 || !side.is_multiple_of(SIZE_STEP) || side > LARGEST_SIDE) {
+        if self.input.iter().any(|&side| side == 0 || !side.is_multiple_of(SIZE_STEP) || side > MAX_SIDE) {
             return Some(format!(
-                "model.input is {width}x{height}; expected multiples of {SIZE_STEP} pixels, at most {LARGEST_SIDE}"
+                "model.input is {width}x{height}; expected multiples of {SIZE_STEP} pixels, at most {MAX_SIDE}"
             ));
         }
         if !(self.width.is_finite() && self.width > 0.0 && self.width <= 8.0) {
@@ -130,18 +130,16 @@ impl CenterNet3dConfig {
         if let Some(problem) = self.heatmap.problem() {
             return Some(format!("model.heatmap: {problem}"));
         }
-        if let Some(focal_px) =
-            self.depth_focal_px.filter(|focal_px| !(*focal_px > 0.0 && *focal_px <= LARGEST_FOCAL_PX))
-        {
+        if let Some(focal_px) = self.depth_focal_px.filter(|focal_px| !(*focal_px > 0.0 && *focal_px <= MAX_FOCAL_PX)) {
             return Some(format!("model.depth_focal_px is {focal_px}; expected a positive number of pixels"));
         }
         if self.error.is_some_and(|fit| !fit.is_usable()) {
             return Some("model.error has numbers that no fit gives".to_owned());
         }
         if let Some([low, high]) = self.focal_range_px
-            && !(low > 0.0 && low <= high && high <= LARGEST_FOCAL_PX)
+            && !(low > 0.0 && low <= high && high <= MAX_FOCAL_PX)
         {
-            let expected = format!("expected 0 < smallest <= largest <= {LARGEST_FOCAL_PX}");
+            let expected = format!("expected 0 < smallest <= largest <= {MAX_FOCAL_PX}");
             return Some(format!("model.focal_range_px is {low} to {high}; {expected}"));
         }
         self.problem_of_classes()

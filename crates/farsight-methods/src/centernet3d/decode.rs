@@ -2,7 +2,7 @@
 
 use farsight_core::detection::{DecodeOptions, View, is_calibrated};
 use farsight_core::peaks::{Peak, peaks};
-use farsight_core::score::{LEAST_PEAK, SCORE_LIMITS, logistic, logit};
+use farsight_core::score::{MIN_PEAK, SCORE_LIMITS, logistic, logit};
 use farsight_core::{Box2d, Detection};
 use farsight_runtime::TensorView;
 
@@ -54,13 +54,14 @@ impl Maps<'_> {
     }
 }
 
-/// The detections in `maps`, highest score first. Boxes that do not come out finite or lie behind the camera are left out.
+/// The detections in `maps`, highest score first. Boxes that do not come out finite or lie behind the camera are left
+/// out.
 pub fn detections(config: &CenterNet3dConfig, maps: &Maps<'_>, view: &View, options: &DecodeOptions) -> Vec<Detection> {
     let classes = &config.classes;
     let min_score = options.min_score(classes);
     // A low peak of a near object can stand for a high probability.
     let (least_peak, most_peaks) =
-        if is_calibrated(classes) { (LEAST_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
+        if is_calibrated(classes) { (MIN_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
     let floor = logit(least_peak.max(SCORE_LIMITS.0)) as f32;
     let peaks = peaks(maps.heatmap.values, maps.map_size(), most_peaks, floor);
     let mut found: Vec<Detection> =

@@ -1,7 +1,8 @@
-//! CenterNet for 3D boxes ("ddd", Zhou, Wang and Krähenbühl 2019): keypoints at the centres of 2D boxes, with depth, size, heading in two bins, and the 2D box.
+//! CenterNet for 3D boxes ("ddd", Zhou, Wang and Krähenbühl 2019): keypoints at the centres of 2D boxes, with depth,
+//! size, heading in two bins, and the 2D box.
 //!
-//! Where SMOKE looks for the projected centre of the 3D box, this looks for the centre of the 2D box and takes it for the same: a control of what that
-//! difference is worth.
+//! Where SMOKE looks for the projected centre of the 3D box, this looks for the centre of the 2D box and takes it for
+//! the same: a control of what that difference is worth.
 
 pub mod codec;
 pub mod config;

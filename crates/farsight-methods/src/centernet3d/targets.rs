@@ -23,7 +23,8 @@ pub fn feature_camera(input_camera: &Camera) -> Camera {
 
 /// Targets for `labels` in a network input of `input_size` (width, height, pixels) seen by `input_camera`.
 ///
-/// The keypoint is the centre of the annotated 2D box, cut to the image. Objects of other classes and those whose centre lies outside are left out.
+/// The keypoint is the centre of the annotated 2D box, cut to the image. Objects of other classes and those whose
+/// centre lies outside are left out.
 pub fn targets(
     labels: &[Label],
     classes: &[ClassReference],

@@ -1,4 +1,5 @@
-//! Training of a CenterNet for 3D boxes: focal loss, L1 on depth, sizes and 2D boxes, cross entropy and smooth L1 on the heading's bins.
+//! Training of a CenterNet for 3D boxes: focal loss, L1 on depth, sizes and 2D boxes, cross entropy and smooth L1 on
+//! the heading's bins.
 
 use std::sync::Arc;
 

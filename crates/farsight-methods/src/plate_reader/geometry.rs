@@ -1,8 +1,9 @@
 //! The number plate as a yardstick.
 //!
-//! An image does not show how large a car is, and so not how far away; but most cars carry something whose size is known. The end of a vehicle that faces the
-//! camera is cut out of the image where an earlier look has it, at so many pixels a metre that a plate is as wide as expected if that look is right, and a
-//! small network says how much wider it is.
+//! An image does not show how large a car is, and so not how far away; but most cars carry something whose size is
+//! known. The end of a vehicle that faces the camera is cut out of the image where an earlier look has it, at so many
+//! pixels a metre that a plate is as wide as expected if that look is right, and a small network says how much wider it
+//! is.
 
 use crate::refiner::geometry::{LOG_UNIT, told_sigma};
 use farsight_core::box3d::NEAR_PLANE_M;
@@ -11,8 +12,9 @@ use farsight_core::{Affine2, Box3d, Camera, DepthFusion, Detection, MeasuredDept
 /// Channels of the cut-out: red, green, blue.
 pub const INPUT_CHANNELS: usize = 3;
 
-/// Channels of the answer: where the middle of the plate is, across and down, sides of the cut-out from its middle; by what factor it is wider than expected, a
-/// logarithm in [`LOG_UNIT`]; and how far off that may be, as a refiner says it.
+/// Channels of the answer: where the middle of the plate is, across and down, sides of the cut-out from its middle; by
+/// what factor it is wider than expected, a logarithm in [`LOG_UNIT`]; and how far off that may be, as a refiner says
+/// it.
 pub const ANSWER_CHANNELS: usize = 4;
 
 /// Width of the plates of the European Union and most of its neighbours, metres.
@@ -27,21 +29,24 @@ pub const EXPECTED_WIDTH: f64 = PLATE_WIDTH_M / WINDOW_M[0];
 /// Height of the middle of the cut-out above the ground, as a share of the vehicle's.
 const MIDDLE_HEIGHT: f64 = 0.37;
 
-/// Cosine of the angle between the line of sight and the vehicle's heading below which its end is seen too much from the side.
-const LEAST_FACING: f64 = 0.35;
+/// Cosine of the angle between the line of sight and the vehicle's heading below which its end is seen too much from
+/// the side.
+const MIN_FACING: f64 = 0.35;
 
 /// A plate that is expected to be narrower shows nothing, pixels of the image.
-const LEAST_WIDTH_PX: f64 = 4.0;
+const MIN_WIDTH_PX: f64 = 4.0;
 
-/// Readings that differ from what is known already by more, joint standard deviations, are of another kind of plate, or of something else.
-const MOST_OFF: f64 = 2.5;
+/// Readings that differ from what is known already by more, joint standard deviations, are of another kind of plate, or
+/// of something else.
+const MAX_OFF: f64 = 2.5;
 
 /// Whether vehicles of this class carry their plates where they are looked for.
 pub fn carries_plate(class: &ObjectClass) -> bool {
     matches!(class, ObjectClass::Car | ObjectClass::Van)
 }
 
-/// The end of a vehicle cut out of an image, `side` x `side` pixels, 1.28 m x 0.8 m if the vehicle is where it is expected.
+/// The end of a vehicle cut out of an image, `side` x `side` pixels, 1.28 m x 0.8 m if the vehicle is where it is
+/// expected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateCrop {
     /// From pixels of the image to pixels of the cut-out.
@@ -54,8 +59,9 @@ pub struct PlateCrop {
 }
 
 impl PlateCrop {
-    /// The cut-out, `side` pixels wide and high, of a vehicle that is `expected` in an image of this size (width, height) that `camera` takes; `None` when
-    /// neither end faces the camera, or its middle is outside the image or too far away.
+    /// The cut-out, `side` pixels wide and high, of a vehicle that is `expected` in an image of this size (width,
+    /// height) that `camera` takes; `None` when neither end faces the camera, or its middle is outside the image or too
+    /// far away.
     pub fn of(expected: &Box3d, camera: &Camera, image_size: [usize; 2], side: usize) -> Option<Self> {
         let end = VehicleEnd::facing(expected)?;
         let [left, right] = end.plate_ends_px(camera)?;
@@ -63,7 +69,7 @@ impl PlateCrop {
         let [top, bottom] = [camera.pixel_from_point(top)?[1], camera.pixel_from_point(bottom)?[1]];
         let middle = [f64::midpoint(left, right), f64::midpoint(top, bottom)];
         let is_inside = (0..2).all(|axis| (0.0..image_size[axis] as f64).contains(&middle[axis]));
-        if !is_inside || right - left < LEAST_WIDTH_PX {
+        if !is_inside || right - left < MIN_WIDTH_PX {
             return None;
         }
         let scale = [EXPECTED_WIDTH * side as f64 / (right - left), side as f64 / (bottom - top)];
@@ -71,7 +77,8 @@ impl PlateCrop {
         Some(Self { window, camera: camera.transformed(&window), side, expected_m: expected.depth_m() })
     }
 
-    /// Where `point` (camera coordinates, metres) is seen, sides of the cut-out from its middle; `None` when it is not in front of the camera.
+    /// Where `point` (camera coordinates, metres) is seen, sides of the cut-out from its middle; `None` when it is not
+    /// in front of the camera.
     pub fn place_of(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         Some(self.camera.pixel_from_point(point)?.map(|at| at / self.side as f64 - 0.5))
     }
@@ -99,7 +106,8 @@ pub fn mean_answer(
     std::array::from_fn(|channel| f64::midpoint(answer[channel], mirrored[channel]))
 }
 
-/// `known` at the depth on which it and a reading of its plate agree best, if they can be of the same thing and it says how sure it is of its depth.
+/// `known` at the depth on which it and a reading of its plate agree best, if they can be of the same thing and it says
+/// how sure it is of its depth.
 ///
 /// The box is moved along its rays and grows with the distance, so the picture stays the same.
 pub fn measured(mut known: Detection, reading: MeasuredDepth, fusion: &DepthFusion) -> Detection {
@@ -107,7 +115,7 @@ pub fn measured(mut known: Detection, reading: MeasuredDepth, fusion: &DepthFusi
     let second = fusion.corrected(reading);
     let off = (second.depth_m / first.depth_m).ln().abs() / first.log_sigma.hypot(second.log_sigma);
     // What is no number is not at most this.
-    if off <= MOST_OFF {
+    if off <= MAX_OFF {
         known.move_to(fusion.joint(Some(first), reading));
     }
     known
@@ -131,7 +139,7 @@ impl VehicleEnd {
         let half = vehicle.dimensions.length / 2.0;
         let middle = [x + half * towards[0], y - MIDDLE_HEIGHT * vehicle.dimensions.height, z + half * towards[1]];
         let facing = -(towards[0] * middle[0] + towards[1] * middle[2]) / middle[0].hypot(middle[2]);
-        let is_seen = facing >= LEAST_FACING && middle[2] > NEAR_PLANE_M;
+        let is_seen = facing >= MIN_FACING && middle[2] > NEAR_PLANE_M;
         is_seen.then_some(Self { middle, across: [-towards[1], towards[0]] })
     }
 

@@ -1,5 +1,5 @@
-//! The plate reader: the end of each car that faces the camera is cropped from the original image, and a small network says how wide the number plate on it
-//! is, and so how far away the car.
+//! The plate reader: the end of each car that faces the camera is cropped from the original image, and a small network
+//! says how wide the number plate on it is, and so how far away the car.
 
 pub mod config;
 pub mod geometry;

@@ -33,7 +33,8 @@ impl PlateReader {
         Ok(Self::new(self.network.share()?, self.config.clone()))
     }
 
-    /// `detections` in `image`, taken by `camera`, at the distances that their plates tell, where those can be read and the detections have error bars.
+    /// `detections` in `image`, taken by `camera`, at the distances that their plates tell, where those can be read and
+    /// the detections have error bars.
     ///
     /// # Errors
     /// When the engine fails.

@@ -19,7 +19,7 @@ use tch::{Device, Kind, Tensor};
 
 use super::geometry::EXPECTED_WIDTH;
 use super::{PlateReaderConfig, PlateReaderModel};
-use crate::refiner::geometry::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT};
+use crate::refiner::geometry::{ERROR_UNIT, LOG_UNIT, MAX_ERROR_LOG};
 use crate::roi::ANSWER;
 use samples::{FramePlates, PlateBatch, PlateMaker};
 
@@ -131,7 +131,7 @@ impl Task for PlateReaderTask {
     fn loss(&self, outputs: &[Tensor], batch: &PlateBatch) -> StepOutput<PlateReaderMetrics> {
         let answer = outputs[0].flatten(1, 3);
         let [middle, down, wider, error_log] = [0, 1, 2, 3].map(|channel| answer.select(1, channel));
-        let error_log = error_log.clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG);
+        let error_log = error_log.clamp(-MAX_ERROR_LOG, MAX_ERROR_LOG);
         let off = (&wider - &batch.wider).abs();
         // The negative logarithm of the likelihood under Laplace's distribution, whose width the network says too.
         let likelihood = (&off * (LOG_UNIT / ERROR_UNIT) * (-&error_log).exp() + &error_log).mean(Kind::Float);

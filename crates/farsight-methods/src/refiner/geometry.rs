@@ -1,8 +1,8 @@
-//! The refiner sees each found object cut out of the image at a fixed size. A small network says again, from the cut-out and its camera alone, where
-//! the object is.
+//! The refiner sees each found object cut out of the image at a fixed size. A small network says again, from the
+//! cut-out and its camera alone, where the object is.
 //!
-//! The refining network is not told what it looks at: it says so itself, and sizes and depth are relative to one reference, so it corrects any detector's
-//! boxes of any class.
+//! The refining network is not told what it looks at: it says so itself, and sizes and depth are relative to one
+//! reference, so it corrects any detector's boxes of any class.
 
 mod fusion;
 mod kinds;
@@ -18,7 +18,8 @@ use farsight_core::box3d::ray_angle;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
 use farsight_core::{Affine2, Box2d, Box3d, Camera, Dimensions, MeasuredDepth, wrapped_angle};
 
-/// Channels of the cut-out: red, green, blue, the direction of each pixel's ray (x / z and y / z), and the logarithm of the focal length.
+/// Channels of the cut-out: red, green, blue, the direction of each pixel's ray (x / z and y / z), and the logarithm of
+/// the focal length.
 pub const INPUT_CHANNELS: usize = 6;
 
 /// Channels of the answer: where the object is, and the logit of each kind of thing that it may be.
@@ -34,7 +35,7 @@ pub const TARGETS: usize = 8;
 const MARGIN: f64 = 1.3;
 
 /// A box with a side below this, pixels, shows nothing.
-const LEAST_SIDE_PX: f64 = 2.0;
+const MIN_SIDE_PX: f64 = 2.0;
 
 /// Length, height and width, metres, that sizes are relative to.
 const REFERENCE_LHW: [f64; 3] = [3.88, 1.53, 1.63];
@@ -52,7 +53,7 @@ pub const LOG_UNIT: f64 = 0.3;
 pub const ERROR_UNIT: f64 = 0.05;
 
 /// The channels for errors are cut to plus and minus this.
-pub const LARGEST_ERROR_LOG: f64 = 4.0;
+pub const MAX_ERROR_LOG: f64 = 4.0;
 
 /// The depth at which rays are taken: a camera's fourth column moves them by centimetres there.
 const RAY_DEPTH_M: f64 = 100.0;
@@ -62,9 +63,10 @@ pub const fn input_rules(side: usize) -> InputRules {
     InputRules { size: [side; 2], channels: ChannelOrder::Rgb, sampling: Sampling::PixelExact }
 }
 
-/// The standard deviation that a channel for errors tells: Laplace's distribution deviates by the root of two times its mean absolute error.
+/// The standard deviation that a channel for errors tells: Laplace's distribution deviates by the root of two times its
+/// mean absolute error.
 pub(crate) fn told_sigma(error_log: f64) -> f64 {
-    SQRT_2 * ERROR_UNIT * error_log.clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG).exp()
+    SQRT_2 * ERROR_UNIT * error_log.clamp(-MAX_ERROR_LOG, MAX_ERROR_LOG).exp()
 }
 
 /// A square cut-out of an image.
@@ -82,7 +84,7 @@ impl Crop {
     /// The cut-out of `side` pixels around `box2d` in an image that `camera` takes; `None` when the box shows nothing.
     pub fn around(box2d: &Box2d, camera: &Camera, side: usize) -> Option<Self> {
         let sides = [box2d.width(), box2d.height()];
-        if !sides.iter().all(|side| side.is_finite() && *side >= LEAST_SIDE_PX) {
+        if !sides.iter().all(|side| side.is_finite() && *side >= MIN_SIDE_PX) {
             return None;
         }
         let center = [f64::midpoint(box2d.x1, box2d.x2), f64::midpoint(box2d.y1, box2d.y2)];
@@ -126,7 +128,8 @@ impl Crop {
         moved([-0.5, -0.5]).max(moved([side - 0.5, side - 0.5]))
     }
 
-    /// The mirror image of this cut-out: what its camera would take of a mirrored world. Its window is still that of the image as it is.
+    /// The mirror image of this cut-out: what its camera would take of a mirrored world. Its window is still that of
+    /// the image as it is.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         Self { camera: self.camera.mirrored(self.side), ..*self }

@@ -1,5 +1,5 @@
-//! The refiner: each found object is cropped from the original image, and a small network says again, from the crop and its camera alone, what it is and
-//! where.
+//! The refiner: each found object is cropped from the original image, and a small network says again, from the crop and
+//! its camera alone, what it is and where.
 
 pub mod config;
 pub mod effort;

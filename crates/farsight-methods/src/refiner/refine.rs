@@ -81,8 +81,8 @@ impl Refiner {
         self.config.fusion.scales.get(&region).copied()
     }
 
-    /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score` then, highest first, each
-    /// object once, of one of `classes`.
+    /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score`
+    /// then, highest first, each object once, of one of `classes`.
     ///
     /// # Errors
     /// When the engine fails.
@@ -111,8 +111,8 @@ impl Refiner {
 
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
-    /// Several looks ([`Effort`]), each where the one before it saw the object: a cut-out around a better box shows more of
-    /// the object and less of the rest. What has no score above `promising` after a look keeps its answer.
+    /// Several looks ([`Effort`]), each where the one before it saw the object: a cut-out around a better box shows
+    /// more of the object and less of the rest. What has no score above `promising` after a look keeps its answer.
     ///
     /// # Errors
     /// When the engine fails.
@@ -163,7 +163,8 @@ impl Refiner {
         self.effort.settled_within().is_some_and(|share| now.distance(before) <= share)
     }
 
-    /// What the network says of cut-outs around `boxes`; `None` where there is nothing to cut out or the answer lies behind the camera.
+    /// What the network says of cut-outs around `boxes`; `None` where there is nothing to cut out or the answer lies
+    /// behind the camera.
     ///
     /// # Errors
     /// When the engine fails.

@@ -19,7 +19,7 @@ use farsight_train::training::TrainError;
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Tensor};
 
-use super::geometry::{ERROR_UNIT, LARGEST_ERROR_LOG, LOG_UNIT, PLACE_CHANNELS};
+use super::geometry::{ERROR_UNIT, LOG_UNIT, MAX_ERROR_LOG, PLACE_CHANNELS};
 use super::{RefinerConfig, RefinerModel};
 use crate::roi::ANSWER;
 use samples::{CropBatch, CropMaker, FrameCrops};
@@ -61,7 +61,8 @@ impl TaskConfig for RefinerTaskConfig {
     }
 }
 
-/// Weights of the parts of the loss beside the logarithms' likelihood: apparent height (in [`ERROR_UNIT`]), centre (sides), heading, kind.
+/// Weights of the parts of the loss beside the logarithms' likelihood: apparent height (in [`ERROR_UNIT`]), centre
+/// (sides), heading, kind.
 const APPARENT_WEIGHT: f64 = 1.0;
 const CENTER_WEIGHT: f64 = 30.0;
 const HEADING_WEIGHT: f64 = 3.0;
@@ -156,14 +157,15 @@ impl Task for RefinerTask {
 
 /// Mean over the objects of the places `answer` `[objects, 10]` against `targets` `[objects, 8]`.
 ///
-/// Depth and sizes: the negative logarithm of the likelihood under Laplace's distribution, whose width the network says too. The apparent height, height over
-/// depth, is judged once more by itself: it is what the picture shows, whatever the size.
+/// Depth and sizes: the negative logarithm of the likelihood under Laplace's distribution, whose width the network says
+/// too. The apparent height, height over depth, is judged once more by itself: it is what the picture shows, whatever
+/// the size.
 fn place_loss(answer: &Tensor, targets: &Tensor) -> Tensor {
     let channels = |tensor: &Tensor, first: i64, count: i64| tensor.narrow(1, first, count);
     let off = |first: i64, count: i64| channels(answer, first, count) - channels(targets, first, count);
     let logs = |first: i64, count: i64| off(first, count).abs() * (LOG_UNIT / ERROR_UNIT);
     let likelihood = |errors: Tensor, channel: i64| {
-        let width = channels(answer, channel, 1).clamp(-LARGEST_ERROR_LOG, LARGEST_ERROR_LOG);
+        let width = channels(answer, channel, 1).clamp(-MAX_ERROR_LOG, MAX_ERROR_LOG);
         (errors * (-&width).exp() + width).mean(Kind::Float)
     };
     let depth = likelihood(logs(0, 1), 8);

@@ -1,4 +1,5 @@
-//! What the second stages share: a small network over a crop around one object (a region of interest), how it runs, and how it learns.
+//! What the second stages share: a small network over a crop around one object (a region of interest), how it runs, and
+//! how it learns.
 
 pub mod network;
 pub mod runner;

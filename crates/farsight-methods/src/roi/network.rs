@@ -19,7 +19,8 @@ pub(crate) fn problem_of_sizes(name: &str, side: usize, channels: &[usize], hidd
     wrong.next().map(|count| format!("{name}.channels or {name}.hidden has {count}; expected 1 to 4096"))
 }
 
-/// From a cut-out of `side` x `side` pixels to `[batch, hidden, 1, 1]`: every level halves the map, and the last one is read whole.
+/// From a cut-out of `side` x `side` pixels to `[batch, hidden, 1, 1]`: every level halves the map, and the last one is
+/// read whole.
 pub(crate) fn features(b: &mut Builder, input: NodeId, side: usize, channels: &[usize], hidden: usize) -> NodeId {
     let mut x = b.conv_norm_relu(input, "stem.conv", "stem.norm", channels[0], STEM);
     for (level, &channels) in channels.iter().enumerate().skip(1) {

@@ -28,7 +28,8 @@ impl RoiRunner {
         Self { runner }
     }
 
-    /// The answers, of so many numbers each, for crops of `channels` x `side` x `side` that follow each other in `input`.
+    /// The answers, of so many numbers each, for crops of `channels` x `side` x `side` that follow each other in
+    /// `input`.
     ///
     /// # Errors
     /// When the engine fails.

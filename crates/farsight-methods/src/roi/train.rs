@@ -1,4 +1,5 @@
-//! What trainings on crops of single objects have in common: which objects are learnt from, and the errors of an earlier stage that says where to crop.
+//! What trainings on crops of single objects have in common: which objects are learnt from, and the errors of an
+//! earlier stage that says where to crop.
 
 mod jitter;
 
@@ -9,14 +10,14 @@ use rand::Rng;
 use rand::seq::SliceRandom;
 
 /// Objects of which less is seen are not learnt from.
-const MOST_OCCLUDED: i32 = 2;
-const MOST_TRUNCATED: f64 = 0.8;
+const MAX_OCCLUDED: i32 = 2;
+const MAX_TRUNCATED: f64 = 0.8;
 
 /// Whether enough is seen of what is labelled, and it is high enough, pixels.
 pub(crate) fn is_seen(label: &Label, least_height_px: f64) -> bool {
     label.class != ObjectClass::DontCare
-        && (0..=MOST_OCCLUDED).contains(&label.occlusion)
-        && label.truncation <= MOST_TRUNCATED
+        && (0..=MAX_OCCLUDED).contains(&label.occlusion)
+        && label.truncation <= MAX_TRUNCATED
         && label.box2d.height() >= least_height_px
 }
 

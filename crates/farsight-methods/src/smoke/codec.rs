@@ -120,7 +120,8 @@ impl Codec {
         [0, 1, 2].map(|i| regression.log_dimensions_lhw[i].exp() * reference[i])
     }
 
-    /// The bottom centre, metres, of an object `height` metres high whose centre lies in `cell` of the feature map seen by `camera`.
+    /// The bottom centre, metres, of an object `height` metres high whose centre lies in `cell` of the feature map seen
+    /// by `camera`.
     pub fn location<D: Scalar>(
         &self,
         regression: &Regression<D>,
@@ -133,7 +134,8 @@ impl Codec {
         [x, y + height * 0.5, z]
     }
 
-    /// The box that `encoded` stands for, class number `class`, under `camera` (of the feature map). Inverse of [`Codec::encode`].
+    /// The box that `encoded` stands for, class number `class`, under `camera` (of the feature map). Inverse of
+    /// [`Codec::encode`].
     ///
     /// # Panics
     /// When `class` is not a class of this codec.

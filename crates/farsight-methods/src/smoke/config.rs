@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use farsight_core::heatmap::HeatmapRule;
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_core::references::{LARGEST_FOCAL_PX, LARGEST_M};
+use farsight_core::references::{MAX_FOCAL_PX, MAX_M};
 use farsight_core::{Camera, ClassReference, DepthReference, RangeError};
 use farsight_graph::layers::{Backbone, Msfe, NeckKind, NormKind, Stem};
 
@@ -14,7 +14,7 @@ use super::targets::{HeatmapBox, TargetRules};
 use crate::input_spec::{InputSpec, SIZE_STEP};
 
 /// The longest side of an input, pixels; a description from a stranger must not ask for all memory.
-pub const LARGEST_SIDE: usize = 8192;
+pub const MAX_SIDE: usize = 8192;
 
 /// Channels of SMOKE's levels 0 to 5.
 const SMOKE_CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
@@ -31,8 +31,8 @@ const MSFE_WIDTHS: [(Msfe, usize); 4] = [(Msfe::A, 128), (Msfe::B, 128), (Msfe::
 /// Widths are multiples of this, so that group normalisation always has its groups.
 const WIDTH_STEP: usize = 16;
 
-/// The widest layer; like [`LARGEST_SIDE`], because a description may come from a stranger.
-const LARGEST_WIDTH: usize = 4096;
+/// The widest layer; like [`MAX_SIDE`], because a description may come from a stranger.
+const MAX_WIDTH: usize = 4096;
 
 /// What widths may be, for messages.
 const WIDTHS: &str = "multiples of 16 from 16 to 4096";
@@ -42,7 +42,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 fn is_width(channels: usize) -> bool {
-    (WIDTH_STEP..=LARGEST_WIDTH).contains(&channels) && channels.is_multiple_of(WIDTH_STEP)
+    (WIDTH_STEP..=MAX_WIDTH).contains(&channels) && channels.is_multiple_of(WIDTH_STEP)
 }
 
 /// Habits of the official code that its checkpoints rely on; all off by default.
@@ -102,11 +102,12 @@ pub struct SmokeConfig {
     pub classes: Vec<ClassReference>,
     /// Centres the depth.
     pub depth: DepthReference,
-    /// Smallest and largest focal length, pixels of the network's input, that the model was trained with. Images of other cameras are scaled into
-    /// this range, and users are told when that cannot be done.
+    /// Smallest and largest focal length, pixels of the network's input, that the model was trained with. Images of
+    /// other cameras are scaled into this range, and users are told when that cannot be done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub focal_range_px: Option<[f64; 2]>,
-    /// Whether images that become smaller are freed of what is too fine for the input, instead of sampled (`Sampling::Antialias`).
+    /// Whether images that become smaller are freed of what is too fine for the input, instead of sampled
+    /// (`Sampling::Antialias`).
     #[serde(skip_serializing_if = "is_default")]
     pub antialias: bool,
     /// Habits of the official code.
@@ -159,9 +160,9 @@ impl SmokeConfig {
             let [width, height] = self.input;
             return error("input", format!("is {width}x{height}; expected multiples of {SIZE_STEP} pixels"));
         }
-        if self.input.iter().any(|&side| side > LARGEST_SIDE) {
+        if self.input.iter().any(|&side| side > MAX_SIDE) {
             let [width, height] = self.input;
-            return error("input", format!("is {width}x{height}; expected at most {LARGEST_SIDE} pixels a side"));
+            return error("input", format!("is {width}x{height}; expected at most {MAX_SIDE} pixels a side"));
         }
         if !(self.width.is_finite() && self.width > 0.0 && self.width <= 8.0) {
             return error("width", format!("is {}; expected a factor above 0 and at most 8", self.width));
@@ -188,12 +189,12 @@ impl SmokeConfig {
         if !self.depth.is_usable() {
             let DepthReference { mean_m, std_m, .. } = self.depth;
             let found = format!("has a mean of {mean_m} m and a deviation of {std_m} m");
-            return error("depth", format!("{found}; expected a positive deviation and at most {LARGEST_M} m of each"));
+            return error("depth", format!("{found}; expected a positive deviation and at most {MAX_M} m of each"));
         }
         if let Some(focal_px) = self.depth.focal_px
-            && !(focal_px > 0.0 && focal_px <= LARGEST_FOCAL_PX)
+            && !(focal_px > 0.0 && focal_px <= MAX_FOCAL_PX)
         {
-            let expected = format!("expected a positive number of pixels, at most {LARGEST_FOCAL_PX}");
+            let expected = format!("expected a positive number of pixels, at most {MAX_FOCAL_PX}");
             return error("depth.focal_px", format!("is {focal_px}; {expected}"));
         }
         if let Some(fit) = self.depth.error.filter(|fit| !fit.is_usable()) {
@@ -202,9 +203,9 @@ impl SmokeConfig {
             return error("depth.error", format!("{found}; expected the numbers of a fit"));
         }
         if let Some([low, high]) = self.focal_range_px
-            && !(low > 0.0 && low <= high && high <= LARGEST_FOCAL_PX)
+            && !(low > 0.0 && low <= high && high <= MAX_FOCAL_PX)
         {
-            let expected = format!("expected 0 < smallest <= largest <= {LARGEST_FOCAL_PX}");
+            let expected = format!("expected 0 < smallest <= largest <= {MAX_FOCAL_PX}");
             return error("focal_range_px", format!("is {low} to {high}; {expected}"));
         }
         self.validate_classes()

@@ -1,7 +1,8 @@
 //! The disentangled corner loss of SMOKE (spec 7.2) with its exact gradient.
 //!
-//! The loss is the decoder seen from the other side, so it *is* the decoder: the same generic functions run on dual numbers
-//! that carry the derivatives with respect to the eight raw channels. There is no second, tensor-shaped decoder to keep in step.
+//! The loss is the decoder seen from the other side, so it *is* the decoder: the same generic functions run on dual
+//! numbers that carry the derivatives with respect to the eight raw channels. There is no second, tensor-shaped decoder
+//! to keep in step.
 
 use super::codec::{CHANNELS, Regression};
 use super::targets::ObjectTarget;
@@ -17,8 +18,8 @@ pub type Variable = Dual<CHANNELS>;
 /// A corner this near, metres in front of the camera, or nearer, has no place in the image to learn.
 const NEAR_M: f64 = 1.0;
 
-/// The parts of one object's loss, metres summed over corner coordinates, with their derivatives with respect to each raw channel. The first three are
-/// SMOKE's, the last is ours.
+/// The parts of one object's loss, metres summed over corner coordinates, with their derivatives with respect to each
+/// raw channel. The first three are SMOKE's, the last is ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CornerLoss {
     /// Predicted yaw, everything else true.
@@ -27,8 +28,9 @@ pub struct CornerLoss {
     pub dimensions: Variable,
     /// Predicted location, everything else true.
     pub location: Variable,
-    /// Everything predicted, as the image shows it: how far each corner lies across the line of sight, at the object's true depth. A larger car farther
-    /// away is no error here, so this judges apparent size, which an image tells more exactly than size or distance.
+    /// Everything predicted, as the image shows it: how far each corner lies across the line of sight, at the object's
+    /// true depth. A larger car farther away is no error here, so this judges apparent size, which an image tells more
+    /// exactly than size or distance.
     pub image: Variable,
 }
 

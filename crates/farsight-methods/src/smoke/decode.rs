@@ -2,7 +2,7 @@
 
 use farsight_core::detection::{DecodeOptions, View, is_calibrated};
 use farsight_core::peaks::{Peak, peaks};
-use farsight_core::score::{LEAST_PEAK, SCORE_LIMITS, logistic, logit};
+use farsight_core::score::{MIN_PEAK, SCORE_LIMITS, logistic, logit};
 use farsight_core::{Camera, Detection};
 use farsight_runtime::Tensor;
 
@@ -14,8 +14,8 @@ use super::targets::feature_camera;
 pub struct HeadMaps {
     /// Heatmap logits, `[classes, height, width]`.
     pub logits: Vec<f32>,
-    /// Raw regression channels, `[8, height, width]`; of a network that ends before its regression head, the features that the head reads,
-    /// `[channels, height, width]`.
+    /// Raw regression channels, `[8, height, width]`; of a network that ends before its regression head, the features
+    /// that the head reads, `[channels, height, width]`.
     pub regression: Vec<f32>,
     /// Width and height, cells.
     pub map_size: [usize; 2],
@@ -42,7 +42,8 @@ pub fn detections(codec: &Codec, maps: &HeadMaps, view: &View, options: &DecodeO
     detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
 }
 
-/// [`detections`] for a regression that is only computed where it is asked for: `regression` gives the raw channels at a cell.
+/// [`detections`] for a regression that is only computed where it is asked for: `regression` gives the raw channels at
+/// a cell.
 pub fn detections_at_peaks(
     codec: &Codec,
     logits: &[f32],
@@ -52,9 +53,10 @@ pub fn detections_at_peaks(
     options: &DecodeOptions,
 ) -> Vec<Detection> {
     let min_score = options.min_score(&codec.classes);
-    // A low peak of a near object can stand for a high probability, so peaks are not what the highest ones are chosen by then.
+    // A low peak of a near object can stand for a high probability, so peaks are not what the highest ones are chosen
+    // by then.
     let (least_peak, most_peaks) =
-        if is_calibrated(&codec.classes) { (LEAST_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
+        if is_calibrated(&codec.classes) { (MIN_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
     let camera = feature_camera(&view.input_camera);
     let mut found: Vec<Detection> = peaks(logits, map_size, most_peaks, logit(least_peak) as f32)
         .into_iter()

@@ -99,8 +99,9 @@ impl Detector for SmokeDetector {
         self.input.unfamiliar(image_size, camera)
     }
 
-    /// 2D boxes are projected by the whole camera even for models that see it without its fourth column, so that they lie where the image shows the object;
-    /// official SMOKE's own 2D boxes stand off by up to 9 pixels at 5 m (spec 5.6).
+    /// 2D boxes are projected by the whole camera even for models that see it without its fourth column, so that they
+    /// lie where the image shows the object; official SMOKE's own 2D boxes stand off by up to 9 pixels at 5 m (spec
+    /// 5.6).
     fn detect_batch(
         &mut self,
         images: &[(&RgbImage, &Camera)],

@@ -21,7 +21,8 @@ pub struct DetectorFile {
 }
 
 impl DetectorFile {
-    /// Reads a model of either kind: an ONNX file, or a model file of ours (safetensors), which becomes one in memory, for `target`.
+    /// Reads a model of either kind: an ONNX file, or a model file of ours (safetensors), which becomes one in memory,
+    /// for `target`.
     ///
     /// # Errors
     /// When the file cannot be read or is neither.

@@ -5,7 +5,8 @@ use farsight_graph::layers::Builder;
 
 use super::codec::CHANNELS;
 
-/// Logit at which the heatmap starts: a probability near 0.1, so that the first steps are not drowned by the background.
+/// Logit at which the heatmap starts: a probability near 0.1, so that the first steps are not drowned by the
+/// background.
 const PRIOR_LOGIT: f32 = -2.19;
 
 /// Appends the heatmap head; returns its logits, one channel a class.

@@ -8,7 +8,7 @@ use farsight_core::input::{ChannelOrder, Sampling};
 
 use farsight_graph::layers::NormKind;
 use farsight_graph::model::ATTRIBUTION_KEY;
-use farsight_graph::weights::{LARGEST_FILE, WeightTensor, Weights, is_step_counter};
+use farsight_graph::weights::{MAX_FILE, WeightTensor, Weights, is_step_counter};
 use farsight_import::tflite::{is_tflite, read_convolutions};
 use farsight_import::{CheckpointError, CheckpointProblem, attribution, tensors_from_pth};
 
@@ -43,22 +43,26 @@ pub struct Imported {
     pub config: Option<SmokeConfig>,
     /// Whose checkpoint it was.
     pub layout: Layout,
-    /// Tensors of the file that Farsight has no place for, by the file's names, sorted. Step counters of batch norm are not counted.
+    /// Tensors of the file that Farsight has no place for, by the file's names, sorted. Step counters of batch norm are
+    /// not counted.
     pub left_over: Vec<String>,
-    /// Tensors of the network that the file does not have, by canonical names, sorted. Tensors that no forward pass uses are not counted.
+    /// Tensors of the network that the file does not have, by canonical names, sorted. Tensors that no forward pass
+    /// uses are not counted.
     pub missing: Vec<String>,
 }
 
-/// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or the ImageNet weights of DLA-34 or `MobileNetV2`.
+/// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or the ImageNet weights of DLA-34 or
+/// `MobileNetV2`.
 ///
-/// Beside the names, only mmdetection3d's class order changes: its heatmap's channels are put in the official order. Everything else
-/// that the two do differently is recorded as quirks in the config. Of files that are known, whose they are and under which licence goes into the header.
+/// Beside the names, only mmdetection3d's class order changes: its heatmap's channels are put in the official order.
+/// Everything else that the two do differently is recorded as quirks in the config. Of files that are known, whose they
+/// are and under which licence goes into the header.
 ///
 /// # Errors
 /// [`CheckpointError`] names the file, and the tensor where there is one.
 pub fn import(path: &Path, options: ImportOptions) -> Result<Imported, CheckpointError> {
     let read = || {
-        let bytes = farsight_files::read_file(path, LARGEST_FILE)?;
+        let bytes = farsight_files::read_file(path, MAX_FILE)?;
         let tensors = if is_tflite(&bytes) { read_convolutions(&bytes)? } else { tensors_from_pth(&bytes)? };
         let mut imported = translate(tensors, options)?;
         if let Some(attribution) = attribution(&bytes) {

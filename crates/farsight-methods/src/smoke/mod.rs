@@ -1,5 +1,5 @@
-//! SMOKE: keypoints of projected 3D centres with eight regression channels each (Liu, Wu, Tóth 2020), with multi-scale feature enhancement and the dynamic
-//! Gaussian heatmap as switches.
+//! SMOKE: keypoints of projected 3D centres with eight regression channels each (Liu, Wu, Tóth 2020), with multi-scale
+//! feature enhancement and the dynamic Gaussian heatmap as switches.
 
 pub mod codec;
 pub mod config;

@@ -70,8 +70,8 @@ fn network(config: &SmokeConfig) -> Graph {
     b.finish()
 }
 
-/// `graph` with a head that says how far away the surface in each cell is (logarithm, tap [`SURFACE`]): a second lesson for the features, in training only.
-/// None when the graph has lost its [`FEATURES`].
+/// `graph` with a head that says how far away the surface in each cell is (logarithm, tap [`SURFACE`]): a second lesson
+/// for the features, in training only. None when the graph has lost its [`FEATURES`].
 pub fn with_surface_head(graph: Graph, norm: NormKind) -> Option<Graph> {
     let features = graph.tap(FEATURES)?;
     let mut b = Builder::from_graph(graph, norm);

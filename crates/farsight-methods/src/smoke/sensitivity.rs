@@ -1,4 +1,5 @@
-//! What a change of a network does to its answers, in terms of what is read from them: scores and distances at the peaks.
+//! What a change of a network does to its answers, in terms of what is read from them: scores and distances at the
+//! peaks.
 
 use std::path::Path;
 
@@ -72,7 +73,8 @@ impl Sensitivity {
 }
 
 impl Answers {
-    /// Loads `model`, to be run by so many threads; `None` takes one for each core. `source` is only what errors call it.
+    /// Loads `model`, to be run by so many threads; `None` takes one for each core. `source` is only what errors call
+    /// it.
     ///
     /// # Errors
     /// When rten cannot load it, or its metadata are wrong about its regression head.

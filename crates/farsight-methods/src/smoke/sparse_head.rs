@@ -11,8 +11,8 @@ pub struct SparseHead {
     channels: usize,
     /// Cells a side of the first convolution's window.
     kernel: usize,
-    /// Weights of the first convolution, `[channels kernel kernel, hidden]`: one tap after the other, so that the inner loop runs over all
-    /// hidden channels.
+    /// Weights of the first convolution, `[channels kernel kernel, hidden]`: one tap after the other, so that the inner
+    /// loop runs over all hidden channels.
     taps: Vec<f32>,
     hidden_bias: Vec<f32>,
     output: HeadLayer,
@@ -36,7 +36,8 @@ impl SparseHead {
     /// The raw regression channels at `cell` (column, row).
     ///
     /// # Shapes
-    /// `features` is `[channels, height, width]`, `map_size` its width and height. Outside the map the features are zero.
+    /// `features` is `[channels, height, width]`, `map_size` its width and height. Outside the map the features are
+    /// zero.
     ///
     /// # Panics
     /// When `features` has fewer values than that, or `cell` lies outside.

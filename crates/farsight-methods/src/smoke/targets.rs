@@ -62,7 +62,8 @@ pub fn feature_camera(input_camera: &Camera) -> Camera {
 impl TargetRules {
     /// Targets for `labels` in a network input of `input_size` (width, height, pixels) seen by `input_camera`.
     ///
-    /// Objects of other classes and those whose projected centre lies outside the image are left out, as in official SMOKE (spec section 6).
+    /// Objects of other classes and those whose projected centre lies outside the image are left out, as in official
+    /// SMOKE (spec section 6).
     pub fn targets(&self, labels: &[Label], input_camera: &Camera, input_size: [usize; 2]) -> Targets {
         let camera = feature_camera(input_camera);
         let map_size @ [width, height] = input_size.map(|s| s / STRIDE);

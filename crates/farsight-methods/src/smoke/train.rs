@@ -28,18 +28,20 @@ pub type SmokeRun = RunConfig<SmokeConfig, SmokeTaskConfig>;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SmokeTaskConfig {
-    /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that relative errors are learnt rather
-    /// than the guesses of the horizon; 0: all count the same, as in SMOKE.
+    /// Objects farther than this, metres, count in the corner loss in inverse proportion to their distance, so that
+    /// relative errors are learnt rather than the guesses of the horizon; 0: all count the same, as in SMOKE.
     pub full_weight_m: f64,
     /// Factor on the orientation's part of the corner loss; 1 in SMOKE.
     pub orientation_weight: f64,
     /// Factor on the dimensions' part of the corner loss; 1 in SMOKE.
     pub dimensions_weight: f64,
-    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which judges apparent sizes; 0 for none, as in SMOKE.
+    /// Weight of one more part of the corner loss, the predicted box as the image shows it, which judges apparent
+    /// sizes; 0 for none, as in SMOKE.
     pub image_weight: f64,
     /// How many cells around an object's own teach the regression too, either way; 0: only its own, as in SMOKE.
     pub neighbour_cells: usize,
-    /// Weight of an auxiliary loss, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its head is not part of the model.
+    /// Weight of an auxiliary loss, the depth of whatever each cell shows, which rendered scenes know; 0 for none. Its
+    /// head is not part of the model.
     pub surface_weight: f64,
 }
 

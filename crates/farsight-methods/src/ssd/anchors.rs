@@ -1,6 +1,7 @@
 //! Anchors: boxes of fixed sizes around every cell, of which the network says how far the true ones are off.
 //!
-//! They are those of an image of 300 x 300 pixels, in pixels: in a larger one there are more of them, and none is larger.
+//! They are those of an image of 300 x 300 pixels, in pixels: in a larger one there are more of them, and none is
+//! larger.
 
 use farsight_core::Box2d;
 use farsight_graph::layers::mobilenet_v2::Convention;
@@ -45,8 +46,8 @@ pub fn shapes(level: usize) -> Vec<[f64; 2]> {
     RATIOS.into_iter().map(|ratio| shape(ratio, scale)).chain([shape(1.0, between)]).collect()
 }
 
-/// The box that `encoded` (y, x, height, width) stands for at `cell` (column, row) of a level with an anchor of `shape` (height, width). Pixels of the
-/// input, whose edges, not middles, are whole numbers.
+/// The box that `encoded` (y, x, height, width) stands for at `cell` (column, row) of a level with an anchor of `shape`
+/// (height, width). Pixels of the input, whose edges, not middles, are whole numbers.
 pub fn decoded(level: usize, cell: [usize; 2], shape: [f64; 2], encoded: [f64; 4]) -> Box2d {
     let stride = STRIDES[level] as f64;
     let [x, y] = cell.map(|place| (place as f64 + 0.5) * stride);

@@ -1,7 +1,7 @@
 //! What an SSD is made of.
 
 use farsight_core::input::{ChannelOrder, InputRules, Sampling};
-use farsight_core::references::LARGEST_FOCAL_PX;
+use farsight_core::references::MAX_FOCAL_PX;
 use farsight_core::{ClassReference, ObjectClass};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::NetworkConfig;
@@ -13,10 +13,10 @@ use super::network::{BOXES, CLASSES, network};
 pub const LABELS: [&str; 4] = ["Bicycle", "Person", "Vehicle", "Car"];
 
 /// No model looks at an image more often.
-const MOST_VIEWS: usize = 8;
+const MAX_VIEWS: usize = 8;
 
 /// Under a shorter focal length, pixels, a car fills no cell of the network.
-const LEAST_FOCAL_PX: f64 = 16.0;
+const MIN_FOCAL_PX: f64 = 16.0;
 
 /// Places of the labels.
 pub(super) const BICYCLE: usize = 0;
@@ -29,7 +29,8 @@ pub(super) const VEHICLES: [usize; 2] = [2, 3];
 pub struct SsdView {
     /// The focal length of the view, pixels: how large things are seen, whatever the camera.
     pub focal_px: f64,
-    /// Shows the rows from the first of these above the camera's axis to the second below it, as tangents of the angle; all rows without it.
+    /// Shows the rows from the first of these above the camera's axis to the second below it, as tangents of the angle;
+    /// all rows without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<[f64; 2]>,
 }
@@ -40,7 +41,8 @@ pub struct SsdView {
 pub struct SsdConfig {
     /// How the image is shown.
     pub views: Vec<SsdView>,
-    /// How far off a distance by similar triangles is, as a share of it: the spread of heights in a class, and of boxes.
+    /// How far off a distance by similar triangles is, as a share of it: the spread of heights in a class, and of
+    /// boxes.
     pub relative_error: f64,
     /// Fields of view, degrees across, for which what follows this network was made; others are told.
     pub hfov_range_deg: [f64; 2],
@@ -65,7 +67,8 @@ impl Default for SsdConfig {
     }
 }
 
-/// SMOKE's classes, and vans and trucks, which the network calls cars and a refiner tells apart; means of KITTI's labels.
+/// SMOKE's classes, and vans and trucks, which the network calls cars and a refiner tells apart; means of KITTI's
+/// labels.
 fn classes() -> Vec<ClassReference> {
     let reference = |class, dimensions_lhw| ClassReference { class, dimensions_lhw, heatmap_factor: 1.0, score: None };
     let more = [reference(ObjectClass::Van, [5.08, 2.21, 1.90]), reference(ObjectClass::Truck, [10.11, 3.25, 2.59])];
@@ -93,12 +96,12 @@ impl NetworkConfig for SsdConfig {
     ];
 
     fn problem(&self) -> Option<String> {
-        if !(1..=MOST_VIEWS).contains(&self.views.len()) {
-            return Some(format!("model.views has {} views; expected 1 to {MOST_VIEWS}", self.views.len()));
+        if !(1..=MAX_VIEWS).contains(&self.views.len()) {
+            return Some(format!("model.views has {} views; expected 1 to {MAX_VIEWS}", self.views.len()));
         }
         for SsdView { focal_px, rows } in &self.views {
-            if !(LEAST_FOCAL_PX..=LARGEST_FOCAL_PX).contains(focal_px) {
-                let expected = format!("expected {LEAST_FOCAL_PX} to {LARGEST_FOCAL_PX} pixels");
+            if !(MIN_FOCAL_PX..=MAX_FOCAL_PX).contains(focal_px) {
+                let expected = format!("expected {MIN_FOCAL_PX} to {MAX_FOCAL_PX} pixels");
                 return Some(format!("model.views has focal_px {focal_px}; {expected}"));
             }
             if let Some([above, below]) = rows

@@ -16,7 +16,7 @@ use crate::DetectError;
 const CUT_PX: f64 = 4.0;
 
 /// No sound network encodes a box by a larger number: on noise it is a hundred, and an exponential follows.
-const LARGEST_ENCODED: f64 = 1000.0;
+const MAX_ENCODED: f64 = 1000.0;
 
 /// A bicycle of which a person's box covers at least this share is ridden.
 const RIDDEN_SHARE: f64 = 0.25;
@@ -58,8 +58,8 @@ impl Boxes {
                     continue;
                 }
                 let encoded: [f64; 4] = std::array::from_fn(|part| plane(boxes, 4 * anchor + part, cell));
-                if let Some(value) = encoded.into_iter().find(|value| value.is_nan() || value.abs() > LARGEST_ENCODED) {
-                    let (model, output, limit) = (String::new(), BOXES[level], LARGEST_ENCODED);
+                if let Some(value) = encoded.into_iter().find(|value| value.is_nan() || value.abs() > MAX_ENCODED) {
+                    let (model, output, limit) = (String::new(), BOXES[level], MAX_ENCODED);
                     return Err(DetectError::Value { model, output, value, limit });
                 }
                 let place = [cell % columns, cell / columns];
@@ -97,7 +97,8 @@ impl Boxes {
     }
 }
 
-/// A box of the input as pixels of the image, clipped; none when it shows nothing, or is cut by the view and not by the image.
+/// A box of the input as pixels of the image, clipped; none when it shows nothing, or is cut by the view and not by the
+/// image.
 fn seen(found: &Box2d, back: &Affine2, window: &Window, image_size: [usize; 2]) -> Option<Box2d> {
     let [width, height] = image_size.map(|side| side as f64);
     let [x1, y1] = back.apply([found.x1 - 0.5, found.y1 - 0.5]);

@@ -20,7 +20,7 @@ use crate::detector::{DetectError, Detector, UnfamiliarCamera};
 use crate::input_spec::InputSpec;
 
 /// With a lower score nearly everything is nothing, whatever is asked for.
-const LEAST_SCORE: f64 = 0.1;
+const MIN_SCORE: f64 = 0.1;
 
 /// An SSD, ready to look at images.
 pub struct SsdDetector {
@@ -111,7 +111,7 @@ impl Detector for SsdDetector {
         images: &[(&RgbImage, &Camera)],
         options: &DecodeOptions,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let min_score = options.min_score(&self.config.classes).max(LEAST_SCORE);
+        let min_score = options.min_score(&self.config.classes).max(MIN_SCORE);
         let mut answers = Vec::with_capacity(images.len());
         let mut times = StageTimes::default();
         for (image, camera) in images {

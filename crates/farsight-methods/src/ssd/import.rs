@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use farsight_graph::model::ATTRIBUTION_KEY;
-use farsight_graph::weights::{LARGEST_FILE, WeightTensor, Weights};
+use farsight_graph::weights::{MAX_FILE, WeightTensor, Weights};
 use farsight_import::tflite::{is_tflite, read_convolutions};
 use farsight_import::{CheckpointError, CheckpointProblem, attribution};
 
@@ -25,7 +25,7 @@ const PLACES: [usize; LABELS.len()] = [1, 4, 18, 23];
 /// [`CheckpointError`] names the file, and the tensor where there is one.
 pub fn import(path: &Path) -> Result<SsdModel, CheckpointError> {
     let read = || {
-        let bytes = farsight_files::read_file(path, LARGEST_FILE)?;
+        let bytes = farsight_files::read_file(path, MAX_FILE)?;
         if !is_tflite(&bytes) {
             return Err(CheckpointProblem::Tflite("not a TFLite file; expected an SSD on MobileNetV2"));
         }
@@ -67,7 +67,8 @@ fn head_name(name: &str) -> Option<String> {
     Some(format!("heads.{level}.{head}.{tensor}"))
 }
 
-/// `FeatureExtractor/MobilenetV2/layer_19_2_Conv2d_3_3x3_s2_256.weight` is `steps.1.1.0.weight`: the convolution; its bias is that of the norm.
+/// `FeatureExtractor/MobilenetV2/layer_19_2_Conv2d_3_3x3_s2_256.weight` is `steps.1.1.0.weight`: the convolution; its
+/// bias is that of the norm.
 fn step_name(name: &str) -> Option<String> {
     let rest = name.strip_prefix("FeatureExtractor/MobilenetV2/layer_19_")?;
     let (layer, tensor) = rest.rsplit_once('.')?;

@@ -1,4 +1,5 @@
-//! The network: `MobileNetV2`, four steps down behind it, and at each of six maps two 1x1 convolutions: boxes and classes of its anchors.
+//! The network: `MobileNetV2`, four steps down behind it, and at each of six maps two 1x1 convolutions: boxes and
+//! classes of its anchors.
 
 use farsight_graph::graph::{Graph, NodeId};
 use farsight_graph::layers::mobilenet_v2::{Convention, PREFIX, conv_norm_relu6, mobilenet_v2_maps};

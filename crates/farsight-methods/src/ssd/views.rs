@@ -4,15 +4,16 @@ use farsight_core::{Affine2, Camera};
 
 use super::config::SsdView;
 
-/// Inputs are whole multiples of this, pixels, and no side is smaller than the second number: the last maps need a cell.
+/// Inputs are whole multiples of this, pixels, and no side is smaller than the second number: the last maps need a
+/// cell.
 const SIZE_STEP: usize = 32;
-const LEAST_SIDE: usize = 320;
+const MIN_SIDE: usize = 320;
 
 /// No input is larger, pixels; wide cameras are seen smaller.
-const MOST_PIXELS: f64 = 1.0e6;
+const MAX_PIXELS: f64 = 1.0e6;
 
 /// No image is enlarged more.
-const MOST_ENLARGED: f64 = 2.0;
+const MAX_ENLARGED: f64 = 2.0;
 
 /// What a view is of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,10 +40,10 @@ pub fn window(view: &SsdView, image_size: [usize; 2], camera: &Camera) -> Option
         return None;
     }
     // A side of the least size may stand for less of the image.
-    let longest = MOST_PIXELS / LEAST_SIDE as f64 / width.max(shown);
-    let largest = (MOST_PIXELS / (width * shown)).sqrt().min(longest);
-    let scale = (view.focal_px / focal_px).min(MOST_ENLARGED).min(largest);
-    let side = |pixels: f64| ((pixels * scale / SIZE_STEP as f64).ceil() as usize * SIZE_STEP).max(LEAST_SIDE);
+    let longest = MAX_PIXELS / MIN_SIDE as f64 / width.max(shown);
+    let largest = (MAX_PIXELS / (width * shown)).sqrt().min(longest);
+    let scale = (view.focal_px / focal_px).min(MAX_ENLARGED).min(largest);
+    let side = |pixels: f64| ((pixels * scale / SIZE_STEP as f64).ceil() as usize * SIZE_STEP).max(MIN_SIDE);
     let size = [side(width), side(shown)];
     // Pixel edges: the image's first edge is the input's; what lies behind the last is black.
     let edge = |first: f64| 0.5 * scale - 0.5 - first * scale;
@@ -74,7 +75,7 @@ mod tests {
             let camera = Camera::from_hfov(hfov, size[0], size[1]).unwrap();
             let found = window(&view, size, &camera).unwrap();
             let pixels = found.size[0] * found.size[1];
-            assert!(found.size.iter().all(|side| *side >= LEAST_SIDE && side % 32 == 0), "{found:?}");
+            assert!(found.size.iter().all(|side| *side >= MIN_SIDE && side % 32 == 0), "{found:?}");
             assert!(pixels <= 1_300_000, "{found:?}");
         }
     }

@@ -1,4 +1,5 @@
-//! Backbones with weights of other programs, against what PyTorch computes with them (`scripts/make_backbone_fixtures.py`).
+//! Backbones with weights of other programs, against what PyTorch computes with them
+//! (`scripts/make_backbone_fixtures.py`).
 
 use std::path::{Path, PathBuf};
 

@@ -11,7 +11,7 @@ const PIXEL_TOLERANCE: f64 = 1e-9;
 const METRE_TOLERANCE: f64 = 1e-6;
 const ANGLE_TOLERANCE: f64 = 1e-9;
 /// Objects of the three classes whose centre lies in a 1242 x 375 image.
-const LEAST_VISIBLE: usize = 30_000;
+const MIN_VISIBLE: usize = 30_000;
 
 fn labelled(label: &Label) -> bool {
     label.class != ObjectClass::DontCare
@@ -42,7 +42,7 @@ fn projection_commutes_with_crop_scale_pad_and_mirror() {
             }
         }
     }
-    assert!(points > 8 * LEAST_VISIBLE, "{points}");
+    assert!(points > 8 * MIN_VISIBLE, "{points}");
 }
 
 fn assert_same_pixel(camera: &Camera, point: [f64; 3], expected: [f64; 2], id: &str) {
@@ -76,7 +76,7 @@ fn decode_inverts_encode_on_every_visible_object() {
             visible += 1;
         }
     }
-    assert!(visible > LEAST_VISIBLE, "{visible}");
+    assert!(visible > MIN_VISIBLE, "{visible}");
     println!("{visible} objects");
 }
 

@@ -1,5 +1,5 @@
-//! Heatmaps, corner loss and decoding against an independent implementation, computed in f64 (goldens `heatmaps`, `disentangled`,
-//! `topk_decode`).
+//! Heatmaps, corner loss and decoding against an independent implementation, computed in f64 (goldens `heatmaps`,
+//! `disentangled`, `topk_decode`).
 // Clippy's exceptions for tests reach functions marked `#[test]`, not the helpers beside them.
 
 use farsight_core::DepthReference;

@@ -1,4 +1,5 @@
-//! Networks written as ONNX and run by rten, against each other and against reference tensors computed in double precision.
+//! Networks written as ONNX and run by rten, against each other and against reference tensors computed in double
+//! precision.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -28,10 +29,12 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::support::{batch_head_maps, head_maps};
 
-/// Rounding of single precision over 60 layers, as a share of the largest value of a map: networks with drawn weights answer with any size.
+/// Rounding of single precision over 60 layers, as a share of the largest value of a map: networks with drawn weights
+/// answer with any size.
 const RELATIVE: f32 = 1e-5;
 
-/// The same for `MobileNetV2`, whose blocks end without an activation: their drawn sums are much larger than the answers.
+/// The same for `MobileNetV2`, whose blocks end without an activation: their drawn sums are much larger than the
+/// answers.
 const RELATIVE_MOBILE: f32 = 5e-5;
 
 /// Tolerance of the reference's own README for the raw heads.

@@ -92,7 +92,8 @@ fn with_setting(file: &[u8], name: &str, value: u64) -> Vec<u8> {
     let number = |field: u8, value: u64| [&[field << 3][..], &varint(value)].concat();
     let setting = [field(1, name.as_bytes()), number(8, value)].concat();
     let node = [field(1, b"image"), field(2, b"more"), field(4, b"Conv"), field(5, &setting)].concat();
-    // A message that stands twice is one message of both (protobuf), but the last graph is what is read: it needs all of the first.
+    // A message that stands twice is one message of both (protobuf), but the last graph is what is read: it needs all
+    // of the first.
     let mut rest = file;
     let (mut graph, mut others) = (Vec::new(), Vec::new());
     while !rest.is_empty() {

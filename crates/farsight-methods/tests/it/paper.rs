@@ -1,5 +1,5 @@
-//! What an experiment with the paper's changes rests on: depths that zooms do not contradict, floors for every rule, the annotated box, factors of
-//! classes, and a control of MSFE's cost.
+//! What an experiment with the paper's changes rests on: depths that zooms do not contradict, floors for every rule,
+//! the annotated box, factors of classes, and a control of MSFE's cost.
 
 use farsight_core::heatmap::HeatmapRule;
 use farsight_core::{Box2d, Box3d, Camera, ClassReference, DepthReference, Dimensions, Label, ObjectClass};
@@ -23,7 +23,8 @@ fn car(location: [f64; 3], box2d: Box2d) -> Label {
     Label { class: ObjectClass::Car, truncation: 0.0, occlusion: 0, alpha: box3d.alpha(), box2d, box3d }
 }
 
-/// The height of a car in pixels of the input times the depth that the network is to answer for it, under a drawn transform of the image.
+/// The height of a car in pixels of the input times the depth that the network is to answer for it, under a drawn
+/// transform of the image.
 fn height_times_target(codec: &Codec, z: f64, seed: u64) -> f64 {
     let size = [1242, 375];
     let camera = Camera::from_intrinsics(721.5377, 721.5377, 609.5593, 172.854).unwrap();

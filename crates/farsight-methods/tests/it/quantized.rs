@@ -202,7 +202,8 @@ fn every_kind_of_network_stays_near_itself() {
         // A depthwise layer adds up nine numbers only: what rounding did to them is not averaged out.
         (Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow, _) => 0.25,
         (Backbone::Dla34, NormKind::Batch) => 0.1,
-        // Group norm of a narrow network divides by the deviation of a few values, and enlarges what rounding did to them.
+        // Group norm of a narrow network divides by the deviation of a few values, and enlarges what rounding did to
+        // them.
         (Backbone::Dla34, NormKind::Group) => 0.8,
     };
     for (backbone, norm, neck, msfe) in [

@@ -49,7 +49,8 @@ fn detections(car: [f64; 4], depth_m: f64, camera: &Camera, share: f64) -> Vec<D
     [[dx, 0.0], [-dx, 0.0], [0.0, dy], [0.0, -dy]].map(at).to_vec()
 }
 
-/// By how much, in all, answers on one object differ from each other: in depth, relative, and in where its centre is seen, tangents.
+/// By how much, in all, answers on one object differ from each other: in depth, relative, and in where its centre is
+/// seen, tangents.
 fn spread(refinements: &[Option<Refinement>]) -> [f64; 2] {
     let boxes: Vec<Box3d> = refinements.iter().map(|one| one.as_ref().unwrap().box3d).collect();
     let range = |value: &dyn Fn(&Box3d) -> f64| {

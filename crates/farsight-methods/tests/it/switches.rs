@@ -57,7 +57,8 @@ fn another_backbone_goes_with_every_neck_and_msfe() {
     }
     let body = mobile(SmokeConfig::default()).graph();
     let body = body.parameters.iter().filter(|p| p.name.starts_with("backbone.body.") && p.role == Role::Learnt);
-    // torchvision's 3,504,872 without the classifier (1,281,000) and the last convolution (320 x 1,280) with its norm (2 x 1,280).
+    // torchvision's 3,504,872 without the classifier (1,281,000) and the last convolution (320 x 1,280) with its norm
+    // (2 x 1,280).
     assert_eq!(body.map(farsight_graph::graph::Parameter::len).sum::<usize>(), 3_504_872 - 1_281_000 - 409_600 - 2_560);
 }
 
@@ -89,7 +90,8 @@ fn multiply_accumulates_are_those_of_the_specification() {
             assert!((f - e).abs() < 0.006, "{found:?} instead of {expected:?}");
         }
     };
-    // The specification's 30.10 for the base, and 56.96 in all, count 0.126 for the two projections that are never computed.
+    // The specification's 30.10 for the base, and 56.96 in all, count 0.126 for the two projections that are never
+    // computed.
     expect(gmacs(&SmokeConfig::default()), [29.97, 13.27, 4.44, 9.15, 0.0, 56.83]);
     for (msfe, added) in [(Msfe::A, 1.864), (Msfe::B, 2.926), (Msfe::C, 1.124)] {
         let config = SmokeConfig { msfe, ..SmokeConfig::default() };

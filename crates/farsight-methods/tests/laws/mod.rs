@@ -1,5 +1,5 @@
-//! What must hold for any bytes in a model file: nothing panics, and what is accepted can be used. The fuzz target and the replay of its saved
-//! inputs share this.
+//! What must hold for any bytes in a model file: nothing panics, and what is accepted can be used. The fuzz target and
+//! the replay of its saved inputs share this.
 #![allow(unreachable_pub)] // Each user is a crate of its own.
 
 use std::path::Path;

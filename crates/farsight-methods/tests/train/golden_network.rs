@@ -25,9 +25,9 @@ const LOSS: f64 = 1e-4;
 
 /// Gradients in single precision, as a share of the largest value of each tensor.
 ///
-/// Loose, because formulas are tested in double precision. Rounding can move a sample of a deformable convolution across
-/// a grid line, where its gradient jumps: with the AVX-512 kernels of oneDNN one sample is 4e-2 of its tensor. What is
-/// left to tell here is a part that single precision alone gets wrong.
+/// Loose, because formulas are tested in double precision. Rounding can move a sample of a deformable convolution
+/// across a grid line, where its gradient jumps: with the AVX-512 kernels of oneDNN one sample is 4e-2 of its tensor.
+/// What is left to tell here is a part that single precision alone gets wrong.
 const GRADIENT: f64 = 1e-1;
 
 /// The whole gradient's difference, as a share of its length. One sample is little in it: 5e-3, and 4e-5 without.

@@ -156,7 +156,8 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
 
         let (added, share) = (&stronger - &gradient, &gradient - &without);
         assert!(added.allclose(&(&share * 2.0), 1e-5, 1e-7, false));
-        // Not always all of its own: where the length's error decides the signs of all differences, the width has no derivative.
+        // Not always all of its own: where the length's error decides the signs of all differences, the width has no
+        // derivative.
         let moves = |channel: &i64| share.select(1, *channel).abs().max().double_value(&[]) > 0.0;
         let moved: Vec<_> = (0..8).filter(moves).collect();
         assert!(moved.len() > 1 && moved.iter().all(|channel| own.contains(channel)), "{own:?}: {moved:?}");

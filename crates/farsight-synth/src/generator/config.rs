@@ -6,7 +6,7 @@ use crate::region::RegionWeights;
 use crate::sensor::Device;
 
 /// Most pixels of a rendered image: each takes some two hundred bytes while it is drawn.
-pub const LARGEST_IMAGE_PX: usize = 16_000_000;
+pub const MAX_IMAGE_PX: usize = 16_000_000;
 
 /// How scenes are drawn.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -194,9 +194,8 @@ impl CameraRanges {
             if !fits(width) || !fits(height) {
                 return Some(format!("image_sizes has [{width}, {height}]; expected sides from 16 to 16384 pixels"));
             }
-            (width * height > LARGEST_IMAGE_PX).then(|| {
-                format!("image_sizes has [{width}, {height}]; expected at most {LARGEST_IMAGE_PX} pixels in all")
-            })
+            (width * height > MAX_IMAGE_PX)
+                .then(|| format!("image_sizes has [{width}, {height}]; expected at most {MAX_IMAGE_PX} pixels in all"))
         };
         if self.image_sizes.is_empty() {
             return Some(at("image_sizes is empty; expected at least one width and height".to_owned()));

@@ -26,7 +26,7 @@ pub(crate) mod textures;
 pub(crate) mod traffic;
 pub(crate) mod view;
 
-pub use config::{CameraRanges, LARGEST_IMAGE_PX, PlaceWeights, SceneConfig, WeatherWeights};
+pub use config::{CameraRanges, MAX_IMAGE_PX, PlaceWeights, SceneConfig, WeatherWeights};
 
 use crate::palette::{any_color, grey, matte, times, varied};
 use crate::rng::{SCENE_STREAM, SceneRng};

@@ -17,11 +17,11 @@ use crate::sizes::SizeStatistics;
 const ROOM_M: f64 = 0.18;
 
 /// Nothing longer is parked along a kerb, or in a bay, metres; for kinds of vehicles of regions.
-const MOST_PARKED_M: f64 = 13.0;
+const MAX_PARKED_M: f64 = 13.0;
 const BAY_M: f64 = 6.3;
 
 /// A scene whose objects have this many triangles gets no more.
-const MOST_TRIANGLES: usize = 85_000;
+const MAX_TRIANGLES: usize = 85_000;
 
 /// Places objects; the densities are factors on the number of vehicles, and of people on foot and on bicycles.
 pub(crate) struct Traffic<'a> {
@@ -157,7 +157,7 @@ impl Traffic<'_> {
         let [start, end] = street.path.range();
         let mut s = start;
         while s < end {
-            let who = self.parked(MOST_PARKED_M);
+            let who = self.parked(MAX_PARKED_M);
             let size = who.size;
             let s_middle = s + size.length / 2.0;
             if self.rng.chance(taken) && !street.is_open(s_middle) {
@@ -294,7 +294,7 @@ impl Traffic<'_> {
         let y = self.builder.ground.y(point) - lift;
         let box3d =
             Box3d { dimensions: size, location: [point[0], y, point[1]], yaw: farsight_core::wrapped_angle(yaw) };
-        let far = box3d.ground_distance_m() > self.farthest_m || self.builder.labelled_triangles() > MOST_TRIANGLES;
+        let far = box3d.ground_distance_m() > self.farthest_m || self.builder.labelled_triangles() > MAX_TRIANGLES;
         let room = if class == ObjectClass::Pedestrian { 0.02 } else { ROOM_M };
         if far || !self.builder.view.sees(point, size.length / 2.0 + 1.0) || !self.builder.is_free(&box3d, room) {
             return;

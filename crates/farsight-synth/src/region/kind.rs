@@ -14,7 +14,7 @@ const END_SCORE: f64 = 2.054;
 const SHARED: f64 = 0.6;
 
 /// A likelihood below this is no smaller: what fits no row still gets one.
-const LEAST_LIKELIHOOD: f64 = 1e-9;
+const MIN_LIKELIHOOD: f64 = 1e-9;
 
 /// Where a kind of vehicle is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
@@ -94,6 +94,6 @@ impl VehicleKind {
         };
         let scores =
             [score(size.length, self.length_m), score(size.width, self.width_m), score(size.height, self.height_m)];
-        libm::exp(-0.5 * scores.iter().map(|s| s * s).sum::<f64>()).max(LEAST_LIKELIHOOD)
+        libm::exp(-0.5 * scores.iter().map(|s| s * s).sum::<f64>()).max(MIN_LIKELIHOOD)
     }
 }

@@ -155,7 +155,7 @@ const TILE: usize = 16;
 const SUM_UP_EVERY: usize = 4000;
 
 /// A triangle that may touch more tiles than this is drawn without a look at them.
-const MOST_TILES: usize = 12;
+const MAX_TILES: usize = 12;
 
 /// How far one can see in each tile of pixels.
 struct Tiles {
@@ -186,7 +186,7 @@ impl Tiles {
     #[inline]
     fn hide(&self, columns: [usize; 2], rows: [usize; 2], nearness: f32) -> bool {
         let ([x0, x1], [y0, y1]) = (columns.map(|c| c / TILE), rows.map(|r| r / TILE));
-        if (x1 - x0 + 1) * (y1 - y0 + 1) > MOST_TILES {
+        if (x1 - x0 + 1) * (y1 - y0 + 1) > MAX_TILES {
             return false;
         }
         (y0..=y1).all(|y| self.farthest[y * self.columns..][x0..=x1].iter().all(|&farthest| nearness <= farthest))

@@ -7,7 +7,7 @@ use crate::scene::Color;
 use crate::vector::{add, mix, scale};
 
 /// Streaks in a picture of 466,000 pixels when it rains as hard as it can.
-const MOST_STREAKS: f32 = 900.0;
+const MAX_STREAKS: f32 = 900.0;
 
 /// Draws streaks; `strength` 0 draws none.
 pub(super) fn fall(light: &mut [Color], size: [usize; 2], strength: f32, seed: u64) {
@@ -20,7 +20,7 @@ pub(super) fn fall(light: &mut [Color], size: [usize; 2], strength: f32, seed: u
     // Drops show the light of their surroundings: brighter than the mean of the picture.
     let bright = scale(mean(light), 1.6);
     let slant = between(-0.25, 0.25);
-    let count = MOST_STREAKS * strength * width * height / 466_000.0;
+    let count = MAX_STREAKS * strength * width * height / 466_000.0;
     for _ in 0..count as usize {
         let near = between(0.0, 1.0);
         let streak = Streak {

@@ -1,8 +1,9 @@
 //! Scenes that move: traffic that follows, brakes, overtakes, turns and crosses, seen by a camera that drives along.
 //!
-//! [`SequenceStream`] draws sequences by number. A [`Sequence`] is the street with all that stands on it, built once, and
-//! what moves in each frame; [`Sequence::frame`] puts the camera where it is then, and renders. Labels, velocities and the
-//! camera's motion come from the simulation, so they are exact. The bytes depend on configuration, seed and number alone.
+//! [`SequenceStream`] draws sequences by number. A [`Sequence`] is the street with all that stands on it, built once,
+//! and what moves in each frame; [`Sequence::frame`] puts the camera where it is then, and renders. Labels, velocities
+//! and the camera's motion come from the simulation, so they are exact. The bytes depend on configuration, seed and
+//! number alone.
 //!
 //! | module | what it is for |
 //! |---|---|
@@ -80,7 +81,8 @@ pub struct SequenceFrame {
     pub time_s: f64,
     /// The picture.
     pub image: RgbImage,
-    /// The camera as it is mounted: the same in all frames. Labels are in its coordinates, which pitch and roll with it.
+    /// The camera as it is mounted: the same in all frames. Labels are in its coordinates, which pitch and roll with
+    /// it.
     pub camera: Camera,
     /// Who the picture shows and a label file would hold, by their identities.
     pub tracks: Vec<TrackTruth>,
@@ -144,7 +146,7 @@ impl SequenceStream {
         let view = if is_mirrored { view.mirrored() } else { view };
         let duration_s = self.frames as f64 / self.fps;
         let usual_mps = traffic::usual_speed_mps(place, &mut rng);
-        let view = view.travelling(usual_mps * traffic::MOST_SPEED_SHARE * duration_s);
+        let view = view.travelling(usual_mps * traffic::MAX_SPEED_SHARE * duration_s);
         let plan = Plan::sample(place, &view, region, false, &mut rng);
         let mut builder = SceneBuilder::new(view, ground, light, unusual, region);
         let reach = builder.view.travel_m as usize;

@@ -21,7 +21,7 @@ use crate::rng::SceneRng;
 use crate::sizes::SizeStatistics;
 
 /// The camera's car goes at most so many times as fast as is usual.
-pub(super) const MOST_SPEED_SHARE: f64 = 1.1;
+pub(super) const MAX_SPEED_SHARE: f64 = 1.1;
 
 /// Steps of the simulation are at most so long, seconds.
 const STEP_S: f64 = 0.02;
@@ -31,8 +31,8 @@ const EGO_SIZE: Dimensions = Dimensions { height: 1.5, width: 1.8, length: 4.4 }
 const EGO_BACK_M: f64 = 0.6;
 
 /// No more than these move.
-const MOST_VEHICLES: usize = 36;
-const MOST_PEOPLE: usize = 14;
+const MAX_VEHICLES: usize = 36;
+const MAX_PEOPLE: usize = 14;
 
 /// A car that turns goes at most so fast, m/s, from so far before its bend on, metres; and the radius of the bend.
 const TURN_MPS: f64 = 5.0;
@@ -68,7 +68,7 @@ impl Simulation {
         let plan = standing.plan;
         let main = plan.main.path.clone();
         let who = Participant { class: ObjectClass::Car, size: EGO_SIZE, kind: None };
-        let desired = usual_mps * rng.range(0.9, MOST_SPEED_SHARE);
+        let desired = usual_mps * rng.range(0.9, MAX_SPEED_SHARE);
         let mut ego = driver(who, &main, 1.0, 0.0, rng);
         (ego.desired, ego.speed, ego.sway, ego.s) = (desired, 0.95 * desired, [0.0; 3], 0.0);
         let mut simulation = Self { main, movers: vec![ego], time_s: 0.0 };
@@ -92,7 +92,7 @@ impl Simulation {
             let lane_mps = if is_own { self.movers[0].speed } else { usual_mps * rng.range(0.8, 1.2) };
             let mut s = start + 2.0 + rng.range(0.0, gap_m);
             let mut is_next = true;
-            while s < end - 6.0 && self.movers.len() < MOST_VEHICLES {
+            while s < end - 6.0 && self.movers.len() < MAX_VEHICLES {
                 let who = standing.vehicle();
                 let length = who.size.length;
                 // Around the camera's car its lane is free.
@@ -168,7 +168,7 @@ impl Simulation {
             kind: None,
         };
         let [_, end] = street.path.range();
-        let count = |mean: f64, rng: &mut SceneRng| ((mean * density * rng.range(0.5, 3.0)) as usize).min(MOST_PEOPLE);
+        let count = |mean: f64, rng: &mut SceneRng| ((mean * density * rng.range(0.5, 3.0)) as usize).min(MAX_PEOPLE);
         for _ in 0..count(plan.people, rng) {
             let side = rng.whole(0, 1);
             let sign = if side == 0 { -1.0 } else { 1.0 };

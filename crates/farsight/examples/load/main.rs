@@ -1,7 +1,7 @@
 //! The load test of the service: `cargo run --release --example load` (docs/service.md has its figures).
 //!
-//! The service runs in a process of its own, around a stand-in for the pipeline that takes 1 ms. What is measured is the service: its
-//! queue, its refusals, its memory.
+//! The service runs in a process of its own, around a stand-in for the pipeline that takes 1 ms. What is measured is
+//! the service: its queue, its refusals, its memory.
 
 #![allow(clippy::print_stdout, reason = "it tells its figures")]
 

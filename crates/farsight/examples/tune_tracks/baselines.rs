@@ -111,8 +111,8 @@ pub(crate) enum Kind {
     /// AB3DMOT (Weng et al., IROS 2020): constant velocity in space, overlap of boxes in space, two frames of patience,
     /// three detections before a track is told (but in the first frames).
     Ab3dMot,
-    /// `ByteTrack` (Zhang et al., ECCV 2022): constant velocity in the image, overlap there, low scores second, a second of
-    /// patience.
+    /// `ByteTrack` (Zhang et al., ECCV 2022): constant velocity in the image, overlap there, low scores second, a
+    /// second of patience.
     ByteTrack,
 }
 

@@ -31,7 +31,7 @@ use stream::{Throughput, cores, throughput};
 const WARM_UP: usize = 3;
 
 /// More images at once are a mistake.
-const LARGEST_BATCH: usize = 256;
+const MAX_BATCH: usize = 256;
 
 /// Arguments of `farsight bench`.
 #[derive(Debug, Args)]
@@ -57,7 +57,8 @@ pub(crate) struct BenchArgs {
     /// Images of the stream, neighbouring ones side by side as in a folder, whose throughput is told; 0 is none
     #[arg(long, value_name = "N", default_value_t = 12)]
     images: usize,
-    /// Compare these in turns and print a table: ENGINE[:PRECISION[:EFFORT]], several separated by commas, such as rten,openvino:int8,openvino:int8:fast
+    /// Compare these in turns and print a table: ENGINE[:PRECISION[:EFFORT]], several separated by commas, such as
+    /// rten,openvino:int8,openvino:int8:fast
     #[arg(long, value_name = "VARIANTS", value_delimiter = ',')]
     compare: Vec<Variant>,
     /// Write the figures as JSON
@@ -104,7 +105,7 @@ struct Pass {
 /// Runs the command.
 pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     ensure!(args.runs > 0, "--runs is 0; expected at least one");
-    ensure!((1..=LARGEST_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {LARGEST_BATCH}", args.batch);
+    ensure!((1..=MAX_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {MAX_BATCH}", args.batch);
     if let Some(json) = &args.json {
         outputs::check_json(json, args.image.clone().into_iter().chain(args.pipeline.files()))?;
     }

@@ -33,7 +33,7 @@ pub(super) use modelled::write_results_of;
 pub(super) use part::merged;
 
 /// Frames drawn anew more often than this make no interval better, and each draw takes memory.
-const MOST_RESAMPLES: usize = 100_000;
+const MAX_RESAMPLES: usize = 100_000;
 
 /// Arguments of `farsight eval`.
 #[derive(Debug, Args)]
@@ -45,8 +45,8 @@ pub(crate) struct EvalArgs {
     /// Folder of label files (KITTI's `training/label_2`)
     #[arg(long, value_name = "DIR", required_unless_present = "data", conflicts_with = "data")]
     labels: Option<PathBuf>,
-    /// Folder of result files, one a frame, 16 columns (a 17th is taken for the error bar of the distance, metres); with --data, where the model's
-    /// results are kept
+    /// Folder of result files, one a frame, 16 columns (a 17th is taken for the error bar of the distance, metres);
+    /// with --data, where the model's results are kept
     #[arg(long, value_name = "DIR", required_unless_present = "data")]
     results: Option<PathBuf>,
     /// Data in KITTI's layout to run a model on first
@@ -54,7 +54,8 @@ pub(crate) struct EvalArgs {
     data: Option<PathBuf>,
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// FILE with the frames to evaluate, one id a line, or with --data a name in its `ImageSets` [default: all that have a result file; with --data, all that have an image]
+    /// FILE with the frames to evaluate, one id a line, or with --data a name in its `ImageSets`
+    /// [default: all that have a result file; with --data, all that have an image]
     #[arg(long, value_name = "FILE")]
     split: Option<PathBuf>,
     /// Write all figures as JSON
@@ -78,10 +79,12 @@ pub(crate) struct EvalArgs {
     /// Let --explain ask for the loose overlaps from above and in space: 0.5 for cars, 0.25 for others
     #[arg(long, requires = "explain")]
     loose: bool,
-    /// Tell also what the same detections would give with the distances of geometric baselines: from the height of the 2D box, and from its bottom edge
+    /// Tell also what the same detections would give with the distances of geometric baselines: from the height of the
+    /// 2D box, and from its bottom edge
     #[arg(long, alias = "classic", conflicts_with = "explain")]
     geometric_baselines: bool,
-    /// Tell also what AP would be if this part of each detection that matches an object in the image were true; with several, each alone and all together
+    /// Tell also what AP would be if this part of each detection that matches an object in the image were true; with
+    /// several, each alone and all together
     #[arg(long, value_enum, value_name = "PART", value_delimiter = ',', conflicts_with = "explain")]
     oracle: Vec<oracle::PartName>,
     /// Folder of calibration files, for --geometric-baselines [default: `calib` beside the labels]
@@ -93,14 +96,16 @@ pub(crate) struct EvalArgs {
     /// What is taken for the scores, in everything that goes by them
     #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]
     scores: ScoresName,
-    /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores in the files); with --data, out of the
-    /// results altogether, which are then those of `farsight range` [default with --data: 0.05 for the results]
+    /// Leave detections with a lower score out of the ranging errors and of --explain (AP looks at all scores in the
+    /// files); with --data, out of the results altogether, which are then those of `farsight range`
+    /// [default with --data: 0.05 for the results]
     #[arg(long, value_name = "SCORE", value_parser = score_from_text, allow_negative_numbers = true)]
     min_score: Option<f64>,
     /// Smallest 2D overlap at which a detection counts as having found an object, in the ranging errors
     #[arg(long, value_name = "IOU", default_value_t = MATCH_IOU, value_parser = overlap_from_text, allow_negative_numbers = true)]
     ranging_overlap: f64,
-    /// Take everything odd about the files for an error: each is told with file and line, nothing is evaluated, exit status 1
+    /// Take everything odd about the files for an error: each is told with file and line, nothing is evaluated, exit
+    /// status 1
     #[arg(long)]
     strict: bool,
     /// Count cars, vans, trucks and trams as one class, reported as cars
@@ -136,7 +141,8 @@ enum MetricName {
 enum ScoresName {
     /// What the result files say
     AsGiven,
-    /// That, times the probability by the error bar (17th column) that the distance is right to an overlap of 0.7: raises AP in space
+    /// That, times the probability by the error bar (17th column) that the distance is right to an overlap of 0.7:
+    /// raises AP in space
     Place,
 }
 
@@ -295,8 +301,8 @@ fn height_from_text(text: &str) -> Result<f64, String> {
 }
 
 fn resamples_from_text(text: &str) -> Result<usize, String> {
-    let resamples = text.parse().ok().filter(|resamples| *resamples <= MOST_RESAMPLES);
-    resamples.ok_or_else(|| format!("expected a number from 0 to {MOST_RESAMPLES}"))
+    let resamples = text.parse().ok().filter(|resamples| *resamples <= MAX_RESAMPLES);
+    resamples.ok_or_else(|| format!("expected a number from 0 to {MAX_RESAMPLES}"))
 }
 
 /// Tells what is odd: a warning a kind, or with `--strict` an error a place, which is an outcome of its own.

@@ -20,7 +20,8 @@ use crate::printer::Printer;
 /// Arguments of `farsight eval-tracks`.
 #[derive(Debug, Args)]
 pub(crate) struct EvalTracksArgs {
-    /// Labels in the format of KITTI's tracking benchmark: a file, or a folder with one file a sequence (`label_02`); velocities are taken from the folder `velocity_02` beside it, as `farsight synth --sequence` writes it
+    /// Labels in the format of KITTI's tracking benchmark: a file, or a folder with one file a sequence (`label_02`);
+    /// velocities are taken from the folder `velocity_02` beside it, as `farsight synth --sequence` writes it
     #[arg(long, value_name = "DIR|FILE")]
     labels: PathBuf,
     /// What `farsight track --json` wrote: a file, or a folder with one file a sequence (0000.jsonl for 0000.txt)
@@ -122,7 +123,7 @@ fn told(path: &Path) -> Result<Vec<Option<ToldFrame>>> {
     for (line, number) in text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()) {
         let record: FrameRecord =
             serde_json::from_str(line).with_context(|| format!("{}:{number}: no frame of tracks", path.display()))?;
-        let place = usize::try_from(record.frame).ok().filter(|place| *place < MOST_FRAMES);
+        let place = usize::try_from(record.frame).ok().filter(|place| *place < MAX_FRAMES);
         let place = place.with_context(|| format!("{}:{number}: frame {}", path.display(), record.frame))?;
         if frames.len() <= place {
             frames.resize(place + 1, None);
@@ -134,7 +135,7 @@ fn told(path: &Path) -> Result<Vec<Option<ToldFrame>>> {
 }
 
 /// No film is longer.
-const MOST_FRAMES: usize = 10_000_000;
+const MAX_FRAMES: usize = 10_000_000;
 
 fn told_track(track: &TrackRecord) -> ToldTrack {
     let [x1, y1, x2, y2] = track.box2d;

@@ -45,7 +45,8 @@ pub(crate) struct RunArgs {
     /// Data in KITTI's layout; with --kitti, where the twins are or will be
     #[arg(long, value_name = "DIR", required_unless_present = "list")]
     data: Option<PathBuf>,
-    /// All label and calibration files of KITTI's training set and its `ImageSets`, to render the twins of when --data is not there
+    /// All label and calibration files of KITTI's training set and its `ImageSets`, to render the twins of when --data
+    /// is not there
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
     /// Folder of the cells [default: runs/NAME]
@@ -54,7 +55,8 @@ pub(crate) struct RunArgs {
     /// File of the results, JSON [default: docs/results/NAME.json]
     #[arg(long, value_name = "FILE")]
     results: Option<PathBuf>,
-    /// Folder with a record of each cell that is done; a cell that has one is not run again [default: beside the results]
+    /// Folder with a record of each cell that is done; a cell that has one is not run again
+    /// [default: beside the results]
     #[arg(long, value_name = "DIR")]
     records: Option<PathBuf>,
     /// Stop at a checkpoint after this many minutes
@@ -72,11 +74,11 @@ pub(crate) struct RunArgs {
 }
 
 /// A year at most, so that the clock can count them.
-const MOST_MINUTES: f64 = 525_600.0;
+const MAX_MINUTES: f64 = 525_600.0;
 
 fn minutes_from_text(text: &str) -> Result<f64, String> {
-    let minutes = text.parse().ok().filter(|minutes: &f64| *minutes > 0.0 && *minutes <= MOST_MINUTES);
-    minutes.ok_or_else(|| format!("expected a positive number of minutes, at most {MOST_MINUTES}"))
+    let minutes = text.parse().ok().filter(|minutes: &f64| *minutes > 0.0 && *minutes <= MAX_MINUTES);
+    minutes.ok_or_else(|| format!("expected a positive number of minutes, at most {MAX_MINUTES}"))
 }
 
 /// Runs the command.

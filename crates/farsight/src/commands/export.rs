@@ -34,7 +34,9 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote, "farsight-w" or "farsight-s" for those that come with the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner", "shipped-plates"), of which --half --fit-on makes one that fits the model that comes with the program
+    /// Model that `farsight train` or `farsight import` wrote, "farsight-w" or "farsight-s" for those that come with
+    /// the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner", "shipped-plates"), of
+    /// which --half --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write
@@ -46,20 +48,25 @@ pub(crate) struct ExportArgs {
     /// In which form deformable convolutions are written
     #[arg(long, value_enum, default_value_t = TargetName::Portable)]
     target: TargetName,
-    /// Width and height of the network's input, pixels, multiples of 32: larger sees farther and takes longer [default: the model's]
+    /// Width and height of the network's input, pixels, multiples of 32: larger sees farther and takes longer
+    /// [default: the model's]
     #[arg(long, value_name = "WxH", value_parser = super::input_size)]
     input: Option<[usize; 2]>,
-    /// Focal lengths, pixels of the network's input, into which images of other cameras are scaled: where the model proved good [default: the model's]
+    /// Focal lengths, pixels of the network's input, into which images of other cameras are scaled: where the model
+    /// proved good [default: the model's]
     #[arg(long, value_name = "LEAST,MOST", value_parser = focal_range)]
     focal_range: Option<[f64; 2]>,
-    /// Labelled frames in KITTI's layout, not those of the training, to fit the answers on: distances to be right in the median and to have error bars, scores to
-    /// be probabilities (of a hundred detections with a score of 0.7 seventy are right) [default: the model's]
+    /// Labelled frames in KITTI's layout, not those of the training, to fit the answers on: distances to be right in
+    /// the median and to have error bars, scores to be probabilities (of a hundred detections with a score of 0.7
+    /// seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// With --fit-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w", "farsight-s" or a file
+    /// With --fit-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w",
+    /// "farsight-s" or a file
     #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "half")]
     detector: PathBuf,
-    /// With --fit-on of a refiner: another training of the same network, whose weights and this one's are averaged (a model soup)
+    /// With --fit-on of a refiner: another training of the same network, whose weights and this one's are averaged (a
+    /// model soup)
     #[arg(long, value_name = "FILE", requires = "fit_on")]
     average_with: Option<PathBuf>,
     /// What the model was trained on, for the file's metadata
@@ -99,7 +106,8 @@ impl ExportArgs {
         }
     }
 
-    /// The labelled frames to fit a second stage on, as `name` says; none where it becomes an ONNX file. An error when what is asked for is of detectors.
+    /// The labelled frames to fit a second stage on, as `name` says; none where it becomes an ONNX file. An error when
+    /// what is asked for is of detectors.
     fn second_stage_data(&self, name: &str) -> Result<Option<&Path>> {
         let path = self.model.display();
         ensure!(
@@ -192,8 +200,8 @@ fn keep(
     Ok(Outcome::Done)
 }
 
-/// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless its depths are virtual.
-/// What was fitted at the old size is rough at the new one.
+/// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless
+/// its depths are virtual. What was fitted at the old size is rough at the new one.
 fn resize_input(model: &mut SmokeModel, size: [usize; 2], args: &ExportArgs, printer: &mut Printer) -> Result<()> {
     let [width, height] = model.config.input;
     if size == [width, height] {
@@ -223,7 +231,8 @@ fn focal_range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is the evaluation of the file.
+/// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is
+/// the evaluation of the file.
 fn half(mut model: SmokeModel, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     model.weights.metadata.extend(told(args)?.into_iter().map(|(key, fact)| (key.to_owned(), fact)));
     model.write_half(&args.out)?;
@@ -279,9 +288,9 @@ fn file_runner(file: &OnnxModel, path: &Path) -> Result<Box<dyn Runner>> {
         .with_context(|| format!("{}: not written, because it cannot be checked", path.display()))
 }
 
-/// What the model itself answers: libtorch's answer where it is built in; else that of the network before any transform, on
-/// an engine that the file itself was not run on where there is one, with deformable convolutions in the other form where
-/// that can be.
+/// What the model itself answers: libtorch's answer where it is built in; else that of the network before any
+/// transform, on an engine that the file itself was not run on where there is one, with deformable convolutions in the
+/// other form where that can be.
 fn reference(model: &SmokeModel, file: &OnnxModel, input: &Tensor) -> Result<(Vec<Tensor>, String)> {
     if let Some(mut runner) = reference_network(model)? {
         return Ok((outputs_of(&mut *runner, input)?, runner.engine().to_owned()));

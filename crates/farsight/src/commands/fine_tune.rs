@@ -1,5 +1,5 @@
-//! `farsight fine-tune`: someone's own labels, in one command. It trains a detector on and fits its scores and error bars
-//! on frames that it did not learn from. Training needs the cargo feature `train`.
+//! `farsight fine-tune`: someone's own labels, in one command. It trains a detector on and fits its scores and error
+//! bars on frames that it did not learn from. Training needs the cargo feature `train`.
 
 use std::path::PathBuf;
 
@@ -16,10 +16,12 @@ pub(crate) struct FineTuneArgs {
     /// The model to write
     #[arg(long, value_name = "FILE.safetensors")]
     out: PathBuf,
-    /// Frames to use: a name under `ImageSets` or a file with a frame a line [default: those of `ImageSets/train.txt` if that is there, otherwise all]
+    /// Frames to use: a name under `ImageSets` or a file with a frame a line
+    /// [default: those of `ImageSets/train.txt` if that is there, otherwise all]
     #[arg(long, value_name = "SPLIT")]
     split: Option<PathBuf>,
-    /// Labelled images to fit scores and error bars on, not those of --data [default: every fifth frame, which is not learnt from]
+    /// Labelled images to fit scores and error bars on, not those of --data
+    /// [default: every fifth frame, which is not learnt from]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
     /// The detector to go on from: a SMOKE of `farsight train`, or "farsight-s"
@@ -73,7 +75,7 @@ mod training {
     const HELD_OUT_STEP: usize = 5;
 
     /// Fewer frames teach nothing.
-    const LEAST_FRAMES: usize = 10;
+    const MIN_FRAMES: usize = 10;
 
     /// Runs the command.
     pub(crate) fn run(args: &FineTuneArgs, printer: &mut Printer) -> Result<Outcome> {
@@ -114,7 +116,7 @@ mod training {
         let split = args.split.clone().or_else(|| own.is_file().then(|| PathBuf::from("train")));
         let ids = open_labelled(&args.data, split.as_deref())?.ids();
         let data = args.data.display();
-        ensure!(ids.len() >= LEAST_FRAMES, "{data}: {} labelled frames; expected at least {LEAST_FRAMES}", ids.len());
+        ensure!(ids.len() >= MIN_FRAMES, "{data}: {} labelled frames; expected at least {MIN_FRAMES}", ids.len());
         let holds_out = args.fit_on.is_none();
         let (held_out, learnt): (Vec<_>, Vec<_>) =
             ids.into_iter().enumerate().partition(|(place, _)| holds_out && (place + 1) % HELD_OUT_STEP == 0);

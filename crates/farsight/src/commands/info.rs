@@ -35,7 +35,9 @@ use crate::{outputs, untrained};
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model, a refiner or a plate reader (.safetensors, .onnx), "farsight-w", "farsight-s", "farsight-w-refiner", "farsight-s-refiner" or "shipped-plates" for those that come with the program, or the config of a training (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), "farsight-w", "farsight-s", "farsight-w-refiner",
+    /// "farsight-s-refiner" or "shipped-plates" for those that come with the program, or the config of a training
+    /// (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
     /// Draw the network: its stages as boxes with parameters and multiply-accumulates

@@ -16,7 +16,8 @@ pub(crate) struct MergeArgs {
     /// Folders of parts, as --parts named them
     #[arg(required = true, value_name = "DIR")]
     parts: Vec<PathBuf>,
-    /// Folder for the result, which must be new or empty: what the command without --shard would have written, by the same names
+    /// Folder for the result, which must be new or empty: what the command without --shard would have written, by the
+    /// same names
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

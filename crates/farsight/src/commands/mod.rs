@@ -30,7 +30,7 @@ mod validate;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use farsight_methods::input_spec::SIZE_STEP;
-use farsight_methods::smoke::config::LARGEST_SIDE;
+use farsight_methods::smoke::config::MAX_SIDE;
 
 use crate::printer::{LogLevel, Printer};
 
@@ -160,10 +160,10 @@ fn input_size(text: &str) -> Result<[usize; 2], String> {
     let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
     match sides {
         Some([Ok(width), Ok(height)])
-            if [width, height].iter().all(|side| (1..=LARGEST_SIDE).contains(side) && side % SIZE_STEP == 0) =>
+            if [width, height].iter().all(|side| (1..=MAX_SIDE).contains(side) && side % SIZE_STEP == 0) =>
         {
             Ok([width, height])
         }
-        _ => Err(format!("expected width and height in multiples of {SIZE_STEP}, at most {LARGEST_SIDE}: 1280x384")),
+        _ => Err(format!("expected width and height in multiples of {SIZE_STEP}, at most {MAX_SIDE}: 1280x384")),
     }
 }

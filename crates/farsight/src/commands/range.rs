@@ -39,14 +39,15 @@ pub(crate) struct RangeArgs {
     /// In which format pictures are written
     #[arg(long, value_enum, default_value_t = PictureFormat::Png, requires = "out")]
     picture_format: PictureFormat,
-    /// Write everything to FILE: an array with one object for each image that was done, or one line for each if FILE ends in .jsonl; "-" prints the array
-    /// instead of the table
+    /// Write everything to FILE: an array with one object for each image that was done, or one line for each if FILE
+    /// ends in .jsonl; "-" prints the array instead of the table
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// What to print [default: table]
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Go on with an interrupted run: images whose answers are in --json FILE, --out and --kitti, as far as these are named, are left as they are
+    /// Go on with an interrupted run: images whose answers are in --json FILE, --out and --kitti, as far as these are
+    /// named, are left as they are
     #[arg(long, conflicts_with_all = ["shard", "mcap", "rerun"])]
     resume: bool,
     /// Write KITTI result files to DIR/IMAGE.txt, empty where nothing is found
@@ -63,7 +64,8 @@ pub(crate) struct RangeArgs {
     /// What once asked for the exit status that failed images have anyway
     #[arg(long, hide = true)]
     strict: bool,
-    /// What the lens does to the image, in OpenCV's order: brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4 (fisheye). Camera options then tell the pinhole
+    /// What the lens does to the image, in OpenCV's order: brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4 (fisheye). Camera
+    /// options then tell the pinhole
     #[arg(
         long,
         value_name = "LENS",
@@ -78,7 +80,8 @@ pub(crate) struct RangeArgs {
 }
 
 impl RangeArgs {
-    /// The shipped model on a folder of images in KITTI's layout: pictures into the folder `out`, everything into the file `json`.
+    /// The shipped model on a folder of images in KITTI's layout: pictures into the folder `out`, everything into the
+    /// file `json`.
     pub(super) fn demo(images: PathBuf, out: PathBuf, json: PathBuf) -> Self {
         Self {
             inputs: vec![images],

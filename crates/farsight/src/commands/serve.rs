@@ -51,7 +51,8 @@ pub(crate) struct ServeArgs {
     /// A camera that requests may name: its horizontal field of view in degrees, or its calibration file
     #[arg(long = "camera", value_name = "NAME=HFOV|FILE", value_parser = camera)]
     cameras: Vec<(String, CameraSource)>,
-    /// A film, an address (rtsp, http) or a camera device that may be watched by its NAME, read by ffmpeg; the camera of the same name took it
+    /// A film, an address (rtsp, http) or a camera device that may be watched by its NAME, read by ffmpeg; the camera
+    /// of the same name took it
     #[arg(long = "video", value_name = "NAME=INPUT", value_parser = video)]
     videos: Vec<(String, PathBuf)>,
     /// The ffmpeg program, for videos
@@ -79,11 +80,11 @@ fn count(text: &str) -> Result<usize, String> {
 }
 
 /// Longer than this nobody waits, milliseconds.
-const LONGEST_DEADLINE_MS: u64 = 600_000;
+const MAX_DEADLINE_MS: u64 = 600_000;
 
 fn deadline(text: &str) -> Result<u64, String> {
-    let deadline_ms = text.parse().ok().filter(|deadline_ms| (1..=LONGEST_DEADLINE_MS).contains(deadline_ms));
-    deadline_ms.ok_or_else(|| format!("expected a number from 1 to {LONGEST_DEADLINE_MS}"))
+    let deadline_ms = text.parse().ok().filter(|deadline_ms| (1..=MAX_DEADLINE_MS).contains(deadline_ms));
+    deadline_ms.ok_or_else(|| format!("expected a number from 1 to {MAX_DEADLINE_MS}"))
 }
 
 fn camera(text: &str) -> Result<(String, CameraSource), String> {

@@ -16,7 +16,7 @@ use farsight_data::Frame;
 use farsight_data::annotations::FILE_FORMATS;
 use farsight_data::kitti::{Calibration, image_size, read_labels, read_split, write_labels};
 use farsight_files::{read_text, remove_stale_scratch, write_atomically, write_quickly};
-use farsight_synth::{LARGEST_IMAGE_PX, RegionWeights, SceneConfig, SceneStream};
+use farsight_synth::{MAX_IMAGE_PX, RegionWeights, SceneConfig, SceneStream};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ImageResult, RgbImage};
@@ -57,7 +57,8 @@ pub(crate) struct SynthArgs {
     /// The cameras of the label files
     #[arg(long, value_name = "DIR", requires = "layout")]
     calib_dir: Option<PathBuf>,
-    /// Render this many sequences with moving traffic and a moving camera, in the layout of KITTI's tracking benchmark; --frames is then the length of each [default: 60]
+    /// Render this many sequences with moving traffic and a moving camera, in the layout of KITTI's tracking benchmark;
+    /// --frames is then the length of each [default: 60]
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1", value_parser = frames_from_text, conflicts_with = "layout", allow_negative_numbers = true)]
     sequence: Option<usize>,
     /// Frames a second of a sequence [default: 10]
@@ -247,8 +248,8 @@ impl Source {
                 let labels = read_labels(&labels.join(&file))?;
                 let size @ [width, height] = image_size(&camera);
                 ensure!(
-                    width.saturating_mul(height) <= LARGEST_IMAGE_PX,
-                    "{}: the camera of an image of {width} x {height} pixels; expected at most {LARGEST_IMAGE_PX} in all",
+                    width.saturating_mul(height) <= MAX_IMAGE_PX,
+                    "{}: the camera of an image of {width} x {height} pixels; expected at most {MAX_IMAGE_PX} in all",
                     calibrations.join(&file).display()
                 );
                 // By name, so that a frame's world does not depend on which others are rendered.
@@ -316,7 +317,8 @@ fn folders() -> impl Iterator<Item = String> {
 /// What the frames follow from, in the folder of the data set.
 const PLAN_FILE: &str = "synth.json";
 
-/// Whether there are some of the [`folders`], and no split. KITTI itself comes without `ImageSets`, so only an empty one tells of an interruption.
+/// Whether there are some of the [`folders`], and no split. KITTI itself comes without `ImageSets`, so only an empty
+/// one tells of an interruption.
 fn is_interrupted(root: &Path) -> bool {
     let has_split = |mut files: fs::ReadDir| files.any(|file| file.is_ok_and(|file| !is_hidden(&file.file_name())));
     fs::read_dir(root.join("ImageSets")).is_ok_and(|files| !has_split(files))

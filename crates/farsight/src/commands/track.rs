@@ -27,7 +27,8 @@ use sinks::Sinks;
 /// Arguments of `farsight track`.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct TrackArgs {
-    /// A video file, an address (rtsp, http) or a camera device, read by ffmpeg; or the frames as images: a folder, files, a pattern such as 'frames/*.png'
+    /// A video file, an address (rtsp, http) or a camera device, read by ffmpeg; or the frames as images: a folder,
+    /// files, a pattern such as 'frames/*.png'
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Frames a second of a folder or list of images
@@ -58,7 +59,9 @@ pub(crate) struct TrackArgs {
     /// ffmpeg's encoder of the film, such as `h264_nvenc` [default: ffmpeg's choice for the kind of file]
     #[arg(long, value_name = "NAME", requires = "out")]
     encoder: Option<String>,
-    /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame), poses of KITTI's odometry (12 numbers a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s, to the left)
+    /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame),
+    /// poses of KITTI's odometry (12 numbers a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s,
+    /// to the left)
     #[arg(long, value_name = "FILE|DIR")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between
@@ -67,7 +70,8 @@ pub(crate) struct TrackArgs {
     /// The ffmpeg program
     #[arg(long, value_name = "FILE", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
-    /// A detection of this score begins a track; lower ones may continue one [default: 0.25, or 0.5 for a model whose scores are probabilities]
+    /// A detection of this score begins a track; lower ones may continue one
+    /// [default: 0.25, or 0.5 for a model whose scores are probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
     // Last, because their help headings would go on to what follows.
@@ -81,12 +85,12 @@ pub(crate) struct TrackArgs {
 const USUAL_MIN_SCORE: f64 = 0.5;
 
 /// Frames a second that a camera can have.
-const LEAST_FPS: f64 = 0.1;
-const MOST_FPS: f64 = 1000.0;
+const MIN_FPS: f64 = 0.1;
+const MAX_FPS: f64 = 1000.0;
 
 fn fps(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value| (LEAST_FPS..=MOST_FPS).contains(value));
-    value.ok_or_else(|| format!("expected a number from {LEAST_FPS} to {MOST_FPS}"))
+    let value = text.parse().ok().filter(|value| (MIN_FPS..=MAX_FPS).contains(value));
+    value.ok_or_else(|| format!("expected a number from {MIN_FPS} to {MAX_FPS}"))
 }
 
 /// Below this time to collision drivers are warned, seconds.

@@ -1,7 +1,7 @@
 //! Experiments: several arms, several seeds, endpoints that are fixed beforehand, and verdicts.
 //!
-//! The plan is a TOML file ([`Experiment`]); a cell is one arm with one seed; what came out is a JSON file ([`Results`]) that documents quote. Running
-//! cells needs libtorch, everything else does not.
+//! The plan is a TOML file ([`Experiment`]); a cell is one arm with one seed; what came out is a JSON file
+//! ([`Results`]) that documents quote. Running cells needs libtorch, everything else does not.
 
 #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "running cells reads the rest"))]
 mod metrics;

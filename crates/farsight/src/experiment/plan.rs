@@ -11,10 +11,10 @@ use toml::{Table, Value};
 use super::Metric;
 
 /// No plan has more cells: a few days of a machine each.
-const MOST_CELLS: usize = 10_000;
+const MAX_CELLS: usize = 10_000;
 
 /// More resamples than anybody waits for.
-const MOST_RESAMPLES: usize = 1_000_000;
+const MAX_RESAMPLES: usize = 1_000_000;
 
 /// An experiment as its file has it.
 #[derive(Debug, Clone, Deserialize)]
@@ -44,7 +44,8 @@ pub(crate) struct Data {
     /// Seed of the worlds around rendered twins.
     #[serde(default)]
     pub(crate) twin_seed: u64,
-    /// Take the last so many frames of `train` away from learning, and judge on these instead of another split; `evaluate` then is `train`, too.
+    /// Take the last so many frames of `train` away from learning, and judge on these instead of another split;
+    /// `evaluate` then is `train`, too.
     #[serde(default)]
     pub(crate) held_out: usize,
     /// Judge on so many frames, evenly over those of the split, instead of all.
@@ -145,7 +146,7 @@ impl Experiment {
             .iter()
             .fold(0_usize, |sum, block| sum.saturating_add(block.arms.len().saturating_mul(block.seeds.len())));
         ensure!(count > 0, "blocks is empty; expected at least one");
-        ensure!(count <= MOST_CELLS, "blocks has {count} cells; expected at most {MOST_CELLS}");
+        ensure!(count <= MAX_CELLS, "blocks has {count} cells; expected at most {MAX_CELLS}");
         let mut met = BTreeSet::new();
         for cell in self.cells() {
             ensure!(met.insert((cell.arm.clone(), cell.seed)), "blocks has the cell {} twice", cell.name());
@@ -158,8 +159,8 @@ impl Experiment {
         ensure!(self.endpoints.least_seeds > 0, "endpoints.least_seeds is 0; expected at least 1");
         let resamples = self.endpoints.resamples;
         ensure!(
-            (1..=MOST_RESAMPLES).contains(&resamples),
-            "endpoints.resamples is {resamples}; expected 1 to {MOST_RESAMPLES}"
+            (1..=MAX_RESAMPLES).contains(&resamples),
+            "endpoints.resamples is {resamples}; expected 1 to {MAX_RESAMPLES}"
         );
         let Data { train, evaluate, held_out, .. } = &self.data;
         for (field, split) in [("train", train), ("evaluate", evaluate)] {
@@ -180,7 +181,8 @@ impl Experiment {
         Ok(())
     }
 
-    /// Every cell in the order in which they are run: block by block, by seed, then arm, so that after any seed all arms of a block have as many.
+    /// Every cell in the order in which they are run: block by block, by seed, then arm, so that after any seed all
+    /// arms of a block have as many.
     pub(crate) fn cells(&self) -> Vec<Cell> {
         let of_block = |block: &Block| {
             let cell = |seed: u64| block.arms.iter().map(move |arm| Cell { arm: arm.clone(), seed });
@@ -233,7 +235,8 @@ pub(crate) fn set(config: &mut Table, table: &str, field: &str, value: Value) {
     }
 }
 
-/// Lays `patch` over `config`: tables are joined, all else is replaced. A table with a `rule` or `kind` of its own is one value, as its fields go with it.
+/// Lays `patch` over `config`: tables are joined, all else is replaced. A table with a `rule` or `kind` of its own is
+/// one value, as its fields go with it.
 fn lay_over(config: &mut Table, patch: &Table) {
     for (name, value) in patch {
         match (config.get_mut(name), value) {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::{Found, Library, LibraryError, python};
 
-/// Fetches the wheel of `library` with the user's pip, so that mirrors and proxies keep working, loads its shared library once to see that it
-/// works, and keeps it. An older one is replaced.
+/// Fetches the wheel of `library` with the user's pip, so that mirrors and proxies keep working, loads its shared
+/// library once to see that it works, and keeps it. An older one is replaced.
 ///
 /// # Errors
 /// When there is no Python with pip, it cannot fetch the wheel, or the library in it does not load.

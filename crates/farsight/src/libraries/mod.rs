@@ -78,7 +78,8 @@ impl Library {
         Some(data_folder()?.join("engines").join(self.name()))
     }
 
-    /// The library: at `given` if that is given, else where the environment, the user's data folder or the user's Python has it.
+    /// The library: at `given` if that is given, else where the environment, the user's data folder or the user's
+    /// Python has it.
     ///
     /// # Errors
     /// When it is not there.
@@ -148,7 +149,8 @@ impl Library {
         found.into_iter().next()
     }
 
-    /// `libonnxruntime.so`, `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib`, `onnxruntime.dll`, but no other library beside it.
+    /// `libonnxruntime.so`, `libonnxruntime.so.1.31.1`, `libonnxruntime.1.31.1.dylib`, `onnxruntime.dll`, but no other
+    /// library beside it.
     fn is_file_name(self, path: &Path) -> bool {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let rest = name.strip_prefix(DLL_PREFIX).and_then(|name| name.strip_prefix(self.stem()));

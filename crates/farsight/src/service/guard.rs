@@ -21,7 +21,7 @@ use super::{MAX_BODY_BYTES, PAUSE};
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// Longer identities are somebody's attempt to fill a log.
-const LONGEST_ID: usize = 128;
+const MAX_ID: usize = 128;
 
 /// The page may load and ask this service, and nothing else.
 const CONTENT_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
@@ -65,8 +65,7 @@ pub(super) async fn observed(State(shared): Service, request: Request, next: Nex
 fn request_id(headers: &HeaderMap) -> String {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let given = headers.get(REQUEST_ID).and_then(|id| id.to_str().ok());
-    let given =
-        given.filter(|id| (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(|byte| byte.is_ascii_graphic()));
+    let given = given.filter(|id| (1..=MAX_ID).contains(&id.len()) && id.bytes().all(|byte| byte.is_ascii_graphic()));
     given.map_or_else(
         || {
             // Unlike those of other processes of this machine, and of this one before it was started anew.
@@ -78,8 +77,8 @@ fn request_id(headers: &HeaderMap) -> String {
     )
 }
 
-/// Refuses what was sent to another name. A page of a stranger can point its own name at this machine (DNS rebinding) and would be taken
-/// for the service's own; with a token it knows too little.
+/// Refuses what was sent to another name. A page of a stranger can point its own name at this machine (DNS rebinding)
+/// and would be taken for the service's own; with a token it knows too little.
 fn check_host(shared: &Shared, request: &Request) -> Result<(), Refusal> {
     if shared.config.token.is_some() {
         return Ok(());

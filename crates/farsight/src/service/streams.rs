@@ -1,4 +1,5 @@
-//! What those who watch a video get: server-sent events of its tracks, or its frames as JPEG (`multipart/x-mixed-replace`).
+//! What those who watch a video get: server-sent events of its tracks, or its frames as JPEG
+//! (`multipart/x-mixed-replace`).
 //!
 //! Both show the latest frame: who reads slowly misses some, and nothing piles up. Who reads nothing at all is cut off.
 

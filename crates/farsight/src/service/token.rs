@@ -6,7 +6,7 @@ use std::hint::black_box;
 use thiserror::Error;
 
 /// Shorter ones are guessed.
-const LEAST_LENGTH: usize = 16;
+const MIN_LENGTH: usize = 16;
 
 /// A word that requests must bring.
 #[derive(Clone)]
@@ -14,7 +14,7 @@ pub struct Token(Box<[u8]>);
 
 /// A token that is none.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("the token is no such word; expected at least {LEAST_LENGTH} letters, digits and signs of ASCII, no spaces")]
+#[error("the token is no such word; expected at least {MIN_LENGTH} letters, digits and signs of ASCII, no spaces")]
 pub struct TokenError;
 
 impl Token {
@@ -24,7 +24,7 @@ impl Token {
     /// When it is too short or could not stand in a header.
     pub fn new(text: &str) -> Result<Self, TokenError> {
         let text = text.trim();
-        if text.len() < LEAST_LENGTH || !text.bytes().all(|byte| byte.is_ascii_graphic()) {
+        if text.len() < MIN_LENGTH || !text.bytes().all(|byte| byte.is_ascii_graphic()) {
             return Err(TokenError);
         }
         Ok(Self(text.as_bytes().into()))

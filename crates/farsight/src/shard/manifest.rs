@@ -81,7 +81,8 @@ pub(crate) struct Hashed {
 }
 
 impl Hashed {
-    /// The hash of `files`, those in folders included; none where one cannot be read. Whoever needs the file says so better.
+    /// The hash of `files`, those in folders included; none where one cannot be read. Whoever needs the file says so
+    /// better.
     pub(crate) fn of(name: String, files: &[PathBuf]) -> Self {
         let mut hash = Sha256::new();
         let read = files.iter().try_for_each(|path| add_all(path, &mut hash));

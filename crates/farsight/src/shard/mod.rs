@@ -1,8 +1,9 @@
 //! A job divided among processes and machines: `--shard I/N --parts DIR`, and `farsight merge`.
 //!
-//! The items of a job (images, frames, films) have an order. Part I of N does a block of neighbours, so parts joined in their order are the whole.
-//! A part is a folder `DIR/003-of-016` that holds the outputs by the names that the command line gives them, and a [`manifest`] that says what it was
-//! made from. It appears whole or not at all: what a killed worker leaves is hidden, and made anew. A part that is there is left as it is.
+//! The items of a job (images, frames, films) have an order. Part I of N does a block of neighbours, so parts joined in
+//! their order are the whole. A part is a folder `DIR/003-of-016` that holds the outputs by the names that the command
+//! line gives them, and a [`manifest`] that says what it was made from. It appears whole or not at all: what a killed
+//! worker leaves is hidden, and made anew. A part that is there is left as it is.
 //!
 //! Nobody hands out work. Any process may do any part at any time, and the same part twice gives the same bytes.
 
@@ -20,13 +21,14 @@ use clap::Args;
 pub(crate) use part::Part;
 
 /// More parts than this are a slip of the finger.
-const MOST_PARTS: usize = 99_999;
+const MAX_PARTS: usize = 99_999;
 
 /// The options that divide a job.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Many machines")]
 pub(crate) struct ShardArgs {
-    /// Do part I of N only. Outputs go to a folder of the part, so their paths must be relative; `farsight merge` puts the parts together
+    /// Do part I of N only. Outputs go to a folder of the part, so their paths must be relative; `farsight merge` puts
+    /// the parts together
     #[arg(long, value_name = "I/N", requires = "parts")]
     pub(crate) shard: Option<Shard>,
     /// Folder for the parts; those that are there are skipped
@@ -74,10 +76,10 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers = text.split_once('/').map(|(number, count)| (number.parse(), count.parse()));
         match numbers {
-            Some((Ok(number), Ok(count))) if (1..=count).contains(&number) && count <= MOST_PARTS => {
+            Some((Ok(number), Ok(count))) if (1..=count).contains(&number) && count <= MAX_PARTS => {
                 Ok(Self { number, count })
             }
-            _ => Err(format!("expected I/N with I from 1 to N, such as 3/16, and N at most {MOST_PARTS}")),
+            _ => Err(format!("expected I/N with I from 1 to N, such as 3/16, and N at most {MAX_PARTS}")),
         }
     }
 }

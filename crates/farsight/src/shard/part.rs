@@ -76,7 +76,8 @@ impl Part {
         self.shard.block(self.run.items)
     }
 
-    /// Makes the part appear. `failed` are the items that could not be done; `join` says how an output joins with those of the same path.
+    /// Makes the part appear. `failed` are the items that could not be done; `join` says how an output joins with those
+    /// of the same path.
     pub(crate) fn finish(self, failed: Vec<String>, join: impl Fn(&Path) -> Join) -> Result<()> {
         let folder = self.folder();
         let mut paths = Vec::new();

@@ -20,7 +20,7 @@ const SPEED_SIGMA: [f64; 2] = [0.1, 0.01];
 const YAW_RATE_SIGMA: [f64; 2] = [0.003, 0.02];
 
 /// No reading is used for frames that are farther away in time, seconds.
-const LARGEST_GAP_S: f64 = 0.5;
+const MAX_GAP_S: f64 = 0.5;
 
 /// A file that does not tell how the camera moves.
 #[derive(Debug, Error)]
@@ -168,7 +168,7 @@ fn from_poses(rows: &[[f64; 3]], frame: usize, frame_s: f64) -> Option<[f64; 2]>
 
 /// Speed and yaw rate between two rows, or of the one that is near.
 fn interpolated(around: [Option<[f64; 3]>; 2], time_s: f64) -> Option<[f64; 2]> {
-    let is_near = |row: &[f64; 3]| (row[0] - time_s).abs() <= LARGEST_GAP_S;
+    let is_near = |row: &[f64; 3]| (row[0] - time_s).abs() <= MAX_GAP_S;
     match around {
         [Some(before), Some(after)] if is_near(&before) && is_near(&after) => {
             let share = (time_s - before[0]) / (after[0] - before[0]);

@@ -7,7 +7,7 @@ use image::imageops::thumbnail;
 const SIDES: [u32; 2] = [32, 18];
 
 /// A cut changes brightness by so much in the mean, of 255, and by so many times what was usual before it.
-const LEAST_CHANGE: f64 = 25.0;
+const MIN_CHANGE: f64 = 25.0;
 const UNUSUAL: f64 = 4.0;
 
 /// Weight of the latest change in what is usual.
@@ -28,7 +28,7 @@ impl SceneCut {
         let pairs = before.as_raw().iter().zip(small.as_raw());
         let change = pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / small.as_raw().len() as f64;
         let usual = self.usual.get_or_insert(change);
-        let is_cut = change > LEAST_CHANGE && change > UNUSUAL * *usual;
+        let is_cut = change > MIN_CHANGE && change > UNUSUAL * *usual;
         if !is_cut {
             *usual += LATEST_WEIGHT * (change - *usual);
         }

@@ -8,7 +8,7 @@ use super::error::VideoError;
 use super::ffmpeg::{Decoded, Decoder};
 
 /// A stream is opened again so often in a row without a frame, with so long a pause before.
-const MOST_TRIES: u32 = 20;
+const MAX_TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(500);
 
 /// Frames of a film, or of a stream that is opened again when it stalls or breaks off.
@@ -70,7 +70,7 @@ impl Stream {
             }
             Some(Err(error)) => {
                 // What never gave a frame is no stream.
-                let comes_back = self.patience.is_some() && self.last.is_some() && self.tries < MOST_TRIES;
+                let comes_back = self.patience.is_some() && self.last.is_some() && self.tries < MAX_TRIES;
                 self.is_over = !(comes_back && self.open_again().is_ok());
                 Some(Err(error))
             }

@@ -7,13 +7,15 @@ const QUICK_BITS: usize = 9;
 pub(super) struct Table {
     /// For each beginning of a code: symbol and length; length 0 for codes that are longer.
     quick: [(u8, u8); 1 << QUICK_BITS],
-    /// For each length: the first code behind those of this length, and the position of its symbols less its first code.
+    /// For each length: the first code behind those of this length, and the position of its symbols less its first
+    /// code.
     after: [(i32, i32); 17],
     symbols: Vec<u8>,
 }
 
 impl Table {
-    /// A table from the count of codes of each length and their symbols; `None` when there are more codes than bits for them.
+    /// A table from the count of codes of each length and their symbols; `None` when there are more codes than bits for
+    /// them.
     pub(super) fn new(counts: &[u8; 16], symbols: &[u8]) -> Option<Self> {
         let mut table = Self { quick: [(0, 0); 1 << QUICK_BITS], after: [(0, 0); 17], symbols: symbols.to_vec() };
         let (mut code, mut position) = (0_usize, 0_usize);

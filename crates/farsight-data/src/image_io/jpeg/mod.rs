@@ -1,7 +1,8 @@
 //! Whether a JPEG file has all of its picture, and no more.
 //!
-//! Decoders fill what is missing with grey and say nothing, and an end mark behind a cut hides it. So the entropy-coded data are walked
-//! through once, without making pixels of them: baseline and progressive, with and without restarts (ITU-T T.81, annexes F and G).
+//! Decoders fill what is missing with grey and say nothing, and an end mark behind a cut hides it. So the entropy-coded
+//! data are walked through once, without making pixels of them: baseline and progressive, with and without restarts
+//! (ITU-T T.81, annexes F and G).
 
 mod bits;
 mod scan;
@@ -23,10 +24,10 @@ pub(super) enum Flaw {
 }
 
 /// Data behind the last pixels of all scans that no encoder's padding explains, bytes.
-const MOST_PADDING: usize = 256;
+const MAX_PADDING: usize = 256;
 
 /// A picture with more scans is an attack; decoders refuse it.
-const MOST_SCANS: usize = 100;
+const MAX_SCANS: usize = 100;
 
 /// What is wrong with the data of a JPEG file; nothing is said of files that the decoder refuses.
 pub(super) fn flaw(bytes: &[u8]) -> Option<Flaw> {
@@ -47,7 +48,7 @@ pub(super) fn flaw(bytes: &[u8]) -> Option<Flaw> {
             0xDD => tables.restart_interval = usize::from(u16::from_be_bytes(*segment.first_chunk()?)),
             START_OF_SCAN => {
                 scans += 1;
-                let picture = picture.as_mut().filter(|_| scans <= MOST_SCANS)?;
+                let picture = picture.as_mut().filter(|_| scans <= MAX_SCANS)?;
                 match picture.scan(segment, &tables, behind)? {
                     Ok(used) => rest = &behind[used..],
                     // Where the file ends, it is a lack of its end that is told.
@@ -59,7 +60,7 @@ pub(super) fn flaw(bytes: &[u8]) -> Option<Flaw> {
                     too_many += left_over.len();
                 }
                 // One restart too many is a habit of some encoders.
-                if too_many > MOST_PADDING || restarts > 1 {
+                if too_many > MAX_PADDING || restarts > 1 {
                     return Some(Flaw::Longer);
                 }
             }
@@ -89,8 +90,8 @@ fn next_marker(bytes: &[u8]) -> Option<usize> {
     bytes.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0 | 0xFF))
 }
 
-/// What stands before the next marker that is no restart, without the last bytes of the picture itself, and the restarts that are passed;
-/// `None` without such a marker.
+/// What stands before the next marker that is no restart, without the last bytes of the picture itself, and the
+/// restarts that are passed; `None` without such a marker.
 fn left_over(bytes: &[u8]) -> Option<(&[u8], usize)> {
     const LAST_BYTES: usize = 16;
     let (mut end, mut restarts) = (0, 0);

@@ -18,7 +18,8 @@ const SHOWN: usize = 60;
 pub(super) struct Stream<'a> {
     rest: &'a str,
     line: usize,
-    /// Whether nothing but blanks stands before the rest on its line. Looking back for that would take endless time on one endless line.
+    /// Whether nothing but blanks stands before the rest on its line. Looking back for that would take endless time on
+    /// one endless line.
     starts_line: bool,
 }
 
@@ -178,7 +179,8 @@ fn starts_with(bytes: &[u8], name: &str) -> bool {
     bytes.get(..name.len()).is_some_and(|start| start.eq_ignore_ascii_case(name.as_bytes()))
 }
 
-/// Length of the longest beginning of `bytes` that is a number without sign: digits with or without a point among or beside them, and an exponent.
+/// Length of the longest beginning of `bytes` that is a number without sign: digits with or without a point among or
+/// beside them, and an exponent.
 fn decimal_length(bytes: &[u8]) -> usize {
     let digits = |from: usize| bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
     let whole = digits(0);

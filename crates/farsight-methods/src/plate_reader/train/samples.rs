@@ -39,7 +39,8 @@ impl Vehicle {
 struct PlateSample {
     /// `[3, side, side]`.
     input: Vec<f32>,
-    /// Left and right end of the plate and its height in the crop, sides of that from its middle; no numbers where the plate is not seen.
+    /// Left and right end of the plate and its height in the crop, sides of that from its middle; no numbers where the
+    /// plate is not seen.
     place: [f32; 3],
     /// By what factor the plate is wider than expected, as the network says it.
     wider: f32,

@@ -11,7 +11,7 @@ use farsight_core::score::SCORE_LIMITS;
 use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, Region, ScalePrior};
 
 /// Boxes in the image that overlap less are of two different things.
-const LEAST_OVERLAP: f64 = 0.3;
+const MIN_OVERLAP: f64 = 0.3;
 
 /// How the two stages go together, fitted on labelled frames.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -32,12 +32,13 @@ impl StageFusion {
         self.depths.is_usable() && self.scores.is_usable() && self.scales.values().all(ScalePrior::is_usable)
     }
 
-    /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it, if it says anything.
+    /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it,
+    /// if it says anything.
     ///
-    /// Direction, heading and proportions are the refiner's; its box is moved along its rays, growing with the distance, to the depth on which
-    /// both agree best. A detector without error bar has no say in that. Where the refiner sees something else than the detector, or
-    /// something that is not in the image, the place of `first` stays. The score is that of both, the class the likeliest of those that are easily taken for
-    /// that of `first`.
+    /// Direction, heading and proportions are the refiner's; its box is moved along its rays, growing with the
+    /// distance, to the depth on which both agree best. A detector without error bar has no say in that. Where the
+    /// refiner sees something else than the detector, or something that is not in the image, the place of `first`
+    /// stays. The score is that of both, the class the likeliest of those that are easily taken for that of `first`.
     pub fn fused(
         &self,
         first: &Detection,
@@ -50,7 +51,7 @@ impl StageFusion {
         let evidence = evidence(first, second, placed.as_ref());
         let (least, most) = SCORE_LIMITS;
         let score = self.scores.probability(&first.class, &evidence).clamp(least, most);
-        let agreed = placed.filter(|_| evidence.overlap >= LEAST_OVERLAP);
+        let agreed = placed.filter(|_| evidence.overlap >= MIN_OVERLAP);
         let class = likeliest(&second.kinds, &first.class);
         Detection { class, score, ..agreed.unwrap_or_else(|| first.clone()) }
     }

@@ -13,7 +13,7 @@ const CLASSES: [ObjectClass; 5] =
     [ObjectClass::Car, ObjectClass::Van, ObjectClass::Truck, ObjectClass::Cyclist, ObjectClass::Pedestrian];
 
 /// Log odds beyond this, either way, count as this: a network can be surer than it has reason to be.
-const MOST_LOG_ODDS: f64 = 8.0;
+const MAX_LOG_ODDS: f64 = 8.0;
 
 /// The kind of an object of `class`; none of a class that is not told from others.
 pub fn kind_of(class: &ObjectClass) -> Option<usize> {
@@ -21,12 +21,14 @@ pub fn kind_of(class: &ObjectClass) -> Option<usize> {
     CLASSES.iter().position(|known| known == class).map(|place| place + 1)
 }
 
-/// Whether both kinds are one, or of classes that are easily taken for one another: whichever of them it is, there is somebody.
+/// Whether both kinds are one, or of classes that are easily taken for one another: whichever of them it is, there is
+/// somebody.
 fn are_alike(a: usize, b: usize) -> bool {
     a == b || (a != NOTHING && b != NOTHING && CLASSES[a - 1].is_like(&CLASSES[b - 1]))
 }
 
-/// The log odds, by the logits of all kinds, that something is of this kind or of one that is easily taken for it; 0 where they are no numbers.
+/// The log odds, by the logits of all kinds, that something is of this kind or of one that is easily taken for it; 0
+/// where they are no numbers.
 pub(super) fn log_odds(logits: &[f64; KINDS], kind: usize) -> f64 {
     let highest = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let sum = |inside: bool| {
@@ -34,7 +36,7 @@ pub(super) fn log_odds(logits: &[f64; KINDS], kind: usize) -> f64 {
         logits.map(|(_, logit)| (logit - highest).exp()).sum::<f64>()
     };
     let odds = (sum(true) / sum(false)).ln();
-    if odds.is_nan() { 0.0 } else { odds.clamp(-MOST_LOG_ODDS, MOST_LOG_ODDS) }
+    if odds.is_nan() { 0.0 } else { odds.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS) }
 }
 
 /// `class`, or the class that it is easily taken for and that is likelier.
@@ -73,7 +75,7 @@ mod tests {
             assert!((logistic(log_odds(&logits, kind)) - share).abs() < 1e-12, "kind {kind}");
         }
         let far = [0.0, 1e300, 0.0, 0.0, 0.0, 0.0];
-        assert!((log_odds(&far, 1) - MOST_LOG_ODDS).abs() < 1e-12 && (log_odds(&far, 0) + MOST_LOG_ODDS).abs() < 1e-12);
+        assert!((log_odds(&far, 1) - MAX_LOG_ODDS).abs() < 1e-12 && (log_odds(&far, 0) + MAX_LOG_ODDS).abs() < 1e-12);
         assert!(log_odds(&[f64::NAN; KINDS], 1).abs() < 1e-12);
         assert!(log_odds(&[f64::INFINITY; KINDS], 1).abs() < 1e-12);
     }

@@ -13,9 +13,11 @@ use farsight_core::score::{logistic, logit, most_likely};
 pub struct Evidence {
     /// The detector's score, 0 to 1, both excluded.
     pub score: f64,
-    /// Log odds, by the refiner, that it is what the detector says, or what that is easily taken for ([`farsight_core::ObjectClass::is_like`]).
+    /// Log odds, by the refiner, that it is what the detector says, or what that is easily taken for
+    /// ([`farsight_core::ObjectClass::is_like`]).
     pub kind: f64,
-    /// Overlap of both boxes in the image, 0 to 1: who takes something for a car agrees on where its edges are if it is one.
+    /// Overlap of both boxes in the image, 0 to 1: who takes something for a car agrees on where its edges are if it is
+    /// one.
     pub overlap: f64,
 }
 
@@ -51,7 +53,8 @@ pub struct FusedScore {
 }
 
 impl FusedScore {
-    /// The fit to some examples; none with fewer than [`LEAST_EXAMPLES`](farsight_core::score::LEAST_EXAMPLES) right or wrong ones.
+    /// The fit to some examples; none with fewer than [`MIN_EXAMPLES`](farsight_core::score::MIN_EXAMPLES) right or
+    /// wrong ones.
     fn fit<'a>(examples: impl Iterator<Item = &'a FusedScoreExample>) -> Option<Self> {
         let rows: Vec<_> =
             examples.map(|example| (example.evidence.terms(), f64::from(u8::from(example.is_right)))).collect();
@@ -73,8 +76,8 @@ pub struct FusedScores {
 }
 
 impl FusedScores {
-    /// The fit to `examples`: a class with enough of them gets that of its own ones, the others of `classes` that of all. None with fewer than
-    /// [`LEAST_EXAMPLES`](farsight_core::score::LEAST_EXAMPLES) right or wrong ones in all.
+    /// The fit to `examples`: a class with enough of them gets that of its own ones, the others of `classes` that of
+    /// all. None with fewer than [`MIN_EXAMPLES`](farsight_core::score::MIN_EXAMPLES) right or wrong ones in all.
     pub fn fit(examples: &[FusedScoreExample], classes: &[ObjectClass]) -> Option<Self> {
         let of_all = FusedScore::fit(examples.iter())?;
         let of = |class: &ObjectClass| FusedScore::fit(examples.iter().filter(|example| example.class == *class));

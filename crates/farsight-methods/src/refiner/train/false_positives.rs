@@ -7,7 +7,7 @@ use farsight_data::kitti::read_results;
 use farsight_data::{DatasetError, Frame};
 
 /// A detection that overlaps anything labelled by more than this may be meant for it.
-const MOST_OVERLAP: f64 = 0.3;
+const MAX_OVERLAP: f64 = 0.3;
 
 /// The false positives among a detector's results for `frame`, which stand in `folder`.
 ///
@@ -21,5 +21,5 @@ pub(super) fn false_positives(folder: &Path, frame: &Frame, least_height_px: f64
 }
 
 fn is_on_nothing(detection: &Detection, labels: &[Label]) -> bool {
-    labels.iter().all(|label| label.overlap_2d(&detection.box2d) <= MOST_OVERLAP)
+    labels.iter().all(|label| label.overlap_2d(&detection.box2d) <= MAX_OVERLAP)
 }

@@ -1,7 +1,7 @@
 //! What the tensors of known checkpoints are called, and what Farsight calls them.
 //!
-//! Farsight's canonical names are those of official SMOKE. The rules here are those of spec section 13; nothing is looked up in a table of
-//! whole names, so that narrower and wider networks of the same build map too.
+//! Farsight's canonical names are those of official SMOKE. The rules here are those of spec section 13; nothing is
+//! looked up in a table of whole names, so that narrower and wider networks of the same build map too.
 
 pub(super) mod mobilenet_v2;
 
@@ -19,7 +19,8 @@ pub enum Layout {
     ImagenetDla34,
     /// `MobileNetV2` as torchvision names it.
     MobilenetV2,
-    /// `MobileNetV2` as torchvision and the repositories before it named it first: the layers of a block in one row, activations counted.
+    /// `MobileNetV2` as torchvision and the repositories before it named it first: the layers of a block in one row,
+    /// activations counted.
     MobilenetV2InRows,
     /// `MobileNetV2` in TensorFlow's object detection, batch norms folded, as TFLite files have it.
     MobilenetV2Tensorflow,
@@ -28,8 +29,9 @@ pub enum Layout {
 /// How ImageNet's batch norms start the norms of our backbone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ImagenetNorms {
-    /// As the official loader does: only norms with the same name in both, 57 tensors with the convolutions. The norms of blocks
-    /// and roots are called `bn` there and `norm` here; they start at 1 and 0, and that is how the published models were trained.
+    /// As the official loader does: only norms with the same name in both, 57 tensors with the convolutions. The norms
+    /// of blocks and roots are called `bn` there and `norm` here; they start at 1 and 0, and that is how the published
+    /// models were trained.
     #[default]
     AsOfficial,
     /// Every affine term: all 117 tensors.
@@ -81,7 +83,8 @@ impl Layout {
         }
     }
 
-    /// Farsight's name of a tensor; none for tensors that Farsight has no place for, ImageNet's classifier for instance.
+    /// Farsight's name of a tensor; none for tensors that Farsight has no place for, ImageNet's classifier for
+    /// instance.
     ///
     /// ```
     /// use farsight_methods::smoke::import::{ImagenetNorms, Layout};
@@ -129,7 +132,8 @@ fn renamed_module(name: &str, rows: &[(&str, &str)]) -> Option<String> {
     Some(format!("{canonical}.{tensor}"))
 }
 
-/// ImageNet's running statistics stay behind: our backbone's norms start as group norms, or see the statistics of their own data.
+/// ImageNet's running statistics stay behind: our backbone's norms start as group norms, or see the statistics of their
+/// own data.
 fn canonical_from_imagenet(name: &str, norms: ImagenetNorms) -> Option<String> {
     let (module, tensor) = name.rsplit_once('.')?;
     let (parent, norm) = module.rsplit_once('.').unwrap_or(("", module));
@@ -175,7 +179,8 @@ pub fn running_statistics() -> Vec<String> {
         .collect()
 }
 
-/// Whether a tensor is in every checkpoint but in no forward pass: the outer projections of levels 3 and 4 (spec section 2.3).
+/// Whether a tensor is in every checkpoint but in no forward pass: the outer projections of levels 3 and 4 (spec
+/// section 2.3).
 pub fn is_dead(name: &str) -> bool {
     name.strip_prefix(BASE)
         .is_some_and(|rest| rest.starts_with("level3.project.") || rest.starts_with("level4.project."))

@@ -1,4 +1,5 @@
-//! SMOKE's loss: focal loss on the heatmap, disentangled corner loss on the regression (spec section 7). And an auxiliary loss in depth that rendered scenes allow.
+//! SMOKE's loss: focal loss on the heatmap, disentangled corner loss on the regression (spec section 7). And an
+//! auxiliary loss in depth that rendered scenes allow.
 
 use std::collections::HashSet;
 
@@ -73,10 +74,11 @@ impl Metrics for LossTerms {
 pub struct CornerWeights {
     /// Everything is divided by this.
     pub divisor: f64,
-    /// Objects farther than this, metres, count in inverse proportion to their distance: their relative error is what matters.
+    /// Objects farther than this, metres, count in inverse proportion to their distance: their relative error is what
+    /// matters.
     pub full_weight_m: Option<f64>,
-    /// Factor on the part of the orientation. A wrong depth moves the corners by far more than a wrong heading or a wrong size, so its gradient rules the
-    /// features that they share.
+    /// Factor on the part of the orientation. A wrong depth moves the corners by far more than a wrong heading or a
+    /// wrong size, so its gradient rules the features that they share.
     pub orientation: f64,
     /// Factor on the part of the dimensions.
     pub dimensions: f64,
@@ -117,7 +119,8 @@ pub struct BatchTargets {
     pub cameras: Vec<Camera>,
     /// Width and height of the feature map, cells.
     pub map_size: [usize; 2],
-    /// Virtual depth of the surface in each cell, metres, `[batch, 1, height, width]`, infinite where there is none; if it is known.
+    /// Virtual depth of the surface in each cell, metres, `[batch, 1, height, width]`, infinite where there is none; if
+    /// it is known.
     pub surface_m: Option<Tensor>,
 }
 
@@ -158,8 +161,8 @@ impl BatchTargets {
         }
     }
 
-    /// The same objects, each learnt at its own cell and at those up to `reach` cells away, which share its weight: a peak that is a cell off then finds
-    /// an answer too. Cells that are another object's own are left to it.
+    /// The same objects, each learnt at its own cell and at those up to `reach` cells away, which share its weight: a
+    /// peak that is a cell off then finds an answer too. Cells that are another object's own are left to it.
     pub fn with_neighbours(self, reach: usize) -> Self {
         let own: HashSet<(usize, [usize; 2])> = self.cells.iter().map(|cell| (cell.image, cell.object.cell)).collect();
         let spread = |cell: &RegressionCell| -> Vec<RegressionCell> {
@@ -182,8 +185,8 @@ impl BatchTargets {
 
 /// The loss of a batch as a tensor to differentiate, and its terms.
 ///
-/// The corner loss is computed by `farsight-core` on the few cells that hold objects, with its exact gradient; the tensor returned has
-/// that gradient (its value is not the loss: read the terms).
+/// The corner loss is computed by `farsight-core` on the few cells that hold objects, with its exact gradient; the
+/// tensor returned has that gradient (its value is not the loss: read the terms).
 ///
 /// # Shapes
 /// `logits` `[batch, classes, height, width]`, `regression` `[batch, 8, height, width]`.
@@ -215,7 +218,8 @@ pub fn loss(
     (heatmap + (&raw * gradient).sum(raw.kind()), terms)
 }
 
-/// Mean difference of the logarithms of depth, where `surface_m` (virtual, metres) knows one; `predicted` is the logarithm of depth over `mean_m`.
+/// Mean difference of the logarithms of depth, where `surface_m` (virtual, metres) knows one; `predicted` is the
+/// logarithm of depth over `mean_m`.
 ///
 /// # Shapes
 /// Both `[batch, 1, height, width]`.

@@ -21,7 +21,8 @@ pub struct TrainSample {
     pub targets: Targets,
     /// Whether the regression learns from this image.
     pub regress: bool,
-    /// Virtual depth of the surface in each cell of the feature map, metres, infinite where there is none; if the frame knows it.
+    /// Virtual depth of the surface in each cell of the feature map, metres, infinite where there is none; if the frame
+    /// knows it.
     pub surface_m: Option<Vec<f32>>,
 }
 

@@ -1,4 +1,5 @@
-//! `farsight eval --geometric-baselines`: the same detections with the distances that they would have without a network.
+//! `farsight eval --geometric-baselines`: the same detections with the distances that they would have without a
+//! network.
 
 use anyhow::Result;
 use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height};
@@ -19,7 +20,8 @@ type Ranger<'a> = &'a dyn Fn(&Detection, &Camera) -> Option<f64>;
 /// Camera of a frame by its id.
 type CameraOf<'a> = &'a dyn Fn(&str) -> Result<Camera>;
 
-/// Prints the errors of the two geometric baselines on the detections of `files`. Detections that a ranger can say nothing about count as not found.
+/// Prints the errors of the two geometric baselines on the detections of `files`. Detections that a ranger can say
+/// nothing about count as not found.
 pub(super) fn run(args: &EvalArgs, source: &Files, files: &FrameFiles, printer: &mut Printer) -> Result<()> {
     let options = RangingOptions { bootstrap: None, ..args.ranging_options() };
     for (_, what, evaluation) in evaluations(&|id| source.camera(id), files, args.camera_height, &options)? {
@@ -32,7 +34,8 @@ pub(super) fn run(args: &EvalArgs, source: &Files, files: &FrameFiles, printer: 
     Ok(())
 }
 
-/// Name and description of each geometric baseline, and the detections of `files` with its distances. The camera is so high above the ground.
+/// Name and description of each geometric baseline, and the detections of `files` with its distances. The camera is so
+/// high above the ground.
 pub(in crate::commands) fn evaluations(
     camera: CameraOf,
     files: &FrameFiles,

@@ -24,7 +24,8 @@ use crate::side_by_side::in_order;
 /// Detections below this score are noise, and AP needs those above it however low: the curve ends where they do.
 pub(crate) const MIN_SCORE: f64 = 0.05;
 
-/// Frames that failed are told one by one up to this number, and the rest in one line: a folder without its images has thousands.
+/// Frames that failed are told one by one up to this number, and the rest in one line: a folder without its images has
+/// thousands.
 const TOLD_FAILURES: usize = 5;
 
 /// Where the cameras of the frames are.
@@ -136,7 +137,8 @@ pub(super) fn looked_at_already(
     Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: None }
 }
 
-/// Writes a result file for each frame of `block` of `dataset` to the folder `results`. Frames that fail are told and are not among the ids that it returns.
+/// Writes a result file for each frame of `block` of `dataset` to the folder `results`. Frames that fail are told and
+/// are not among the ids that it returns.
 pub(in crate::commands) fn write_results_of(
     pipeline: &Pipeline,
     dataset: &dyn Dataset,

@@ -1,4 +1,5 @@
-//! `farsight export --fit-on`: distances that are right in the median and have error bars, and scores that are probabilities; fitted on labelled frames.
+//! `farsight export --fit-on`: distances that are right in the median and have error bars, and scores that are
+//! probabilities; fitted on labelled frames.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +10,7 @@ use farsight::detector::smoke_detector;
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::range_error::DepthExample;
-use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK, ScoreExample};
+use farsight_core::score::{MIN_EXAMPLES, MIN_PEAK, ScoreExample};
 use farsight_core::{Camera, DepthFusion, Detection, ObjectClass, RangeError, ScoreCalibration};
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::ranging::{RangingOptions, Target, match_frame};
@@ -47,7 +48,8 @@ impl Judged {
     }
 }
 
-/// Fits `model` to the frames of `data`, those of `split` if one is named: first its distances, because they change the boxes, then its scores and, knowing those, its error bars.
+/// Fits `model` to the frames of `data`, those of `split` if one is named: first its distances, because they change the
+/// boxes, then its scores and, knowing those, its error bars.
 pub(in crate::commands) fn fit(
     model: &mut SmokeModel,
     source: &Path,
@@ -81,10 +83,7 @@ fn fit_distances(model: &mut SmokeModel, judged: &[Judged], printer: &mut Printe
     let examples = depth_examples(judged.iter().filter(|judged| judged.is_plain));
     let old = model.config.depth;
     let Some(new) = old.refitted(&examples) else {
-        bail!(
-            "{} objects found; expected at least {LEAST_EXAMPLES}, near and far, to fit distances on",
-            examples.len()
-        );
+        bail!("{} objects found; expected at least {MIN_EXAMPLES}, near and far, to fit distances on", examples.len());
     };
     let slope = new.std_m / old.std_m;
     let offset_m = new.mean_m - slope * old.mean_m;
@@ -103,9 +102,7 @@ fn fit_scores(model: &mut SmokeModel, judged: &[Judged], printer: &mut Printer) 
     let Some(of_all) = ScoreCalibration::fit(&all) else {
         let right = all.iter().filter(|example| example.is_right).count();
         let wrong = all.len() - right;
-        bail!(
-            "{right} right and {wrong} wrong detections; expected at least {LEAST_EXAMPLES} of each to fit scores on"
-        );
+        bail!("{right} right and {wrong} wrong detections; expected at least {MIN_EXAMPLES} of each to fit scores on");
     };
     for class in &mut model.config.classes {
         let own = examples.get(&class.class).and_then(|examples| ScoreCalibration::fit(examples));
@@ -126,7 +123,7 @@ fn probability(model: &SmokeModel, judged: &Judged) -> f64 {
 /// What `model` finds in all frames of `dataset`, but for what the labels do not judge.
 fn judged_by_model(model: &SmokeModel, source: &Path, dataset: &dyn Dataset) -> Result<Vec<Judged>> {
     let file = DetectorFile::from_model(model, farsight_onnx::Target::Portable, source)?;
-    let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
+    let options = DecodeOptions { min_score: Some(MIN_PEAK), ..DecodeOptions::default() };
     let mut detector = smoke_detector(&EngineOptions::default(), file, source)?;
     let mut found = Vec::new();
     let bar = progress_bar(dataset.len());
@@ -178,7 +175,7 @@ pub(super) fn detected(
 /// How the depths of two measurements go together; `second` is what messages call the one that is corrected.
 pub(super) fn fitted_depths(pairs: &[DepthPair], second: &str, printer: &mut Printer) -> Result<DepthFusion> {
     let Some(depths) = DepthFusion::fit(pairs) else {
-        bail!("{} objects found; expected at least {LEAST_EXAMPLES}", pairs.len());
+        bail!("{} objects found; expected at least {MIN_EXAMPLES}", pairs.len());
     };
     printer.status(&format!(
         "fitted on {} objects: {second}'s distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, error bars of both times {:.2}",
@@ -196,8 +193,8 @@ pub(super) fn is_plain(target: &Target) -> bool {
     target.difficulty.is_some_and(|difficulty| difficulty <= Difficulty::Moderate)
 }
 
-/// The detections of which the labels say whether they are right, by their places in the frame, with what they found: too low ones and those that are
-/// excused are left out.
+/// The detections of which the labels say whether they are right, by their places in the frame, with what they found:
+/// too low ones and those that are excused are left out.
 pub(super) fn told(frame: &Frame) -> impl Iterator<Item = (usize, Option<Target>)> {
     let (targets, false_alarms) = match_frame(frame, 0, &RangingOptions::default());
     let right = targets.into_iter().filter_map(|target| Some((target.found?.prediction as usize, Some(target))));

@@ -32,15 +32,16 @@ use sweep::{Sweep, Trial};
 /// So many images, spread over the folder, are used to find out which layers do harm.
 const SWEEP_IMAGES: usize = 8;
 
-/// With a larger mean change of distances (a share) or of scores than this a file is refused: it would be another model.
+/// With a larger mean change of distances (a share) or of scores than this a file is refused: it would be another
+/// model.
 const HOPELESS: f64 = 0.1;
 
 /// Arguments of `farsight export --int8`.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "8 bits")]
 pub(super) struct Int8Args {
-    /// Quantise: convolutions compute in 8 bits (ONNX Runtime and OpenVINO are several times faster); with --half only measure the ranges, of any model of ours, and
-    /// write them into its file, for --precision int8
+    /// Quantise: convolutions compute in 8 bits (ONNX Runtime and OpenVINO are several times faster); with --half only
+    /// measure the ranges, of any model of ours, and write them into its file, for --precision int8
     #[arg(long, requires = "calibration")]
     pub(super) int8: bool,
     /// Folder of images like those that the model will see; some hundred are plenty

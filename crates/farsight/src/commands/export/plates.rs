@@ -1,4 +1,5 @@
-//! `farsight export` of a plate reader: how its readings and what the shipped model and its refiner say go together, fitted on labelled frames.
+//! `farsight export` of a plate reader: how its readings and what the shipped model and its refiner say go together,
+//! fitted on labelled frames.
 
 use std::path::Path;
 
@@ -8,7 +9,7 @@ use farsight::second_stage::plate_reader;
 use farsight::{EngineOptions, ModelSource, Pipeline, Road, StageSource};
 use farsight_core::MeasuredDepth;
 use farsight_core::depth_fusion::DepthPair;
-use farsight_core::score::LEAST_PEAK;
+use farsight_core::score::MIN_PEAK;
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::Frame;
 use farsight_eval::ranging::Target;
@@ -39,7 +40,7 @@ fn depth_pairs(model: &PlateReaderModel, detector: &Path, data: &Path) -> Result
     // What is known before a plate is read; every detection counts, two in one place, too.
     let builder =
         Pipeline::builder().model(ModelSource::from_word(detector)).plates(StageSource::Off).road(Road::Ignored);
-    let pipeline = builder.min_score(LEAST_PEAK).max_overlap(1.0).open()?;
+    let pipeline = builder.min_score(MIN_PEAK).max_overlap(1.0).open()?;
     let mut reader = plate_reader(model, &EngineOptions::default())?;
     let bar = progress_bar(dataset.len());
     let mut pairs = Vec::new();

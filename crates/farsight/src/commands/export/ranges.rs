@@ -34,7 +34,7 @@ use crate::printer::{Printer, counted, progress_bar};
 type Look = Box<dyn FnMut(&RgbImage, &Camera) -> Result<()>>;
 
 /// What a refiner is shown is what a pipeline with this least score would show it.
-const LEAST_SCORE: f64 = 0.1;
+const MIN_SCORE: f64 = 0.1;
 
 /// Runs the command.
 pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
@@ -140,11 +140,11 @@ fn ssd(runner: Box<dyn Runner>, model: &SsdModel) -> Look {
 fn refiner_behind(runner: Box<dyn Runner>, model: &RefinerModel, first: &Path) -> Result<Look> {
     let mut detector = open_detector(&ModelSource::from_word(first), &EngineOptions::default())?;
     let mut refiner = Refiner::new(RoiRunner::new(runner), model.config.clone());
-    let options = DecodeOptions { min_score: Some(LEAST_SCORE), ..DecodeOptions::default() };
+    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     Ok(Box::new(move |image, camera| {
         let (mut found, _) = detector.detect_batch(&[(image, camera)], &options)?;
         let found = found.pop().unwrap_or_default();
-        refiner.refined(image, camera, found, detector.classes(), LEAST_SCORE)?;
+        refiner.refined(image, camera, found, detector.classes(), MIN_SCORE)?;
         Ok(())
     }))
 }
@@ -155,11 +155,11 @@ fn plates(runner: Box<dyn Runner>, model: &PlateReaderModel, args: &ExportArgs) 
     let mut detector = open_detector(&ModelSource::from_word(&args.detector), &engine)?;
     let mut refiner = refiner(&shipped::refiner(Family::Smoke)?, &engine)?;
     let mut reader = PlateReader::new(RoiRunner::new(runner), model.config.clone());
-    let options = DecodeOptions { min_score: Some(LEAST_SCORE), ..DecodeOptions::default() };
+    let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     Ok(Box::new(move |image, camera| {
         let (mut found, _) = detector.detect_batch(&[(image, camera)], &options)?;
         let found = found.pop().unwrap_or_default();
-        let found = refiner.refined(image, camera, found, detector.classes(), LEAST_SCORE)?;
+        let found = refiner.refined(image, camera, found, detector.classes(), MIN_SCORE)?;
         reader.measured(image, camera, found)?;
         Ok(())
     }))

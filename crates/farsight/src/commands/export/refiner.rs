@@ -10,7 +10,7 @@ use farsight::{EngineOptions, ModelSource};
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::scale::is_scaled;
-use farsight_core::score::{LEAST_EXAMPLES, LEAST_PEAK};
+use farsight_core::score::{MIN_EXAMPLES, MIN_PEAK};
 use farsight_core::{Camera, DepthFusion, Detection, Label, MeasuredDepth, ObjectClass, Region, ScalePrior};
 use farsight_data::kitti::read_split;
 use farsight_data::{Dataset, open_labelled};
@@ -55,9 +55,7 @@ fn fitted_scores(
     let right = examples.iter().filter(|example| example.is_right).count();
     let wrong = examples.len() - right;
     let Some(scores) = FusedScores::fit(&examples, classes) else {
-        bail!(
-            "{right} right and {wrong} wrong detections; expected at least {LEAST_EXAMPLES} of each to fit scores on"
-        );
+        bail!("{right} right and {wrong} wrong detections; expected at least {MIN_EXAMPLES} of each to fit scores on");
     };
     printer.status(&format!("scores: fitted on {right} right and {wrong} wrong detections"));
     Ok(scores)
@@ -165,7 +163,7 @@ fn two_stage_frames(
     data: &Path,
 ) -> Result<(Vec<TwoStageFrame>, Vec<ObjectClass>)> {
     let dataset = open_labelled(data, None)?;
-    let options = DecodeOptions { min_score: Some(LEAST_PEAK), ..DecodeOptions::default() };
+    let options = DecodeOptions { min_score: Some(MIN_PEAK), ..DecodeOptions::default() };
     let engine = EngineOptions::default();
     let mut detector = open_detector(&ModelSource::from_word(detector), &engine)?;
     ensure!(

@@ -130,8 +130,8 @@ fn unwritable(path: &Path) -> String {
     format!("{}: cannot be written", path.display())
 }
 
-/// The records in an array or in lines, and as they stand there; none where there is no file. A last line that was cut is
-/// left out.
+/// The records in an array or in lines, and as they stand there; none where there is no file. A last line that was cut
+/// is left out.
 fn read(path: &Path) -> Result<Vec<(ImageRecord, String)>> {
     let text = match fs::read_to_string(path) {
         Ok(text) => text,

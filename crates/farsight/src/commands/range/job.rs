@@ -229,7 +229,8 @@ impl<'a> Job<'a> {
             && is_there(self.rows_path(name))
     }
 
-    /// Begins the file of all answers with those that stay: of images that are done, and of others that are not asked for now.
+    /// Begins the file of all answers with those that stay: of images that are done, and of others that are not asked
+    /// for now.
     fn begin_file(&self, left: &mut Answered, todo: &[bool]) -> Result<Option<AnswerFile>> {
         let Some(json) = self.args.json_file() else { return Ok(None) };
         let mut kept = Vec::new();
@@ -317,7 +318,8 @@ impl<'a> Job<'a> {
         Ok(Looked { image, camera, record, objects, unfamiliar, warnings, notes, unwritten })
     }
 
-    /// What makes a pinhole's image of one of this camera and size, where there is a lens. One camera's images share it.
+    /// What makes a pinhole's image of one of this camera and size, where there is a lens. One camera's images share
+    /// it.
     fn undistorter(&self, camera: &Camera, size: [u32; 2]) -> Result<Option<Arc<Undistorter>>, LensError> {
         let Some(lens) = self.args.lens else { return Ok(None) };
         let mut latest = self.undistorter.lock().unwrap_or_else(PoisonError::into_inner);

@@ -12,7 +12,8 @@ use farsight::{CameraSource, Pipeline, PipelineBuilder};
 
 use super::ServeArgs;
 
-/// The videos by their names. They have a pipeline of their own, which tells detections of low scores, too: those continue tracks.
+/// The videos by their names. They have a pipeline of their own, which tells detections of low scores, too: those
+/// continue tracks.
 pub(super) fn open(
     args: &ServeArgs,
     builder: &PipelineBuilder,

@@ -34,9 +34,9 @@ const EARTH_M: f64 = 6_378_137.0;
 pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: &mut Printer) -> Result<()> {
     for camera in &config.cameras {
         ensure!(
-            camera.heading_deg == [0.0; 2] && camera.height_m[1] <= MOST_HEIGHT_M,
+            camera.heading_deg == [0.0; 2] && camera.height_m[1] <= MAX_HEIGHT_M,
             "a camera with heading_deg {:?} and height_m {:?}; sequences are seen from vehicles, expected a heading of 0 \
-             and at most {MOST_HEIGHT_M} m",
+             and at most {MAX_HEIGHT_M} m",
             camera.heading_deg,
             camera.height_m
         );
@@ -76,7 +76,7 @@ pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: 
 }
 
 /// Vehicles carry cameras no higher than this, metres.
-const MOST_HEIGHT_M: f64 = 3.4;
+const MAX_HEIGHT_M: f64 = 3.4;
 
 struct Writer<'a> {
     root: &'a Path,

@@ -17,10 +17,10 @@ use super::scratch::scratch_beside;
 const USUAL_FPS: f64 = 25.0;
 
 /// Videos with odd clocks claim more frames a second; no screen shows them.
-const MOST_FPS: f64 = 120.0;
+const MAX_FPS: f64 = 120.0;
 
 /// A gap in time is shown for at most so long, seconds.
-const LONGEST_STILL_S: f64 = 10.0;
+const MAX_STILL_S: f64 = 10.0;
 
 /// A film that grows beside its target, and takes its place when it is whole.
 pub(super) struct Film {
@@ -50,10 +50,10 @@ impl Film {
         let size = [picture.width(), picture.height()];
         let mut run = match self.run.take() {
             Some(run) => run,
-            None => self.start(size, fps.unwrap_or(USUAL_FPS).min(MOST_FPS), time_s)?,
+            None => self.start(size, fps.unwrap_or(USUAL_FPS).min(MAX_FPS), time_s)?,
         };
         let place = ((time_s - run.begin_s) * run.fps).round().max(0.0) as u64 + 1;
-        let times = place.saturating_sub(run.written).min((LONGEST_STILL_S * run.fps).ceil() as u64);
+        let times = place.saturating_sub(run.written).min((MAX_STILL_S * run.fps).ceil() as u64);
         let resized = (run.size != size).then(|| resize(picture, run.size[0], run.size[1], FilterType::Triangle));
         let pixels = resized.as_ref().unwrap_or(picture).as_raw();
         for _ in 0..times {

@@ -1,8 +1,8 @@
-//! The Open Inference Protocol, version 2 (<https://github.com/kserve/open-inference-protocol>), with its extension for binary tensors:
-//! what clients of Triton and `KServe` speak.
+//! The Open Inference Protocol, version 2 (<https://github.com/kserve/open-inference-protocol>), with its extension for
+//! binary tensors: what clients of Triton and `KServe` speak.
 //!
-//! One request is one image: `image` as a file's bytes (`BYTES [1]`, base64 in JSON) or as pixels (`UINT8 [height, width, 3]`, RGB). Its
-//! camera stands in the request's parameters, by the names that `/v1/range` has.
+//! One request is one image: `image` as a file's bytes (`BYTES [1]`, base64 in JSON) or as pixels
+//! (`UINT8 [height, width, 3]`, RGB). Its camera stands in the request's parameters, by the names that `/v1/range` has.
 
 mod message;
 mod tensor;

@@ -30,8 +30,8 @@ static NAMES: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
 
 /// What torchvision calls a tensor now that it called `name` first.
 ///
-/// In a block the layers stood in one row and activations counted: convolution, norm, activation, convolution, norm, activation, convolution, norm. Now
-/// each convolution with an activation is a module of its own.
+/// In a block the layers stood in one row and activations counted: convolution, norm, activation, convolution, norm,
+/// activation, convolution, norm. Now each convolution with an activation is a module of its own.
 pub(crate) fn modern_name(name: &str) -> Option<String> {
     let Some((block, rest)) = name.split_once(".conv.") else { return Some(name.to_owned()) };
     let (place, tensor) = rest.split_once('.')?;

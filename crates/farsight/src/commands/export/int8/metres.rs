@@ -29,7 +29,8 @@ pub(super) struct Metres {
     interval: Option<[f64; 2]>,
 }
 
-/// Keys in the metadata and names on the screen. Distances are compared on the objects that both found, AP is over 40 points of recall.
+/// Keys in the metadata and names on the screen. Distances are compared on the objects that both found, AP is over 40
+/// points of recall.
 const FIGURES: [(&str, &str); 6] = [
     ("found", "found"),
     ("mae_z", "MAE of z, m"),

@@ -20,7 +20,7 @@ pub(super) type Ranges = BTreeMap<NodeId, Range>;
 const GOOD: f64 = 0.01;
 
 /// At most so many layers are left in float without being told to: beyond it the time is lost that 8 bits are for.
-const MOST_FLOAT: usize = 8;
+const MAX_FLOAT: usize = 8;
 
 /// How many layers are listed.
 const LISTED: usize = 10;
@@ -81,7 +81,7 @@ impl<'a> Sweep<'a> {
             return self.without_worst(harm, count);
         }
         let mut best = self.without_worst(harm, 0)?;
-        for count in 1..=MOST_FLOAT {
+        for count in 1..=MAX_FLOAT {
             if best.sensitivity.total() <= GOOD {
                 break;
             }
