@@ -17,6 +17,7 @@ mod rows;
 
 mod experiment;
 pub mod mutate;
+mod request;
 mod seeds;
 mod text;
 #[cfg(feature = "train")]
@@ -57,6 +58,7 @@ pub const TARGETS: &[Target] = &[
     target("tflite", weights::tflite, seeds::tflite),
     target("model", onnx::model, seeds::onnx),
     target("image", images::image, seeds::none),
+    target("request", request::request, seeds::requests),
     #[cfg(feature = "train")]
     target("train_config", training::config, seeds::train_config),
     #[cfg(feature = "train")]

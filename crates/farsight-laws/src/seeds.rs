@@ -21,6 +21,40 @@ pub(crate) fn none() -> Vec<Vec<u8>> {
     Vec::new()
 }
 
+/// An image as a body and as a form, a question of the Open Inference Protocol, four points, what has no body.
+pub(crate) fn requests() -> Vec<Vec<u8>> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    if image::RgbImage::new(4, 3).write_to(&mut png, image::ImageFormat::Png).is_err() {
+        return Vec::new();
+    }
+    let post = |path: &str, kind: &str, body: &[u8]| {
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+            body.len()
+        );
+        [head.as_bytes(), body].concat()
+    };
+    let form = [
+        &b"--x\r\nContent-Disposition: form-data; name=\"image\"; filename=\"a.png\"\r\n\r\n"[..],
+        png.get_ref(),
+        b"\r\n--x--\r\n",
+    ]
+    .concat();
+    let infer = br#"{"id":"1","inputs":[{"name":"image","shape":[2,2,3],"datatype":"UINT8","data":[1,2,3,4,5,6,7,8,9,10,11,12]}],"parameters":{"hfov":65}}"#;
+    let corners =
+        br#"{"width":1280,"height":720,"corners_px":[[500,400],[700,400],[900,600],[300,600]],"sides_m":[3.5,12]}"#;
+    let get = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").into_bytes();
+    vec![
+        post("/v1/range?hfov=65", "image/png", png.get_ref()),
+        post("/v1/range?fx=1000&cx=640", "multipart/form-data; boundary=x", &form),
+        post("/v2/models/reader/infer", "application/json", infer),
+        post("/v1/calibrate", "application/json", corners),
+        get("/openapi.json"),
+        get("/metrics"),
+        get("/v1/videos/none/tracks"),
+    ]
+}
+
 pub(crate) fn split() -> Vec<Vec<u8>> {
     vec![b"000000\n000001\n000002\n".to_vec(), b"# a comment\n\n0\r\n1\r\n".to_vec()]
 }

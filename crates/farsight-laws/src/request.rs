@@ -1,0 +1,70 @@
+//! The law of requests to the service.
+
+use std::io::{Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use farsight::service::{Config, Look, LookError, Looked, MAX_PIXELS, ModelCard, Server};
+use farsight::{CameraSource, ImageLimits, StageTimes};
+use farsight_data::decode_image;
+
+/// Longer than anything that the service waits for here.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+/// Reads the image as the pipeline would, and finds nothing.
+struct Reader;
+
+impl Look for Reader {
+    fn look(&self, bytes: &[u8], name: &Path, cameras: &CameraSource) -> Result<Looked, LookError> {
+        let image = decode_image(bytes, name, ImageLimits { max_pixels: MAX_PIXELS })?;
+        let size = [image.pixels.width() as usize, image.pixels.height() as usize];
+        cameras.camera(name, size, &image.exif)?;
+        let record = r#"{"image": "image", "width": 1, "height": 1, "detections": []}"#;
+        Ok(Looked { record: serde_json::from_str(record).expect("a record"), times: StageTimes::default() })
+    }
+
+    fn card(&self) -> ModelCard {
+        ModelCard { name: "reader".to_owned(), version: "1".to_owned(), platform: "none".to_owned() }
+    }
+}
+
+/// Where the one service of this process listens.
+fn address() -> SocketAddr {
+    static SERVER: OnceLock<Server> = OnceLock::new();
+    let server = SERVER.get_or_init(|| {
+        let look: Arc<dyn Look> = Arc::new(Reader);
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port of the loopback");
+        let config = Config { deadline: Duration::from_millis(200), ..Config::default() };
+        Server::start(listener, &look, config).expect("a service")
+    });
+    server.address()
+}
+
+/// All that comes back for `bytes`.
+fn answer(bytes: &[u8]) -> Vec<u8> {
+    let mut stream = TcpStream::connect(address()).expect("the service accepts");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a time limit");
+    // The service may have heard enough before the end.
+    let sent = stream.write_all(bytes);
+    drop(sent.and_then(|()| stream.shutdown(Shutdown::Write)));
+    let mut answer = Vec::new();
+    if let Err(error) = stream.read_to_end(&mut answer) {
+        let is_gone = error.kind() == std::io::ErrorKind::ConnectionReset;
+        assert!(is_gone, "the service neither answers nor ends: {error}");
+    }
+    answer
+}
+
+/// Any bytes from a stranger: the service answers in HTTP or hangs up, panics at nothing, and goes on.
+pub(crate) fn request(bytes: &[u8]) {
+    let told = answer(bytes);
+    if !told.is_empty() {
+        let text = String::from_utf8_lossy(&told);
+        assert!(text.starts_with("HTTP/1."), "no HTTP: {text}");
+        assert!(!text.starts_with("HTTP/1.1 500"), "a request that the service panics at: {text}");
+    }
+    let alive = answer(b"GET /v2/health/live HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    assert!(alive.starts_with(b"HTTP/1.1 200"), "the service is gone: {}", String::from_utf8_lossy(&alive));
+}
