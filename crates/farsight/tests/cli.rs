@@ -43,9 +43,11 @@ Usage: farsight [OPTIONS] <COMMAND>
 Commands:
   demo         Try it: the model that comes with the program on scenes that come with it
   range        Find vehicles in images and say how far away each is
+  calibrate    Find out how a fixed camera stands over its road, from the traffic that it sees
   track        Follow vehicles through a video: identity, distance, speed and time to collision
   serve        Answer images over HTTP, with a page to try it
   eval         Judge result files as KITTI does, and their errors of distance
+  eval-tracks  Judge tracks against labelled sequences: HOTA, and errors of distance, speed and time to collision
   synth        Render traffic scenes with exact labels
   train        Train a model
   fine-tune    Train a model on with your own labelled images, and fit its error bars
@@ -59,6 +61,7 @@ Commands:
   merge        Put the parts of a job together that --shard divided
   info         Show what a model is made of and what it costs
   measure      Measure a model on several data sets, and put the figures into documents
+  robustness   Judge a model on images that are made worse step by step: noise, blur, light, compression, weather
   experiment   Train and judge several arms with several seeds, as a plan says
   completions  Print the script by which a shell completes commands and options
   man          Print a manual page
