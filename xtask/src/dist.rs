@@ -101,7 +101,7 @@ fn changes_of(changelog: &str, version: &str) -> Result<String, String> {
 fn checksums(folder: &Path) -> Result<String, String> {
     let line = |path: PathBuf| {
         let bytes = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        let digest: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().concat();
         Ok(format!("{digest}  {}\n", path.file_name().unwrap_or_default().display()))
     };
     files(folder)?.into_iter().map(line).collect()

@@ -1,4 +1,4 @@
-//! What the program is made of: a list of its crates in the format CycloneDX 1.5.
+//! What the program is made of: a list of its crates in the format `CycloneDX` 1.5.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

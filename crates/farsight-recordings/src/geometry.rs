@@ -107,8 +107,11 @@ mod tests {
     /// `K [R | t]` with these parts sends points to the pixels to which the camera sends them.
     #[test]
     fn parts_project_as_the_whole() {
-        let kitti =
-            [[721.5377, 0.0, 609.5593, 44.85728], [0.0, 721.5377, 172.854, 0.2163791], [0.0, 0.0, 1.0, 0.002745884]];
+        let kitti = [
+            [721.5377, 0.0, 609.5593, 44.85728],
+            [0.0, 721.5377, 172.854, 0.216_379_1],
+            [0.0, 0.0, 1.0, 0.002_745_884],
+        ];
         // Looks 10 degrees down, rolled by 3.
         let (pitch, roll) = (10_f64.to_radians(), 3_f64.to_radians());
         let down = [[1.0, 0.0, 0.0], [0.0, pitch.cos(), -pitch.sin()], [0.0, pitch.sin(), pitch.cos()]];

@@ -16,7 +16,7 @@ const READER: &str = include_str!("support/mcap_reader.py");
 
 /// KITTI's left colour camera, which stands 6 cm beside the frame of the boxes.
 const PROJECTION: [[f64; 4]; 3] =
-    [[721.5377, 0.0, 609.5593, 44.85728], [0.0, 721.5377, 172.854, 0.2163791], [0.0, 0.0, 1.0, 0.002745884]];
+    [[721.5377, 0.0, 609.5593, 44.85728], [0.0, 721.5377, 172.854, 0.216_379_1], [0.0, 0.0, 1.0, 0.002_745_884]];
 
 fn car() -> Detection {
     Detection {

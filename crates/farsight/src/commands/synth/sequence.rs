@@ -34,7 +34,7 @@ const EARTH_M: f64 = 6_378_137.0;
 pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: &mut Printer) -> Result<()> {
     for camera in &config.cameras {
         ensure!(
-            camera.heading_deg == [0.0; 2] && camera.height_m[1] <= MAX_HEIGHT_M,
+            camera.heading_deg.iter().all(|heading| heading.abs() < 1e-9) && camera.height_m[1] <= MAX_HEIGHT_M,
             "a camera with heading_deg {:?} and height_m {:?}; sequences are seen from vehicles, expected a heading of 0 \
              and at most {MAX_HEIGHT_M} m",
             camera.heading_deg,
@@ -133,7 +133,8 @@ fn label_rows(number: usize, frame: &SequenceFrame) -> String {
     let ids = frame.tracks.iter().map(|track| i64::from(track.id)).chain(frame.dont_care.iter().map(|_| -1));
     let labels: Vec<_> = frame.tracks.iter().map(|track| &track.label).chain(&frame.dont_care).cloned().collect();
     let rows = text_from_labels(&labels);
-    rows.lines().zip(ids).map(|(row, id)| format!("{number} {id} {row}\n")).collect()
+    let rows: Vec<String> = rows.lines().zip(ids).map(|(row, id)| format!("{number} {id} {row}\n")).collect();
+    rows.concat()
 }
 
 /// The 30 fields of KITTI's oxts (KITTI raw, `dataformat.txt`).
@@ -177,7 +178,7 @@ fn oxts_row(ego: &EgoTruth) -> String {
         0.01,
         0.01,
     ];
-    let fields: String = fields.iter().map(|field| format!("{field:.12} ")).collect();
+    let fields = fields.iter().map(|field| format!("{field:.12} ")).collect::<Vec<_>>().concat();
     fields + "4 10 4 4 4\n"
 }
 
