@@ -181,7 +181,7 @@ fn numbers_and_options_that_mean_nothing_here_are_refused() {
         (
             &["bench"],
             &["--precision", "bf16"],
-            "error: --precision is for openvino; expected --engine openvino beside it\n",
+            "error: --precision bf16 is for openvino; expected --engine openvino beside it\n",
         ),
         (&["bench", "--engine", "onnxruntime"], &["--precision", "bf16"], "error: --precision bf16 is for openvino;"),
         (&["bench"], &["--engine-path", "lib"], "error: --engine-path is for onnxruntime and openvino;"),

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use farsight::object::detections;
 use farsight::{ModelSource, Pipeline, Road, StageSource};
+use farsight_core::Detection;
 use farsight_data::Dataset;
 use farsight_data::kitti::write_results;
 use farsight_files::write_atomically;
@@ -18,7 +19,6 @@ use farsight_train::metrics::StepSummary;
 use farsight_train::training::{Callback, FileOptions, Start, TrainError};
 use toml::Table;
 
-use crate::commands::eval::MIN_SCORE;
 use crate::commands::train::progress::Progress;
 use crate::printer::{Printer, counted};
 
@@ -27,6 +27,9 @@ const IDENTITY_FILE: &str = "identity.txt";
 const CONFIG_FILE: &str = "cell.toml";
 const LOCK_FILE: &str = "lock";
 const RESULTS_FOLDER: &str = "results";
+
+/// Answers with a lower score are not kept: there are twice as many of them as of all others, and records grow by them.
+const MIN_SCORE: f64 = 0.1;
 
 /// Frames between two lines that say how far the answers have come.
 const TOLD_EVERY: usize = 500;
@@ -145,7 +148,9 @@ impl CellFolder {
                 return Ok(Step::Stopped);
             }
             let found = pipeline.detect(&dataset.image(*index)?, &dataset.camera(*index)?);
-            write_results(&path(id), &detections(&found.with_context(|| dataset.origin(*index))?))?;
+            let mut found = detections(&found.with_context(|| dataset.origin(*index))?);
+            found.iter_mut().for_each(round);
+            write_results(&path(id), &found)?;
             if (done + 1) % TOLD_EVERY == 0 {
                 let rate = (done + 1) as f64 / began.elapsed().as_secs_f64();
                 printer.status(&format!("{} of {} looked at, {rate:.1}/s", done + 1, counted(open.len(), "frame")));
@@ -153,6 +158,19 @@ impl CellFolder {
         }
         Ok(Step::Done)
     }
+}
+
+/// To KITTI's digits, so that records are small: a tenth of a pixel, a centimetre, a hundredth of a radian.
+fn round(detection: &mut Detection) {
+    let to = |value: &mut f64, steps: f64| *value = (*value * steps).round() / steps;
+    let Detection { box2d, box3d, score, .. } = detection;
+    [&mut box2d.x1, &mut box2d.y1, &mut box2d.x2, &mut box2d.y2].into_iter().for_each(|value| to(value, 10.0));
+    let size = &mut box3d.dimensions;
+    [&mut size.length, &mut size.height, &mut size.width, &mut box3d.yaw]
+        .into_iter()
+        .for_each(|value| to(value, 100.0));
+    box3d.location.iter_mut().for_each(|value| to(value, 100.0));
+    to(score, 1000.0);
 }
 
 /// Tells how a training goes, and stops it when its time is over.
