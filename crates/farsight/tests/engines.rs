@@ -31,8 +31,7 @@ const MAPS: f64 = 1e-4;
 /// Boxes, metres.
 const BOXES_M: f64 = 1e-3;
 
-/// Rounding differs with the number of threads, and errors of locations grow with the distance: this share of it, 3 mm at
-/// 30 m.
+/// Rounding differs with the number of threads, and errors of locations grow with the distance: this share of it.
 const FAR: f64 = 1e-4;
 
 /// Detections with a higher score are compared one by one.
