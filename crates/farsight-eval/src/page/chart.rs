@@ -70,6 +70,16 @@ pub struct Series {
 }
 
 impl Chart {
+    /// The number at a line of the horizontal axis: whole ones where the axis is longer than 1.
+    fn x_text(&self, x: f64) -> String {
+        let is_between = (x - x.round()).abs() > 1e-6;
+        match self.x_end > 1.0 {
+            true if is_between => String::new(),
+            true => format!("{x:.0}"),
+            false => format!("{x:.1}"),
+        }
+    }
+
     /// Draws the chart.
     ///
     /// # Errors
@@ -101,7 +111,7 @@ impl Chart {
             .configure_mesh()
             .x_desc(&self.x_label)
             .y_desc(&self.y_label)
-            .x_label_formatter(&|x| if self.x_end > 1.0 { format!("{x:.0}") } else { format!("{x:.1}") })
+            .x_label_formatter(&|x| self.x_text(*x))
             .label_style((FONT, 15))
             .axis_desc_style((FONT, 16))
             .light_line_style(WHITE)
