@@ -16,6 +16,7 @@ use clap::{Args, Subcommand};
 
 use super::Outcome;
 use crate::experiment::{Experiment, Results, tables};
+use crate::pipeline_args::EngineArgs;
 use crate::printer::Printer;
 
 /// Arguments of `farsight experiment`.
@@ -65,9 +66,9 @@ pub(crate) struct RunArgs {
     /// Only the cells whose names (ARM-SEED) start so
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Threads of training, instead of the plan's
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1024))]
-    threads: Option<u64>,
+    /// What answers; --threads are training's, too, instead of the plan's
+    #[command(flatten)]
+    engine: EngineArgs,
     /// List the cells and what is done, run nothing
     #[arg(long)]
     list: bool,
@@ -142,7 +143,7 @@ fn run_cells(args: &RunArgs, plan: &Experiment, printer: &mut Printer) -> Result
         kitti: args.kitti.clone(),
         deadline: args.minutes.map(|minutes| Instant::now() + Duration::from_secs_f64(60.0 * minutes)),
         only: args.only.clone(),
-        threads: args.threads,
+        engine: args.engine.options()?,
         plan: plan.clone(),
     };
     run(&job, printer)

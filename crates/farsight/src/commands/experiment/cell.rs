@@ -1,12 +1,13 @@
 //! One cell: a training, its answers, what they are worth. Every step is left out when its output is whole.
 
 use std::fs::{self, File, TryLockError};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use farsight::object::detections;
-use farsight::{ModelSource, Pipeline, Road, StageSource};
+use farsight::{EngineOptions, ModelSource, Pipeline, Road, StageSource};
 use farsight_core::Detection;
 use farsight_data::Dataset;
 use farsight_data::kitti::write_results;
@@ -21,6 +22,7 @@ use toml::Table;
 
 use crate::commands::train::progress::Progress;
 use crate::printer::{Printer, counted};
+use crate::side_by_side::in_order;
 
 /// What a folder must belong to, so that nothing is mixed: one line of text.
 const IDENTITY_FILE: &str = "identity.txt";
@@ -125,38 +127,36 @@ impl CellFolder {
     pub(super) fn look(
         &self,
         dataset: &dyn Dataset,
-        threads: Option<u64>,
+        engine: &EngineOptions,
         deadline: Option<Instant>,
         printer: &mut Printer,
     ) -> Result<Step> {
-        let path = |id: &str| self.answer(id);
         let open: Vec<(usize, String)> =
-            dataset.ids().into_iter().enumerate().filter(|(_, id)| !path(id).exists()).collect();
+            dataset.ids().into_iter().enumerate().filter(|(_, id)| !self.answer(id).exists()).collect();
         if open.is_empty() {
             return Ok(Step::Done);
         }
         let builder = Pipeline::builder().road(Road::Ignored).min_score(MIN_SCORE);
         let builder = builder.refiner(StageSource::Off).plates(StageSource::Off);
-        let builder = match threads {
-            Some(threads) => builder.threads(threads as usize),
-            None => builder,
-        };
+        let builder = builder.engine_options(engine.clone()).images(open.len());
         let pipeline = builder.model(ModelSource::File(self.model())).open()?;
-        let began = Instant::now();
-        for (done, (index, id)) in open.iter().enumerate() {
-            if done > 0 && is_over(deadline) {
-                return Ok(Step::Stopped);
-            }
+        let (began, mut done) = (Instant::now(), 0);
+        let look = |(index, _): &(usize, String)| -> Result<Vec<Detection>> {
             let found = pipeline.detect(&dataset.image(*index)?, &dataset.camera(*index)?);
             let mut found = detections(&found.with_context(|| dataset.origin(*index))?);
             found.iter_mut().for_each(round);
-            write_results(&path(id), &found)?;
-            if (done + 1) % TOLD_EVERY == 0 {
-                let rate = (done + 1) as f64 / began.elapsed().as_secs_f64();
-                printer.status(&format!("{} of {} looked at, {rate:.1}/s", done + 1, counted(open.len(), "frame")));
+            Ok(found)
+        };
+        in_order(&open, pipeline.side_by_side(), look, |(_, id), found| {
+            write_results(&self.answer(id), &found?)?;
+            done += 1;
+            if done % TOLD_EVERY == 0 {
+                let rate = done as f64 / began.elapsed().as_secs_f64();
+                printer.status(&format!("{done} of {} looked at, {rate:.1}/s", counted(open.len(), "frame")));
             }
-        }
-        Ok(Step::Done)
+            anyhow::Ok(if is_over(deadline) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })?;
+        Ok(if done == open.len() { Step::Done } else { Step::Stopped })
     }
 }
 
@@ -164,12 +164,16 @@ impl CellFolder {
 fn round(detection: &mut Detection) {
     let to = |value: &mut f64, steps: f64| *value = (*value * steps).round() / steps;
     let Detection { box2d, box3d, score, .. } = detection;
-    [&mut box2d.x1, &mut box2d.y1, &mut box2d.x2, &mut box2d.y2].into_iter().for_each(|value| to(value, 10.0));
+    for value in [&mut box2d.x1, &mut box2d.y1, &mut box2d.x2, &mut box2d.y2] {
+        to(value, 10.0);
+    }
     let size = &mut box3d.dimensions;
-    [&mut size.length, &mut size.height, &mut size.width, &mut box3d.yaw]
-        .into_iter()
-        .for_each(|value| to(value, 100.0));
-    box3d.location.iter_mut().for_each(|value| to(value, 100.0));
+    for value in [&mut size.length, &mut size.height, &mut size.width, &mut box3d.yaw] {
+        to(value, 100.0);
+    }
+    for value in &mut box3d.location {
+        to(value, 100.0);
+    }
     to(score, 1000.0);
 }
 

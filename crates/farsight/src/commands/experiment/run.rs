@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use farsight::EngineOptions;
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::{Evaluation, FrameFiles, LabelSource};
 use farsight_files::write_atomically;
@@ -38,8 +39,8 @@ pub(crate) struct Job {
     pub(crate) deadline: Option<Instant>,
     /// How the names of the cells start; empty for all.
     pub(crate) only: Vec<String>,
-    /// Of training, instead of the plan's.
-    pub(crate) threads: Option<u64>,
+    /// What answers; its threads are training's, too, instead of the plan's.
+    pub(crate) engine: EngineOptions,
 }
 
 /// A job whose data are open.
@@ -127,7 +128,7 @@ impl Open<'_> {
         set(&mut config, "data", "split", Value::String(self.job.plan.data.train.clone()));
         // Those that are held out are the last ones.
         set(&mut config, "data", "limit", Value::Integer(self.split.train.len() as i64));
-        if let Some(threads) = self.job.threads {
+        if let Some(threads) = self.job.engine.threads {
             set(&mut config, "train", "threads", Value::Integer(threads as i64));
         }
         config
@@ -168,13 +169,13 @@ impl Open<'_> {
         if self.measured(cell).exists() {
             return Ok(Ran::Before);
         }
-        let Job { deadline, threads, .. } = *self.job;
+        let Job { deadline, ref engine, .. } = *self.job;
         printer.status(&format!("{}: {}", cell.name(), self.job.plan.title(&cell.arm)));
         let config = self.config(cell);
         if folder.train(&config, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
             return Ok(Ran::Stopped);
         }
-        if folder.look(&*self.dataset, threads, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
+        if folder.look(&*self.dataset, engine, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
             return Ok(Ran::Stopped);
         }
         let metrics = statistics::metrics(&self.evaluation(&folder.results())?)?;
