@@ -20,7 +20,7 @@ impl Box2d {
     }
 
     /// The smallest box around `points`, or `None` when there are none.
-    pub fn around(points: impl IntoIterator<Item = [f64; 2]>) -> Option<Self> {
+    pub fn bounding(points: impl IntoIterator<Item = [f64; 2]>) -> Option<Self> {
         points.into_iter().fold(None, |bounds, [x, y]| {
             let b = bounds.unwrap_or(Self::new(x, y, x, y));
             Some(Self::new(b.x1.min(x), b.y1.min(y), b.x2.max(x), b.y2.max(y)))

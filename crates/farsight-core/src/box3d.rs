@@ -116,7 +116,7 @@ impl Box3d {
         let corners = self.corners();
         let ahead = corners.iter().copied().filter(|c| c[2] >= NEAR_PLANE_M);
         let crossings = EDGES.iter().filter_map(|&[a, b]| near_plane_crossing(corners[a], corners[b]));
-        Box2d::around(ahead.chain(crossings).filter_map(|point| camera.pixel_from_point(point)))
+        Box2d::bounding(ahead.chain(crossings).filter_map(|point| camera.pixel_from_point(point)))
     }
 
     /// The box `factor` times as far away and as large: the same picture, but for the centimetres by which a fourth

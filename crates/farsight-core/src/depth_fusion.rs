@@ -104,7 +104,7 @@ impl DepthFusion {
     /// logarithms of the depths of `pairs` have in common with others in their images. Both together hold two thirds of
     /// the errors. The intervals are multiples of both together.
     #[must_use]
-    pub fn beside_shared(self, pairs: &[DepthPair], shared: &[f64]) -> Self {
+    pub fn with_shared_error(self, pairs: &[DepthPair], shared: &[f64]) -> Self {
         let plain = Self { joint_error_factor: 1.0, ..self };
         let errors: Vec<[f64; 3]> = pairs
             .iter()
@@ -247,12 +247,12 @@ mod tests {
         let fitted = DepthFusion::fit(&pairs).expect("enough pairs");
         let sigma = |fusion: &DepthFusion| fusion.joint(Some(pairs[0].first), pairs[0].second).log_sigma;
         assert!((sigma(&fitted) - 0.06_f64.hypot(0.05)).abs() < 0.003, "{fitted:?}");
-        let own = fitted.beside_shared(&pairs, &vec![0.06; pairs.len()]);
+        let own = fitted.with_shared_error(&pairs, &vec![0.06; pairs.len()]);
         assert!((sigma(&own) - 0.05).abs() < 0.004, "{own:?}");
         for (found, normal) in own.interval_sigmas.iter().zip(NORMAL_INTERVAL_SIGMAS) {
             assert!((found - normal).abs() < 0.06, "{own:?}");
         }
-        let alone = fitted.beside_shared(&pairs, &vec![0.0; pairs.len()]);
+        let alone = fitted.with_shared_error(&pairs, &vec![0.0; pairs.len()]);
         assert!((alone.joint_error_factor - fitted.joint_error_factor).abs() < 1e-6, "{alone:?} and {fitted:?}");
     }
 }

@@ -155,7 +155,7 @@ struct Demand {
 /// Each box is moved along its rays and grows with the distance, so the picture stays the same. Error bars shrink by
 /// what the plane tells. Unsure detections say nothing about the road; of it, they only follow the common factor. Those
 /// without error bars stay where `scale` has them.
-pub fn on_one_road(mut detections: Vec<Detection>, road: Road, scale: &ScalePrior) -> Vec<Detection> {
+pub fn fit_to_road(mut detections: Vec<Detection>, road: Road, scale: &ScalePrior) -> Vec<Detection> {
     for detection in &mut detections {
         scale.apply(detection);
     }
@@ -325,7 +325,7 @@ mod tests {
             let error = |detection: &Detection, z: f64| (detection.box3d.depth_m() / z).ln().abs();
             let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
             for (road, most) in [(Road::BelowBy(1.6), 0.7), (Road::Below, 0.85)] {
-                let found = on_one_road(told(), road, &ALONE);
+                let found = fit_to_road(told(), road, &ALONE);
                 let after: f64 = found.iter().zip(places).map(|(detection, [_, z])| error(detection, z)).sum();
                 assert!(after < most * before, "errors of {before} became {after} with a slope of {slope} by {road:?}");
                 for (detection, [x, z]) in found.iter().zip(places) {
@@ -335,7 +335,7 @@ mod tests {
                     assert!(sigma > 0.005 && sigma < 0.05, "{sigma} at {z} m");
                 }
             }
-            assert_eq!(on_one_road(told(), Road::Ignored, &ALONE), told());
+            assert_eq!(fit_to_road(told(), Road::Ignored, &ALONE), told());
         }
     }
 
@@ -385,7 +385,7 @@ mod tests {
 
     /// Mean error of [`ten_cars`] after the fit, and mean error bar: both of the logarithm.
     fn ten_after(factor: f64, road: Road, scale: &ScalePrior) -> [f64; 2] {
-        let found = on_one_road(ten_cars(factor), road, scale);
+        let found = fit_to_road(ten_cars(factor), road, scale);
         let mean = |value: &dyn Fn(usize) -> f64| (0..10).map(value).sum::<f64>() / 10.0;
         let error = |place: usize| (found[place].box3d.depth_m() / (8.0 + 4.0 * place as f64)).ln();
         let sigma = |place: usize| found[place].range_sigma_m.unwrap() / found[place].box3d.depth_m();
@@ -418,7 +418,7 @@ mod tests {
         let smaller = ScalePrior { factor: 0.95, log_sigma: 0.0 };
         let mut seen = vec![car(2.0, 15.0, 0.0, 1.0, 0.05); 2];
         seen[1].class = ObjectClass::Pedestrian;
-        let found = on_one_road(seen.clone(), Road::Ignored, &smaller);
+        let found = fit_to_road(seen.clone(), Road::Ignored, &smaller);
         assert!((found[0].box3d.depth_m() - 0.95 * 15.0).abs() < 1e-9);
         assert!((found[0].range_sigma_m.unwrap() - 0.05 * 0.95 * 15.0).abs() < 1e-9);
         assert_eq!(found[1], seen[1]);
@@ -428,7 +428,7 @@ mod tests {
     fn unsure_vehicles_follow_what_the_sure_ones_tell_of_the_common_factor() {
         let shared = ScalePrior { factor: 1.0, log_sigma: 0.06 };
         let guess = Detection { score: 0.2, ..car(1.0, 30.0, 0.0, 0.88, 0.05) };
-        let found = on_one_road([ten_cars(0.88), vec![guess]].concat(), Road::BelowBy(1.6), &shared);
+        let found = fit_to_road([ten_cars(0.88), vec![guess]].concat(), Road::BelowBy(1.6), &shared);
         let error = (found[10].box3d.depth_m() / 30.0).ln();
         assert!(error.abs() < 0.6 * 0.88_f64.ln().abs(), "{error}");
     }
@@ -443,7 +443,7 @@ mod tests {
             seen.box3d.location[1] += factor * (height_m - 1.6);
             seen
         };
-        let found = on_one_road(depths.into_iter().zip(factors).map(seen).collect(), Road::Below, &ALONE);
+        let found = fit_to_road(depths.into_iter().zip(factors).map(seen).collect(), Road::Below, &ALONE);
         let before: f64 = factors.iter().map(|factor: &f64| factor.ln().abs()).sum();
         let after: f64 = found.iter().zip(depths).map(|(object, z)| (object.box3d.depth_m() / z).ln().abs()).sum();
         assert!(after < 0.85 * before, "errors of {before} became {after}");
@@ -454,7 +454,7 @@ mod tests {
         for height_m in [1.2, 2.5, 6.0] {
             let mut alone = car(2.0, 15.0, 0.0, 1.0, 0.05);
             alone.box3d.location[1] = height_m;
-            let found = on_one_road(vec![alone], Road::Below, &ALONE);
+            let found = fit_to_road(vec![alone], Road::Below, &ALONE);
             assert!((found[0].box3d.depth_m() / 15.0).ln().abs() < 0.005, "{height_m}: {:?}", found[0].box3d);
         }
     }
@@ -462,11 +462,11 @@ mod tests {
     #[test]
     fn what_is_right_stays_and_what_is_sure_moves_least() {
         let right = vec![car(-3.0, 9.0, 0.0, 1.0, 0.05), car(3.0, 20.0, 0.0, 1.0, 0.05)];
-        for (before, after) in right.iter().zip(on_one_road(right.clone(), Road::BelowBy(1.6), &ALONE)) {
+        for (before, after) in right.iter().zip(fit_to_road(right.clone(), Road::BelowBy(1.6), &ALONE)) {
             assert!((before.box3d.depth_m() - after.box3d.depth_m()).abs() < 1e-6);
         }
         let moved = |sigma: f64| {
-            let found = on_one_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], Road::BelowBy(1.6), &ALONE);
+            let found = fit_to_road(vec![car(2.0, 15.0, 0.0, 1.1, sigma)], Road::BelowBy(1.6), &ALONE);
             (found[0].box3d.depth_m() / 16.5).ln().abs()
         };
         assert!(moved(0.01) < 0.3 * moved(0.1), "{} and {}", moved(0.01), moved(0.1));
@@ -481,7 +481,7 @@ mod tests {
         let mut guess = car(4.0, 20.0, 0.0, 1.4, 0.05);
         guess.score = 0.2;
         for (odd, most) in [(on_a_bridge, 0.02), (guess, 1e-6)] {
-            let found = on_one_road([street(), vec![odd]].concat(), Road::BelowBy(1.6), &ALONE);
+            let found = fit_to_road([street(), vec![odd]].concat(), Road::BelowBy(1.6), &ALONE);
             for (detection, z) in found.iter().zip([9.0, 15.0, 25.0]) {
                 let off = (detection.box3d.depth_m() / z).ln().abs();
                 assert!(off < most, "{off} at {z} m");
@@ -492,7 +492,7 @@ mod tests {
     #[test]
     fn without_error_bars_nothing_moves() {
         let unsure = Detection { range_sigma_m: None, ..car(2.0, 15.0, 0.0, 1.1, 0.05) };
-        assert_eq!(on_one_road(vec![unsure.clone()], Road::BelowBy(1.6), &ALONE), vec![unsure]);
-        assert_eq!(on_one_road(Vec::new(), Road::BelowBy(1.6), &ALONE), Vec::new());
+        assert_eq!(fit_to_road(vec![unsure.clone()], Road::BelowBy(1.6), &ALONE), vec![unsure]);
+        assert_eq!(fit_to_road(Vec::new(), Road::BelowBy(1.6), &ALONE), Vec::new());
     }
 }

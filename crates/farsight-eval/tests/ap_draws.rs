@@ -5,7 +5,7 @@
 mod common;
 
 use common::awkward::awkward_frames;
-use farsight_eval::ap::{ApAccumulator, CurveSpec, DrawnAp, Metric, OverlapSet};
+use farsight_eval::ap::{ApAccumulator, ApSample, CurveSpec, Metric, OverlapSet};
 use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Frame, Part};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -71,7 +71,7 @@ fn assert_draws_equal_evaluations(frames: &[Frame], name: &str) -> usize {
                 let (r40, r11) = (devkit.ap_r40(), devkit.ap_r11());
                 let is_empty = devkit.objects == 0;
                 let nan = |ap| if is_empty { f64::NAN } else { ap };
-                assert_same(got, DrawnAp { r40: nan(r40), r11: nan(r11) }, &place);
+                assert_same(got, ApSample { r40: nan(r40), r11: nan(r11) }, &place);
             }
             compared += usize::from(got.r40 > 0.0);
         }
@@ -79,7 +79,7 @@ fn assert_draws_equal_evaluations(frames: &[Frame], name: &str) -> usize {
     compared
 }
 
-fn assert_same(got: DrawnAp, want: DrawnAp, place: &str) {
+fn assert_same(got: ApSample, want: ApSample, place: &str) {
     for (got, want) in [(got.r40, want.r40), (got.r11, want.r11)] {
         let is_same = (got - want).abs() < TOLERANCE || got.is_nan() && want.is_nan();
         assert!(is_same, "{place}: {got}, from scratch {want}");

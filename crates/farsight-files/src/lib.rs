@@ -28,7 +28,7 @@ const MAX_CHAIN: u32 = 40;
 /// Why a file could not be written. The target is then as it was before.
 #[derive(Debug, Error)]
 #[error("{}: could not {step}: {source}", path.display())]
-pub struct DurableError {
+pub struct WriteError {
     /// The file that was asked for.
     pub path: PathBuf,
     /// What failed, as in "could not ...".
@@ -47,8 +47,8 @@ pub struct DurableError {
 /// are.
 ///
 /// # Errors
-/// [`DurableError`] names the target, the step and the system's answer; an error of `write` is passed on in it.
-pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), DurableError> {
+/// [`WriteError`] names the target, the step and the system's answer; an error of `write` is passed on in it.
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     write_through(path, true, write)
 }
 
@@ -57,7 +57,7 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
 ///
 /// # Errors
 /// As [`write_atomically`].
-pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), DurableError> {
+pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
     write_through(path, false, write)
 }
 
@@ -68,8 +68,8 @@ pub fn write_quickly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resu
 ///
 /// # Errors
 /// As [`write_atomically`].
-pub fn check_writable(path: &Path) -> Result<(), DurableError> {
-    let failed = |step| move |source| DurableError { path: path.to_path_buf(), step, source };
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    let failed = |step| move |source| WriteError { path: path.to_path_buf(), step, source };
     match Place::of(path).map_err(failed("write it"))? {
         Place::File(target) => {
             let name = target.file_name().unwrap_or_default().to_string_lossy();
@@ -86,8 +86,8 @@ fn write_through(
     path: &Path,
     sync: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<(), DurableError> {
-    let failed = |step| move |source| DurableError { path: path.to_path_buf(), step, source };
+) -> Result<(), WriteError> {
+    let failed = |step| move |source| WriteError { path: path.to_path_buf(), step, source };
     let target = match Place::of(path).map_err(failed("write it"))? {
         Place::File(target) => target,
         Place::Stream => return write_to_stream(path, write).map_err(failed("write to it")),

@@ -289,12 +289,15 @@ impl Graph {
     ///
     /// # Errors
     /// The parameter that is missing or does not fit what comes before it, and the shape that would.
-    pub fn with_shapes(&self, shape_of: impl Fn(&str) -> Option<Vec<usize>>) -> Result<Self, Misfit> {
+    pub fn with_shapes(&self, shape_of: impl Fn(&str) -> Option<Vec<usize>>) -> Result<Self, ShapeMismatch> {
         let mut graph = self.clone();
         for parameter in graph.parameters.iter_mut().filter(|p| p.role != Role::Unused) {
             parameter.shape = shape_of(&parameter.name)
                 .filter(|shape| shape.len() == parameter.shape.len() && !shape.contains(&0))
-                .ok_or_else(|| Misfit { parameter: parameter.name.clone(), expected: parameter.shape.clone() })?;
+                .ok_or_else(|| ShapeMismatch {
+                    parameter: parameter.name.clone(),
+                    expected: parameter.shape.clone(),
+                })?;
         }
         for id in 0..graph.nodes.len() {
             let channels = graph.channels_from_shapes(self, id)?;
@@ -309,12 +312,12 @@ impl Graph {
     }
 
     /// The channels of node `id`, after those of all before it; `original` has the kernels that must not change.
-    fn channels_from_shapes(&self, original: &Self, id: NodeId) -> Result<usize, Misfit> {
+    fn channels_from_shapes(&self, original: &Self, id: NodeId) -> Result<usize, ShapeMismatch> {
         let node = &self.nodes[id];
         let inputs: Vec<usize> = node.inputs.iter().map(|&input| self.nodes[input].channels).collect();
         let expect = |parameter: ParameterId, expected: Vec<usize>| {
             let Parameter { name, shape, .. } = &self.parameters[parameter];
-            if *shape == expected { Ok(()) } else { Err(Misfit { parameter: name.clone(), expected }) }
+            if *shape == expected { Ok(()) } else { Err(ShapeMismatch { parameter: name.clone(), expected }) }
         };
         let first = inputs.first().copied().unwrap_or(node.channels);
         match node.op {
@@ -353,11 +356,11 @@ impl Graph {
 
     /// Maps that are added must have the same channels; the misfit is named by the last parameter before the first of
     /// them that differs.
-    fn equal_inputs(&self, node: &Node) -> Result<(), Misfit> {
+    fn equal_inputs(&self, node: &Node) -> Result<(), ShapeMismatch> {
         let channels = self.nodes[node.inputs[0]].channels;
         match node.inputs.iter().find(|&&input| self.nodes[input].channels != channels) {
             None => Ok(()),
-            Some(&input) => Err(Misfit { parameter: self.maker(input), expected: vec![channels] }),
+            Some(&input) => Err(ShapeMismatch { parameter: self.maker(input), expected: vec![channels] }),
         }
     }
 
@@ -379,7 +382,7 @@ impl Graph {
 
 /// A parameter whose shape fits no network.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Misfit {
+pub struct ShapeMismatch {
     /// Its name.
     pub parameter: String,
     /// The shape that would fit.

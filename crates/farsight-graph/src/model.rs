@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::graph::{Graph, Misfit, Role};
+use crate::graph::{Graph, Role, ShapeMismatch};
 use crate::live::without_dead_parameters;
 use crate::weights::{WeightTensor, Weights, WeightsError};
 
@@ -18,7 +18,7 @@ pub const METHOD_KEY: &str = "farsight.method";
 pub const CONFIG_KEY: &str = "farsight.model";
 
 /// Key of the header that says that the tensors, not the config, decide how wide the layers are.
-pub const NARROWED_KEY: &str = "farsight.narrowed";
+pub const PRUNED_KEY: &str = "farsight.narrowed";
 
 /// Key of the header that says whose weights a model was made from, and under which licence.
 pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
@@ -154,10 +154,10 @@ impl<C: NetworkConfig> Model<C> {
     /// # Errors
     /// When a tensor is missing or does not fit the others, or the outputs have not the channels that the config asks
     /// for.
-    pub fn narrowed(config: C, mut weights: Weights) -> Result<Self, ModelError> {
+    pub fn pruned(config: C, mut weights: Weights) -> Result<Self, ModelError> {
         let whole = config.graph();
         let shape_of = |name: &str| weights.tensors.get(name).map(|tensor| tensor.shape.clone());
-        let misfit = |Misfit { parameter, expected }: Misfit| {
+        let misfit = |ShapeMismatch { parameter, expected }: ShapeMismatch| {
             let found = shape_of(&parameter).map_or("is missing".to_owned(), |shape| format!("has shape {shape:?}"));
             ModelError::Tensor { name: parameter, found, expected }
         };
@@ -171,13 +171,13 @@ impl<C: NetworkConfig> Model<C> {
         }
         let graph = without_dead_parameters(graph);
         weights.tensors.retain(|name, _| graph.parameters.iter().any(|p| p.name == *name));
-        weights.metadata.insert(NARROWED_KEY.to_owned(), "true".to_owned());
+        weights.metadata.insert(PRUNED_KEY.to_owned(), "true".to_owned());
         Ok(Self { config, graph, weights })
     }
 
     /// Whether layers are narrower than the config says.
-    pub fn is_narrowed(&self) -> bool {
-        is_narrowed(&self.weights)
+    pub fn is_pruned(&self) -> bool {
+        is_pruned(&self.weights)
     }
 
     /// Whether the file at `path` says that it is one.
@@ -225,7 +225,7 @@ impl<C: NetworkConfig> Model<C> {
         if let Some(problem) = config.problem() {
             return Err(bad(problem));
         }
-        let made = if is_narrowed(&weights) { Self::narrowed(config, weights) } else { Self::new(config, weights) };
+        let made = if is_pruned(&weights) { Self::pruned(config, weights) } else { Self::new(config, weights) };
         made.map_err(|error| match error {
             ModelError::Tensor { name, found, expected } => {
                 ModelError::TensorOf { path: path.into(), name, found, expected }
@@ -267,6 +267,6 @@ impl<C: NetworkConfig> Model<C> {
 }
 
 /// Whether these are the weights of a model whose layers are narrower than its config says.
-pub fn is_narrowed(weights: &Weights) -> bool {
-    weights.metadata.contains_key(NARROWED_KEY)
+pub fn is_pruned(weights: &Weights) -> bool {
+    weights.metadata.contains_key(PRUNED_KEY)
 }

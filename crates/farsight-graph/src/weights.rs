@@ -18,7 +18,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 pub use element::Element;
-use farsight_files::{DurableError, read_file, write_atomically};
+use farsight_files::{WriteError, read_file, write_atomically};
 pub use seal::FILE_SHA256_KEY;
 use seal::Seal;
 
@@ -100,7 +100,7 @@ pub enum WeightsError {
     },
     /// The file could not be written.
     #[error(transparent)]
-    Write(#[from] DurableError),
+    Write(#[from] WriteError),
     /// A tensor that was asked for is not there.
     #[error("tensor \"{name}\" is missing; expected the shape {expected:?}")]
     Missing {

@@ -77,7 +77,7 @@ pub enum CheckpointProblem {
     },
     /// The tensors are not those of the network.
     #[error("{0}")]
-    Misfit(String),
+    ShapeMismatch(String),
     /// The pickle holds no dictionary of tensors.
     #[error(
         "no state dictionary: found {found}; expected tensors by name, or such a dictionary under \"model\" or \"state_dict\""

@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let outputs = [output(LOGITS)?, output(REGRESSION)?];
     let weights = initial_weights(&graph, 0);
     let network = Network::new(graph, &weights, device, run.train.precision)?;
-    let mut adam = Adam::new(run.train.adam(), network.learnt());
+    let mut adam = Adam::new(run.train.adam(), network.trainable_parameters());
     let [width, height] = run.model.input;
     let input = Tensor::randn([batch_size as i64, 3, height as i64, width as i64], (Kind::Float, device));
     let targets = targets(&run, batch_size, device)?;
@@ -42,7 +42,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let maps = network.forward(&input, Mode::Train, &outputs);
         let divisor = CORNER_DIVISOR_PER_IMAGE * batch_size as f64;
         let (objective, _) = loss(&codec, &maps[0], &maps[1], &targets, CornerWeights::alike(divisor));
-        let parameters: Vec<Tensor> = network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
+        let parameters: Vec<Tensor> =
+            network.trainable_parameters().map(|(_, tensor)| tensor.shallow_clone()).collect();
         let gradients = Tensor::run_backward(&[objective], &parameters, false, false);
         adam.step(&parameters, &gradients, 1e-4);
         if let Device::Cuda(index) = device {

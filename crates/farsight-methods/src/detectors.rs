@@ -142,7 +142,7 @@ fn onnx_of_model<C: NetworkConfig>(
     source: &Path,
 ) -> Result<(OnnxModel, Network), ReadError> {
     let facts = Facts::new(model, target);
-    let trained = Network::new(model).keeping(C::OUTPUTS);
+    let trained = Network::new(model).with_outputs(C::OUTPUTS);
     let onnx = match form {
         NetworkForm::Deployable => OnnxModel::from_model(model, &facts, target, source)?,
         NetworkForm::Int8 => OnnxModel::from_model_in_int8(model, &facts, target, source)?,

@@ -34,7 +34,7 @@ pub mod key {
     /// Steps, epochs and frames of the training, JSON.
     pub const TRAINING: &str = "farsight.training";
     /// That the layers are narrower than the description says; only in files of pruned models.
-    pub const NARROWED: &str = farsight_graph::model::NARROWED_KEY;
+    pub const NARROWED: &str = farsight_graph::model::PRUNED_KEY;
     /// How far a training has come, JSON; only in checkpoints, which are no models.
     pub const PROGRESS: &str = "farsight.progress";
     /// Projection of the camera of training, 12 numbers row by row, JSON.

@@ -80,7 +80,7 @@ impl Calibration {
     ///
     /// # Errors
     /// When rten fails.
-    pub fn sharer(&self) -> Result<Self, EngineError> {
+    pub fn try_clone(&self) -> Result<Self, EngineError> {
         let (outputs, histograms) = (self.outputs.clone(), self.histograms.clone());
         Ok(Self { runner: self.runner.share()?, outputs, input: self.input, histograms })
     }
@@ -113,6 +113,6 @@ impl Runner for Calibration {
     }
 
     fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
-        Ok(Box::new(self.sharer()?))
+        Ok(Box::new(self.try_clone()?))
     }
 }

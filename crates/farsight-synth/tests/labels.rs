@@ -41,7 +41,7 @@ fn on_ground(x: f32, z: f32) -> (Vec3, Vec3) {
 /// The box around an instance's pixels.
 fn seen(rendered: &Rendered, instance: InstanceId) -> Option<Box2d> {
     let pixels = rendered.instance.iter().enumerate().filter(|(_, i)| **i == instance);
-    Box2d::around(pixels.map(|(at, _)| [(at % rendered.size[0]) as f64, (at / rendered.size[0]) as f64]))
+    Box2d::bounding(pixels.map(|(at, _)| [(at % rendered.size[0]) as f64, (at / rendered.size[0]) as f64]))
 }
 
 #[test]

@@ -70,7 +70,7 @@ fn labels_project_onto_what_was_drawn() {
             let labelled = objects.iter().find(|labelled| labelled.box3d == label.box3d).unwrap();
             let pixels = rendered.instance.iter().enumerate().filter(|(_, i)| **i == labelled.instance);
             let width = rendered.size[0];
-            let Some(seen) = Box2d::around(pixels.map(|(at, _)| [(at % width) as f64, (at / width) as f64])) else {
+            let Some(seen) = Box2d::bounding(pixels.map(|(at, _)| [(at % width) as f64, (at / width) as f64])) else {
                 continue;
             };
             let Box2d { x1, y1, x2, y2 } = label.box2d;

@@ -76,8 +76,8 @@ impl Golden {
     }
 
     /// The values of the tensor `name` in the precision in which they are stored.
-    pub fn singles(&self, name: &str) -> Vec<f32> {
-        self.array(name).singles()
+    pub fn to_f32(&self, name: &str) -> Vec<f32> {
+        self.array(name).to_f32()
     }
 
     /// The values of the tensor `name`, which are whole and not negative.
@@ -100,7 +100,7 @@ impl Golden {
 
 impl Array {
     /// The values in the precision in which they are stored.
-    pub fn singles(&self) -> Vec<f32> {
+    pub fn to_f32(&self) -> Vec<f32> {
         self.values.iter().map(|&value| value as f32).collect()
     }
 

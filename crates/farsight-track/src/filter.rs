@@ -2,8 +2,11 @@
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions};
 
+use crate::modes::Modes;
 use crate::options::{Noise, TrackerOptions};
-use crate::state::{BEARING, BEARING_RATE, FACTOR, HEIGHT_ERROR, LOG_DEPTH, LOG_HEIGHT, LOG_RATE, N, State, row};
+use crate::state::{
+    BEARING, BEARING_RATE, FACTOR, HEIGHT_ERROR, LOG_DEPTH, LOG_HEIGHT, LOG_RATE, Matrix, N, State, Vector, row,
+};
 
 /// The nearest face is no nearer than this, metres, nor than this share of the depth: of what stands beside the camera
 /// there is none ahead.
@@ -103,10 +106,25 @@ fn half_depth_m(object: &Box3d) -> f64 {
     f64::midpoint(sin.abs() * object.dimensions.length, cos.abs() * object.dimensions.width)
 }
 
+/// Adds what a white acceleration of this power spectral density, (m/s^2)^2 s, does in `dt_s` seconds; to the bearing,
+/// and to the logarithm of the depth, of what is so many metres away.
+fn add_acceleration(covariance: &mut Matrix, dt_s: f64, psd: f64, lengths_m: [f64; 2]) {
+    let pushed = [psd * dt_s.powi(3) / 3.0, psd * dt_s * dt_s / 2.0, psd * dt_s];
+    for ([place, rate], length) in [[BEARING, BEARING_RATE], [LOG_DEPTH, LOG_RATE]].into_iter().zip(lengths_m) {
+        let [place_noise, mixed, rate_noise] = pushed.map(|value| value / (length * length));
+        covariance[place][place] += place_noise;
+        covariance[place][rate] += mixed;
+        covariance[rate][place] += mixed;
+        covariance[rate][rate] += rate_noise;
+    }
+}
+
 /// What is known of an object.
 #[derive(Debug, Clone)]
 pub(crate) struct Filter {
-    pub(crate) state: State,
+    modes: Modes,
+    /// Of all modes together.
+    state: State,
     /// Of the latest measurements: what lasts of the errors of distance and height.
     lasting: [f64; 2],
     /// `y / z` of the location.
@@ -155,8 +173,10 @@ impl Filter {
             set(LOG_HEIGHT, LOG_HEIGHT, CUT_HEIGHT_SIGMA.powi(2));
         }
         let (sin, cos) = measured.yaw.sin_cos();
+        let state = State { mean, covariance };
         Self {
-            state: State { mean, covariance },
+            modes: Modes::new(state.clone(), &options.motion),
+            state,
             lasting: [lasting, height_lasting],
             fall: measured.fall,
             half_depth_m: measured.half_depth_m,
@@ -170,33 +190,27 @@ impl Filter {
 
     /// Moves on by `dt_s` seconds.
     pub(crate) fn predict(&mut self, dt_s: f64, options: &TrackerOptions) {
-        let noise = &options.noise;
-        let near = self.near_m();
-        let centre = near + self.half_depth_m;
-        self.state = self.state.moved(dt_s, self.half_depth_m);
-        // A white acceleration.
-        let psd = options.acceleration_psd;
-        let pushed = [psd * dt_s.powi(3) / 3.0, psd * dt_s * dt_s / 2.0, psd * dt_s];
-        for (place, rate, length) in [(BEARING, BEARING_RATE, centre), (LOG_DEPTH, LOG_RATE, near)] {
-            let [place_noise, mixed, rate_noise] = pushed.map(|value| value / (length * length));
-            let covariance = &mut self.state.covariance;
-            covariance[place][place] += place_noise;
-            covariance[place][rate] += mixed;
-            covariance[rate][place] += mixed;
-            covariance[rate][rate] += rate_noise;
-        }
-        self.state.covariance[LOG_HEIGHT][LOG_HEIGHT] += noise.size_drift.powi(2) * dt_s;
-        let errors = [(FACTOR, noise.persistent_s, self.lasting[0]), (HEIGHT_ERROR, noise.height_s, self.lasting[1])];
-        for (place, time_s, variance) in errors {
-            // What is left of an error after so long, and what is new.
-            let left = (-dt_s / time_s).exp();
-            self.state.mean[place] *= left;
-            for i in 0..N {
-                self.state.covariance[place][i] *= left;
-                self.state.covariance[i][place] *= left;
+        let (noise, half_depth_m, lasting) = (&options.noise, self.half_depth_m, self.lasting);
+        self.modes.predict(dt_s, &options.motion, |before, motion| {
+            let near = before.mean[LOG_DEPTH].exp();
+            let mut state = before.moved(dt_s, half_depth_m);
+            add_acceleration(&mut state.covariance, dt_s, motion.acceleration_psd, [near + half_depth_m, near]);
+            state.covariance[LOG_HEIGHT][LOG_HEIGHT] += noise.size_drift.powi(2) * dt_s;
+            for (place, time_s, variance) in
+                [(FACTOR, noise.persistent_s, lasting[0]), (HEIGHT_ERROR, noise.height_s, lasting[1])]
+            {
+                // What is left of an error after so long, and what is new.
+                let left = (-dt_s / time_s).exp();
+                state.mean[place] *= left;
+                for i in 0..N {
+                    state.covariance[place][i] *= left;
+                    state.covariance[i][place] *= left;
+                }
+                state.covariance[place][place] += variance * (1.0 - left * left);
             }
-            self.state.covariance[place][place] += variance * (1.0 - left * left);
-        }
+            state
+        });
+        self.state = self.modes.state();
     }
 
     /// Takes in a measurement.
@@ -218,14 +232,15 @@ impl Filter {
             *mean += weight / self.weight * (latest - *mean);
         }
 
-        let Self { state, surprise, .. } = self;
+        let Self { modes, surprise, .. } = self;
         let mut surprised = |squared: f64| *surprise += SURPRISE_WEIGHT * (squared.min(MAX_SURPRISE) - *surprise);
-        state.update(&row([(BEARING, 1.0)]), measured.bearing, measured.bearing_variance(noise), TOLERANCE);
-        surprised(state.update(&row([(LOG_DEPTH, 1.0), (FACTOR, 1.0)]), measured.log_depth, white, TOLERANCE));
+        modes.update(&row([(BEARING, 1.0)]), measured.bearing, measured.bearing_variance(noise), TOLERANCE);
+        surprised(modes.update(&row([(LOG_DEPTH, 1.0), (FACTOR, 1.0)]), measured.log_depth, white, TOLERANCE));
         if let Some(log_height) = measured.log_height {
             let seen = row([(LOG_DEPTH, -1.0), (LOG_HEIGHT, 1.0), (HEIGHT_ERROR, 1.0)]);
-            surprised(state.update(&seen, log_height, height_white, TOLERANCE));
+            surprised(modes.update(&seen, log_height, height_white, TOLERANCE));
         }
+        self.state = self.modes.state();
     }
 
     /// How far off, in standard deviations, a detection's distance and its size are.
@@ -279,6 +294,15 @@ impl Filter {
 
     /// Velocity across and along the optical axis, m/s, with its covariance.
     pub(crate) fn ground_velocity(&self) -> ([f64; 2], [[f64; 2]; 2]) {
+        let ([aside, along], [of_aside, of_along]) = self.velocity_rows();
+        let both = std::array::from_fn(|i| of_aside[i] + of_along[i]);
+        let [xx, zz, sum] = [of_aside, of_along, both].map(|row| self.inflation() * self.state.variance(&row));
+        let xz = (sum - xx - zz) / 2.0;
+        ([aside, along], [[xx, xz], [xz, zz]])
+    }
+
+    /// That velocity, and the rows that read it from small changes of the state.
+    fn velocity_rows(&self) -> ([f64; 2], [Vector; 2]) {
         let (near, centre) = (self.near_m(), self.depth_m());
         let mean = &self.state.mean;
         let (bearing, rate, log_rate) = (mean[BEARING], mean[BEARING_RATE], mean[LOG_RATE]);
@@ -286,11 +310,17 @@ impl Filter {
         let aside = rate * centre + bearing * along;
         // A factor on all distances is one on both.
         let of_aside = row([(BEARING, along), (BEARING_RATE, centre), (LOG_DEPTH, aside), (LOG_RATE, bearing * near)]);
-        let of_along = row([(LOG_DEPTH, along), (LOG_RATE, near)]);
-        let both = std::array::from_fn(|i| of_aside[i] + of_along[i]);
-        let [xx, zz, sum] = [of_aside, of_along, both].map(|row| self.inflation() * self.state.variance(&row));
-        let xz = (sum - xx - zz) / 2.0;
-        ([aside, along], [[xx, xz], [xz, zz]])
+        ([aside, along], [of_aside, row([(LOG_DEPTH, along), (LOG_RATE, near)])])
+    }
+
+    /// Where its centre is aside of the camera after `ahead_s` seconds at this velocity, and the standard deviation of
+    /// that, metres.
+    pub(crate) fn aside_after(&self, ahead_s: f64) -> [f64; 2] {
+        let (near, centre, bearing) = (self.near_m(), self.depth_m(), self.state.mean[BEARING]);
+        let ([aside, _], [of_aside, _]) = self.velocity_rows();
+        let now = row([(BEARING, centre), (LOG_DEPTH, bearing * near)]);
+        let then = std::array::from_fn(|i| now[i] + ahead_s * of_aside[i]);
+        [bearing * centre + ahead_s * aside, (self.inflation() * self.state.variance(&then)).sqrt()]
     }
 
     /// Standard deviation of the vertical speed, m/s: the road may rise or fall.

@@ -14,10 +14,12 @@
 //! them: the distance of each image, with a factor that drifts slowly, and the height of the box in the image, which
 //! tells changes of distance much better than distance. The height's own errors are correlated in time and modelled so.
 
+mod acceleration;
 mod assignment;
 mod association;
 mod error;
 mod filter;
+mod modes;
 mod options;
 mod state;
 mod track;
@@ -25,6 +27,6 @@ mod tracker;
 
 pub use assignment::assigned;
 pub use error::TrackError;
-pub use options::{Noise, TrackerOptions};
-pub use track::{Closing, EgoMotion, Track, Velocity};
+pub use options::{Motion, Noise, TrackerOptions};
+pub use track::{Acceleration, Closing, EgoMotion, Track, Velocity};
 pub use tracker::{Frame, Tracker};

@@ -22,10 +22,12 @@ pub struct TrackerOptions {
     pub min_overlap: f64,
     /// Gate of distance and size, standard deviations, of boxes that overlap by half.
     pub gate_sigmas: f64,
-    /// Power spectral density of the relative acceleration, (m/s^2)^2 s.
-    pub acceleration_psd: f64,
+    /// The two ways to move: evenly, and braking, accelerating or turning.
+    pub motion: [Motion; 2],
     /// Standard deviation of the relative velocity before anything is known: across and along the optical axis, m/s.
     pub prior_speed_mps: [f64; 2],
+    /// Width of what we drive in, with what is to stay free beside it, metres.
+    pub own_width_m: f64,
     /// Errors of the measurements.
     pub noise: Noise,
 }
@@ -41,11 +43,21 @@ impl Default for TrackerOptions {
             max_lost_s: 3.0,
             min_overlap: 0.2,
             gate_sigmas: 4.0,
-            acceleration_psd: 1.5,
+            motion: [Motion { acceleration_psd: 0.3, lasts_s: 1.4 }, Motion { acceleration_psd: 30.0, lasts_s: 0.7 }],
             prior_speed_mps: [5.0, 10.0],
+            own_width_m: 2.4,
             noise: Noise::default(),
         }
     }
+}
+
+/// A way to move: constant velocity with a white acceleration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Power spectral density of the relative acceleration, (m/s^2)^2 s.
+    pub acceleration_psd: f64,
+    /// After so long in the mean it moves the other way, seconds.
+    pub lasts_s: f64,
 }
 
 /// Errors of one image's measurements, and how long they last.

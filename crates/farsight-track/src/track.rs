@@ -48,11 +48,24 @@ pub struct Closing {
     /// Its standard deviation, m/s.
     pub sigma_mps: f64,
     /// Time until the nearest face reaches the camera's plane at this speed, seconds; none unless it closes with a
-    /// probability of 95%.
+    /// probability of 80%.
     pub ttc_s: Option<f64>,
     /// That time is between these with a probability of 90%, seconds; no upper end where it may never be; none where it
     /// surely (95%) does not close.
     pub ttc_interval_s: Option<(f64, Option<f64>)>,
+    /// Probability that it is in our way then, if neither changes its velocity; none where there is no `ttc_s`.
+    pub in_path: Option<f64>,
+    /// How that speed grows; none where it is not known yet.
+    pub acceleration: Option<Acceleration>,
+}
+
+/// How a closing speed grows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Acceleration {
+    /// By so much a second, m/s^2: positive where it comes nearer faster and faster.
+    pub closing_mps2: f64,
+    /// Its standard deviation, m/s^2.
+    pub sigma_mps2: f64,
 }
 
 /// How the camera moves over the ground.
@@ -68,18 +81,22 @@ pub struct EgoMotion {
     pub yaw_rate_sigma: f64,
 }
 
+/// From so many standard deviations on it is said to close: one-sided 80%.
+const CLOSES_SIGMAS: f64 = 0.842;
+
 impl Closing {
     /// Of a speed and the change of the logarithm of the nearest face's depth in a second, each with its standard
     /// deviation.
     pub(crate) fn new(mps: f64, sigma_mps: f64, [rate, rate_sigma]: [f64; 2]) -> Self {
         let [_, most] = NORMAL_INTERVAL_SIGMAS;
         let (fastest, slowest) = (-rate + most * rate_sigma, -rate - most * rate_sigma);
-        let ends = (slowest > 0.0).then(|| 1.0 / slowest);
         Self {
             mps,
             sigma_mps,
-            ttc_s: ends.map(|_| -1.0 / rate),
-            ttc_interval_s: (fastest > 0.0).then(|| (1.0 / fastest, ends)),
+            ttc_s: (-rate > CLOSES_SIGMAS * rate_sigma).then(|| -1.0 / rate),
+            ttc_interval_s: (fastest > 0.0).then(|| (1.0 / fastest, (slowest > 0.0).then(|| 1.0 / slowest))),
+            in_path: None,
+            acceleration: None,
         }
     }
 }

@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use farsight_core::overlap::covered_share_2d;
 use farsight_core::{Box2d, Camera, Detection, ObjectClass};
 
+use crate::acceleration::ClosingWindow;
 use crate::assignment::assigned;
 use crate::association::{Strictness, cost};
 use crate::error::TrackError;
@@ -55,6 +56,9 @@ struct Entry {
     /// Whether it is behind something.
     is_hidden: bool,
     anchor: Anchor,
+    window: ClosingWindow,
+    /// How it comes nearer, as of this frame.
+    closing: Option<Closing>,
     /// Where it is expected now, not clipped.
     expected: Box2d,
 }
@@ -75,6 +79,10 @@ struct Seen<'a> {
 
 /// A scene is another one where fewer of its tracks go on, as a share of them.
 const SAME_SCENE: f64 = 1.0 / 3.0;
+
+/// So many boxes tell that the camera nodded, if they are so many pixels off.
+const MIN_NODDED: usize = 3;
+const MIN_NOD_PX: f64 = 2.0;
 
 /// A track that is not told yet may miss so many frames.
 const TENTATIVE_MISSES: u32 = 1;
@@ -145,6 +153,13 @@ impl Tracker {
             .collect();
         seen.sort_by(|a, b| order(a.detection, b.detection));
         let mut partner = self.matches(&seen);
+        if let Some(nod_px) = self.nod_px(&seen, &partner) {
+            for entry in &mut self.entries {
+                let Box2d { x1, y1, x2, y2 } = entry.expected;
+                entry.expected = Box2d::new(x1, y1 + nod_px, x2, y2 + nod_px);
+            }
+            partner = self.matches(&seen);
+        }
         if frame.looks_cut && !self.goes_on(&partner) {
             self.entries.clear();
             partner = vec![None; seen.len()];
@@ -215,6 +230,21 @@ impl Tracker {
         }
     }
 
+    /// By so many pixels everything is lower in the image than expected, where that is more than boxes err by: the
+    /// camera nodded. The median of what is matched already; none of too few.
+    fn nod_px(&self, seen: &[Seen], partner: &[Option<usize>]) -> Option<f64> {
+        let middle = |one: &Box2d| f64::midpoint(one.y1, one.y2);
+        let mut shifts: Vec<f64> = seen
+            .iter()
+            .zip(partner)
+            .filter_map(|(one, partner)| Some((one, &self.entries[(*partner)?])))
+            .map(|(one, entry)| middle(&one.detection.box2d) - middle(&entry.expected))
+            .collect();
+        shifts.sort_by(f64::total_cmp);
+        let median = *shifts.get(shifts.len() / 2).filter(|_| shifts.len() >= MIN_NODDED)?;
+        (median.abs() > MIN_NOD_PX).then_some(median)
+    }
+
     /// Whether enough of the tracks that were seen last are seen again.
     fn goes_on(&self, partner: &[Option<usize>]) -> bool {
         let expected = self.entries.iter().filter(|entry| entry.misses == 0).count();
@@ -270,7 +300,10 @@ impl Tracker {
         });
     }
 
-    fn told(&self, frame: &Frame) -> Vec<Track> {
+    fn told(&mut self, frame: &Frame) -> Vec<Track> {
+        for entry in &mut self.entries {
+            entry.closing = entry.closing(frame.time_s, &self.options);
+        }
         let TrackerOptions { max_coast_s, max_hidden_s, .. } = self.options;
         let is_told = |entry: &&Entry| entry.id > 0 && entry.is_shown(frame.time_s, max_coast_s, max_hidden_s);
         let mut told: Vec<Track> =
@@ -295,6 +328,8 @@ impl Entry {
             seen_s: frame.time_s,
             is_hidden: false,
             anchor: Anchor::new(*box2d, &filter, frame.camera),
+            window: ClosingWindow::default(),
+            closing: None,
             expected: *box2d,
             filter,
         }
@@ -341,13 +376,45 @@ impl Entry {
         self.classes.iter().max_by(more).map_or(ObjectClass::DontCare, |(class, _)| class.clone())
     }
 
+    /// What is known of its motion; none before it is.
+    fn velocity(&self, time_s: f64, options: &TrackerOptions) -> Option<Velocity> {
+        let ([vx, vz], [[xx, xz], [_, zz]]) = self.filter.ground_velocity();
+        let sigmas = [xx.sqrt(), zz.sqrt()];
+        let is_sure = sigmas.iter().zip(options.prior_speed_mps).all(|(sigma, prior)| *sigma < KNOWN_SHARE * prior);
+        let is_known = is_sure && self.hits >= KNOWN_HITS && time_s - self.born_s >= KNOWN_AFTER_S;
+        is_known.then(|| Velocity {
+            mps: [vx, 0.0, vz],
+            sigma_mps: [sigmas[0], self.filter.vertical_sigma_mps(), sigmas[1]],
+            covariance_xz: xz,
+        })
+    }
+
+    /// How it comes nearer, once that is known.
+    fn closing(&mut self, time_s: f64, options: &TrackerOptions) -> Option<Closing> {
+        let Velocity { mps: [_, _, vz], sigma_mps: [_, _, sigma], .. } = self.velocity(time_s, options)?;
+        let closing = Closing::new(-vz, sigma, self.filter.log_rate());
+        Some(Closing {
+            in_path: closing.ttc_s.map(|ttc_s| self.in_path(ttc_s, options.own_width_m)),
+            // What coasts keeps its speed because nothing is known of it.
+            acceleration: if self.misses == 0 { self.window.update(time_s, closing.mps, sigma) } else { None },
+            ..closing
+        })
+    }
+
+    /// Probability that it reaches into a way of this width straight ahead, after so many seconds.
+    fn in_path(&self, ahead_s: f64, own_width_m: f64) -> f64 {
+        let object = self.filter.box3d();
+        let (sin, cos) = object.yaw.sin_cos();
+        let across_m = cos.abs() * object.dimensions.length + sin.abs() * object.dimensions.width;
+        let reach_m = f64::midpoint(own_width_m, across_m);
+        let [aside_m, sigma_m] = self.filter.aside_after(ahead_s);
+        let below = |edge_m: f64| 0.5 * (1.0 + libm::erf((edge_m - aside_m) / (f64::sqrt(2.0) * sigma_m)));
+        below(reach_m) - below(-reach_m)
+    }
+
     fn track(&self, frame: &Frame, options: &TrackerOptions) -> Track {
         let filter = &self.filter;
         let [width, height] = frame.image_size.map(|side| side as f64);
-        let ([vx, vz], [[xx, xz], [_, zz]]) = filter.ground_velocity();
-        let sigmas = [xx.sqrt(), zz.sqrt()];
-        let is_sure = sigmas.iter().zip(options.prior_speed_mps).all(|(sigma, prior)| *sigma < KNOWN_SHARE * prior);
-        let is_known = is_sure && self.hits >= KNOWN_HITS && frame.time_s - self.born_s >= KNOWN_AFTER_S;
         Track {
             id: self.id,
             class: self.class(),
@@ -356,12 +423,8 @@ impl Entry {
             box2d: self.expected.clamped(width, height),
             box3d: filter.box3d(),
             range_sigma_m: filter.log_sigma() * filter.depth_m(),
-            velocity: is_known.then(|| Velocity {
-                mps: [vx, 0.0, vz],
-                sigma_mps: [sigmas[0], filter.vertical_sigma_mps(), sigmas[1]],
-                covariance_xz: xz,
-            }),
-            closing: is_known.then(|| Closing::new(-vz, sigmas[1], filter.log_rate())),
+            velocity: self.velocity(frame.time_s, options),
+            closing: self.closing,
             coasting: self.misses > 0,
         }
     }

@@ -3,8 +3,8 @@
 
 mod street;
 
-use farsight_core::Detection;
-use farsight_track::{Frame, Noise, Track, TrackError, Tracker, TrackerOptions};
+use farsight_core::{Box2d, Detection};
+use farsight_track::{Frame, Motion, Noise, Track, TrackError, Tracker, TrackerOptions};
 use proptest::prelude::*;
 
 use street::{Car, Chance, IMAGE_SIZE, Lasting, camera};
@@ -37,6 +37,11 @@ impl Coverage {
     }
 }
 
+/// Both ways to move are the same.
+fn one_way(acceleration_psd: f64) -> [Motion; 2] {
+    [Motion { acceleration_psd, lasts_s: 1.0 }; 2]
+}
+
 /// Follows cars one after the other, each for 2 seconds at 10 frames a second, and looks at the last frame.
 fn coverage(options: &TrackerOptions, sigma: f64, runs: u64) -> Coverage {
     let noise = &options.noise;
@@ -51,6 +56,8 @@ fn coverage(options: &TrackerOptions, sigma: f64, runs: u64) -> Coverage {
         let mut factor = Lasting::new(share.sqrt() * sigma, noise.persistent_s, chance);
         let mut lasting = Lasting::new(1.0, noise.height_s, chance);
         let mut tracker = Tracker::new(options.clone());
+        let [even, pushed] = options.motion.map(|mode| mode.lasts_s);
+        let mut mode = usize::from(chance.between(0.0, even + pushed) > even);
         let (mut told, mut size) = (Vec::new(), 0.0);
         for frame in 0..=20 {
             size += noise.size_drift * dt.sqrt() * chance.normal();
@@ -63,7 +70,10 @@ fn coverage(options: &TrackerOptions, sigma: f64, runs: u64) -> Coverage {
             let detection = car.seen(log_factor.exp(), sigma, log_growth.exp());
             told = update(&mut tracker, f64::from(frame) * dt, &[detection]).unwrap();
             if frame < 20 {
-                let pushed = (options.acceleration_psd * dt).sqrt();
+                let pushed = (options.motion[mode].acceleration_psd * dt).sqrt();
+                if chance.between(0.0, 1.0) > (-dt / options.motion[mode].lasts_s).exp() {
+                    mode = 1 - mode;
+                }
                 let velocity = car.velocity;
                 car.velocity = velocity.map(|v| v + pushed * chance.normal());
                 // The velocity of the step lies between.
@@ -103,7 +113,7 @@ fn white() -> Noise {
 fn intervals_hold_nine_of_ten_at_constant_velocity() {
     for noise in [white(), Noise::default()] {
         // A car that never accelerates, and a tracker that knows.
-        let options = TrackerOptions { acceleration_psd: 1e-6, noise, ..TrackerOptions::default() };
+        let options = TrackerOptions { motion: one_way(1e-6), noise, ..TrackerOptions::default() };
         assert_covered(&coverage(&options, 0.06, 600));
     }
 }
@@ -112,15 +122,23 @@ fn intervals_hold_nine_of_ten_at_constant_velocity() {
 fn intervals_hold_nine_of_ten_of_cars_that_accelerate() {
     for noise in [white(), Noise::default()] {
         // Not so much that cars of this street leave the image.
-        let options = TrackerOptions { acceleration_psd: 0.5, noise, ..TrackerOptions::default() };
+        let options = TrackerOptions { motion: one_way(0.5), noise, ..TrackerOptions::default() };
         assert_covered(&coverage(&options, 0.06, 600));
+    }
+}
+
+#[test]
+fn intervals_hold_nine_of_ten_of_cars_that_move_now_this_way_now_that() {
+    let motion = [Motion { acceleration_psd: 0.02, lasts_s: 2.0 }, Motion { acceleration_psd: 1.0, lasts_s: 1.0 }];
+    for noise in [white(), Noise::default()] {
+        assert_covered(&coverage(&TrackerOptions { motion, noise, ..TrackerOptions::default() }, 0.06, 600));
     }
 }
 
 #[test]
 fn errors_that_last_taken_for_new_ones_make_intervals_too_narrow() {
     // The street errs as it does; the tracker is told that errors are new in each image. The law above can fail.
-    let street = TrackerOptions { acceleration_psd: 1e-6, ..TrackerOptions::default() };
+    let street = TrackerOptions { motion: one_way(1e-6), ..TrackerOptions::default() };
     let fooled = TrackerOptions { noise: white(), ..street.clone() };
     let mut held = 0.0;
     for seed in 0..200 {
@@ -203,6 +221,30 @@ fn who_passes_in_front_of_another_keeps_its_identity() {
     }
     assert!(coasted >= 2, "{coasted}");
     assert!(identities.iter().all(|pair| *pair == identities[0]), "{identities:?}");
+}
+
+#[test]
+fn a_camera_that_nods_loses_nobody() {
+    let places = [[-4.0, 14.0], [-2.5, 20.0], [1.5, 26.0], [3.0, 48.0], [-1.0, 62.0]];
+    let cars = places.map(|place| Car::new(place, [0.0, 0.0]));
+    let mut tracker = Tracker::default();
+    for frame in 0..30 {
+        // Up and down by most of the height of those that are far away.
+        let nod_px = [0.0, 18.0, -14.0, 22.0][frame % 4];
+        let seen: Vec<Detection> = cars
+            .iter()
+            .map(|car| {
+                let seen = exact(car);
+                let Box2d { x1, y1, x2, y2 } = seen.box2d;
+                Detection { box2d: Box2d::new(x1, y1 + nod_px, x2, y2 + nod_px), ..seen }
+            })
+            .collect();
+        let told = update(&mut tracker, 0.1 * frame as f64, &seen).unwrap();
+        let ids: Vec<u64> = told.iter().map(|track| track.id).collect();
+        let expected: &[u64] = if frame == 0 { &[] } else { &[1, 2, 3, 4, 5] };
+        assert_eq!(ids, expected, "frame {frame}");
+        assert!(told.iter().all(|track| !track.coasting), "frame {frame}: {told:?}");
+    }
 }
 
 #[test]

@@ -122,12 +122,14 @@ impl Adam {
         clip_norm: f64,
         rate: f64,
     ) -> Result<f64, BadGradient> {
-        let parameters: Vec<Tensor> = network.learnt().map(|(_, tensor)| tensor.shallow_clone()).collect();
+        let parameters: Vec<Tensor> =
+            network.trainable_parameters().map(|(_, tensor)| tensor.shallow_clone()).collect();
         let mut gradients = Tensor::run_backward(&[objective], &parameters, false, false);
         let norms: Vec<Tensor> = gradients.iter().map(Tensor::norm).collect();
         let norm = Tensor::stack(&norms, 0).norm().double_value(&[]);
         if !norm.is_finite() {
-            let named = network.learnt().zip(&norms).map(|((name, _), norm)| (name, norm.double_value(&[])));
+            let named =
+                network.trainable_parameters().zip(&norms).map(|((name, _), norm)| (name, norm.double_value(&[])));
             let first = named.into_iter().find(|(_, norm)| !norm.is_finite());
             let (parameter, norm) = first.unwrap_or(("all parameters", norm));
             return Err(BadGradient { parameter: parameter.to_owned(), norm });

@@ -39,7 +39,7 @@ impl Averages {
     }
 
     /// Gives `network` the means; without a step it keeps what it has.
-    pub(crate) fn settle(&self, network: &Network) {
+    pub(crate) fn use_averages(&self, network: &Network) {
         no_grad(|| {
             for ((_, mean), (_, tensor)) in self.means.iter().zip(network.parameters()) {
                 tensor.shallow_clone().copy_(mean);

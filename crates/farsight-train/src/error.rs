@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use farsight_data::DatasetError;
 use farsight_data::loader::{ItemError, LoaderError};
-use farsight_files::DurableError;
+use farsight_files::WriteError;
 use farsight_graph::model::ModelError;
 use farsight_graph::weights::WeightsError;
 use thiserror::Error;
@@ -124,7 +124,7 @@ pub enum TrainError {
     },
     /// A file of the run could not be written whole.
     #[error(transparent)]
-    Durable(#[from] DurableError),
+    Durable(#[from] WriteError),
     /// The config cannot be written as TOML.
     #[error("the resolved config: {0}")]
     Config(#[from] toml::ser::Error),

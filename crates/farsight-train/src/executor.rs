@@ -145,7 +145,7 @@ impl Network {
     }
 
     /// Name and tensor of every learnt parameter, in the order of the graph.
-    pub fn learnt(&self) -> impl Iterator<Item = (&str, &Tensor)> {
+    pub fn trainable_parameters(&self) -> impl Iterator<Item = (&str, &Tensor)> {
         let pairs = self.graph.parameters.iter().zip(&self.parameters);
         pairs.filter(|(p, _)| p.role == Role::Learnt).map(|(p, t)| (p.name.as_str(), t))
     }

@@ -70,13 +70,13 @@ impl Learner {
             (None, Some(path)) => {
                 let (fresh, loaded) = (initial_weights(&graph, settings.seed), Weights::read(path)?);
                 loaded.check_finite(path)?;
-                let (weights, loaded) = settings.parts.overlaid(&graph, fresh, loaded, path)?;
+                let (weights, loaded) = settings.parts.load_partial(&graph, fresh, loaded, path)?;
                 (weights, Some(loaded))
             }
             (None, None) => (initial_weights(&graph, settings.seed), None),
         };
         let network = Network::new(graph, &start, device, settings.precision)?;
-        let adam = Adam::new(settings.adam.clone(), network.learnt());
+        let adam = Adam::new(settings.adam.clone(), network.trainable_parameters());
         let attribution = start.metadata.get(ATTRIBUTION_KEY).cloned();
         let averages = settings.ema_decay.map(|decay| Averages::new(decay, &network));
         let mut learner = Self { network, adam, averages, clip_norm: settings.clip_norm, attribution, loaded };
@@ -153,9 +153,9 @@ impl Learner {
     }
 
     /// Puts the running means, if they were kept, in the place of the last step's weights.
-    pub fn settle(&self) {
+    pub fn use_averages(&self) {
         if let Some(averages) = &self.averages {
-            averages.settle(&self.network);
+            averages.use_averages(&self.network);
         }
     }
 }

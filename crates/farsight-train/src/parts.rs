@@ -59,7 +59,7 @@ impl Parts {
     ///
     /// # Errors
     /// When none has a place in the network, or one is missing that is not to start anew.
-    pub fn overlaid(
+    pub fn load_partial(
         &self,
         graph: &Graph,
         mut fresh: Weights,

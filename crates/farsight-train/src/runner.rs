@@ -34,7 +34,7 @@ impl TorchRunner {
     /// # Errors
     /// When the weights do not fit the network.
     pub fn on_cpu<C: NetworkConfig>(model: &Model<C>) -> Result<Self, ModelError> {
-        Self::new(&transform::Network::new(model).keeping(C::OUTPUTS), Device::Cpu)
+        Self::new(&transform::Network::new(model).with_outputs(C::OUTPUTS), Device::Cpu)
     }
 
     /// Runs `network`, whose taps are its outputs, on this device.

@@ -237,7 +237,7 @@ impl<T: Task> Trainer<'_, T> {
                 metrics.write_validation(progress.steps, &measured).map_err(write_error)?;
             }
         }
-        learner.settle();
+        learner.use_averages();
         Ok(progress)
     }
 

@@ -215,7 +215,7 @@ impl Panel<'_> {
         let shown: Vec<(&Detection, Box2d)> = far_to_near
             .iter()
             .rev()
-            .filter_map(|d| Some((*d, Box2d::around(self.map.footprint(&d.box3d)).filter(inside)?)))
+            .filter_map(|d| Some((*d, Box2d::bounding(self.map.footprint(&d.box3d)).filter(inside)?)))
             .collect();
         let areas: Vec<Box2d> = shown.iter().map(|(_, area)| *area).collect();
         let size_px = 0.85 * self.text_px;

@@ -211,11 +211,20 @@ pub struct TrackRecord {
     pub closing_mps: Option<f64>,
     /// Its standard deviation.
     pub closing_sigma_mps: Option<f64>,
-    /// Until the nearest face reaches the camera at this speed; null unless it surely closes.
+    /// Until the nearest face reaches the camera at this speed; null unless it closes with a probability of 80%.
     pub ttc_s: Option<f64>,
     /// That time is between these with a probability of 90%; the second is null where it may never be, and all of it
     /// where the object surely does not close.
     pub ttc_interval_s: Option<(f64, Option<f64>)>,
+    /// Probability that it is in our way then, if neither changes its velocity; null where `ttc_s` is.
+    #[serde(default)]
+    pub in_path_probability: Option<f64>,
+    /// By so much the closing speed grows in a second, m/s²; null where that is not known yet.
+    #[serde(default)]
+    pub closing_acceleration_mps2: Option<f64>,
+    /// Its standard deviation.
+    #[serde(default)]
+    pub closing_acceleration_sigma_mps2: Option<f64>,
     /// Whether nothing was seen of it in this frame.
     pub coasting: bool,
     /// Speed over the ground, where the camera's motion is known; null where the velocity is not known yet.
@@ -238,6 +247,7 @@ impl TrackRecord {
         let Track { id, class, score, age, box2d, box3d, range_sigma_m, velocity, closing, coasting, .. } = track;
         let size = box3d.dimensions;
         let speed = ego.map(|ego| track.speed_mps(ego));
+        let acceleration = closing.and_then(|closing| closing.acceleration);
         Self {
             id: *id,
             class: class.to_string(),
@@ -256,6 +266,9 @@ impl TrackRecord {
             closing_sigma_mps: closing.map(|closing| closing.sigma_mps),
             ttc_s: closing.and_then(|closing| closing.ttc_s),
             ttc_interval_s: closing.and_then(|closing| closing.ttc_interval_s),
+            in_path_probability: closing.and_then(|closing| closing.in_path),
+            closing_acceleration_mps2: acceleration.map(|one| one.closing_mps2),
+            closing_acceleration_sigma_mps2: acceleration.map(|one| one.sigma_mps2),
             coasting: *coasting,
             speed_mps: speed.map(|speed| speed.map(|[speed, _]| speed)),
             speed_sigma_mps: speed.map(|speed| speed.map(|[_, sigma]| sigma)),

@@ -29,7 +29,7 @@ mod present {
     pub(crate) const IS_BUILT_IN: bool = true;
 
     pub(crate) fn start<C: NetworkConfig>(options: &EngineOptions, model: &Model<C>) -> Result<Box<dyn Runner>, Error> {
-        start_network(options, &Network::new(model).keeping(C::OUTPUTS))
+        start_network(options, &Network::new(model).with_outputs(C::OUTPUTS))
     }
 
     pub(crate) fn start_network(options: &EngineOptions, network: &Network) -> Result<Box<dyn Runner>, Error> {

@@ -42,7 +42,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     printer::set_log_level(if cli.quiet { LogLevel::Error } else { cli.log_level.unwrap_or_default() });
     if let Some(max_pixels) = cli.max_pixels {
-        ImageLimits { max_pixels }.set_usual();
+        ImageLimits { max_pixels }.set_default();
     }
     report_no_caught_panics();
     let mut printer = Printer::new();

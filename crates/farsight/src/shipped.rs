@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_files::{DurableError, write_quickly};
+use farsight_files::{WriteError, write_quickly};
 use farsight_graph::model::ModelError;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
@@ -117,10 +117,10 @@ pub fn plates() -> Result<PlateReaderModel, ModelError> {
 ///
 /// # Errors
 /// When a folder cannot be made or a file cannot be written.
-pub fn write_scenes(folder: &Path) -> Result<PathBuf, DurableError> {
+pub fn write_scenes(folder: &Path) -> Result<PathBuf, WriteError> {
     let [images, calibrations] = ["image_2", "calib"].map(|name| folder.join(name));
     for made in [&images, &calibrations] {
-        fs::create_dir_all(made).map_err(|source| DurableError { path: made.clone(), step: "make it", source })?;
+        fs::create_dir_all(made).map_err(|source| WriteError { path: made.clone(), step: "make it", source })?;
     }
     for (id, image, calibration) in SCENES {
         write_quickly(&images.join(format!("{id}.jpg")), |file| file.write_all(image))?;

@@ -3,7 +3,7 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
-use farsight_core::road::{HeightDoubt, Road, SURE_SCORE, on_one_road};
+use farsight_core::road::{HeightDoubt, Road, SURE_SCORE, fit_to_road};
 use farsight_core::{Camera, Detection, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
@@ -123,7 +123,7 @@ impl Stages {
 
 /// `found` on its road, as far as it was asked for, each place taken once.
 fn told(found: Vec<Detection>, min_score: f64, settings: &Settings) -> Vec<Detection> {
-    let mut told = on_one_road(found, settings.road, &settings.scale);
+    let mut told = fit_to_road(found, settings.road, &settings.scale);
     told.retain(|detection| detection.score > min_score);
     bev_nms(told, settings.max_overlap)
 }

@@ -158,7 +158,7 @@ impl HeightDoubt {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::road::on_one_road;
+    use crate::road::fit_to_road;
     use crate::{Box2d, Box3d, Dimensions, ObjectClass};
 
     const SCALE: ScalePrior = ScalePrior { factor: 1.0, log_sigma: 0.05 };
@@ -227,7 +227,7 @@ mod tests {
     fn a_known_plane_puts_a_single_car_where_it_is() {
         let plane = [0.12, 0.0, 5.0];
         let road = Road::Known(RoadPlane::of(&traffic(plane, 1.0), Road::BelowBy(5.0), &SCALE).unwrap());
-        let found = on_one_road(vec![car(plane, [2.0, 25.0], 1.15)], road, &SCALE);
+        let found = fit_to_road(vec![car(plane, [2.0, 25.0], 1.15)], road, &SCALE);
         let before = 0.15_f64;
         assert!((found[0].box3d.depth_m() / 25.0 - 1.0).abs() < 0.4 * before, "{:?}", found[0].box3d);
         assert!(found[0].range_sigma_m.unwrap() < 0.05 * 25.0);

@@ -49,14 +49,14 @@ static USUAL_MAX_PIXELS: AtomicU64 = AtomicU64::new(100_000_000);
 impl ImageLimits {
     /// Sets the usual limits of this process, for every image that is read without limits of its own: those of data
     /// sets, for instance.
-    pub fn set_usual(self) {
+    pub fn set_default(self) {
         USUAL_MAX_PIXELS.store(self.max_pixels, Ordering::Relaxed);
     }
 }
 
 impl Default for ImageLimits {
     /// The usual limits: 100 megapixels, larger than the pictures of almost all cameras, and 300 MB, unless
-    /// [`ImageLimits::set_usual`] set others.
+    /// [`ImageLimits::set_default`] set others.
     fn default() -> Self {
         Self { max_pixels: USUAL_MAX_PIXELS.load(Ordering::Relaxed) }
     }

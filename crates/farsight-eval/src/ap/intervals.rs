@@ -6,7 +6,7 @@ use crate::bootstrap::Interval;
 
 /// Average precision of one draw, percent; NaN when no object counts in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DrawnAp {
+pub struct ApSample {
     /// Over 40 points of recall.
     pub r40: f64,
     /// Over 11 points of recall.
@@ -26,8 +26,8 @@ pub struct ApIntervals<T> {
 
 impl ApIntervals<Option<Interval>> {
     /// The intervals that these resamples give.
-    pub(super) fn of(resamples: &[DrawnAp]) -> Self {
-        let interval = |of: fn(&DrawnAp) -> f64| Interval::of(&mut resamples.iter().map(of).collect());
+    pub(super) fn of(resamples: &[ApSample]) -> Self {
+        let interval = |of: fn(&ApSample) -> f64| Interval::of(&mut resamples.iter().map(of).collect());
         Self { r40: interval(|ap| ap.r40), r11: interval(|ap| ap.r11) }
     }
 }

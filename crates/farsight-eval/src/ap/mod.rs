@@ -21,7 +21,7 @@ mod thresholds;
 pub use accumulator::ApAccumulator;
 pub use class_frame::{ClassFrame, FrameLabel, FrameObject, FramePrediction};
 pub use curve::{Curve, RECALL_POINTS, ScoreThreshold};
-pub use intervals::{ApIntervals, DrawnAp};
+pub use intervals::{ApIntervals, ApSample};
 pub use metric::{CurveSpec, Metric, OverlapSet, Overlaps};
 pub use outcomes::CurveOutcomes;
 pub use report::{ApReport, ApTable, ApValues};

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::class_frame::ClassFrames;
 use super::curve::{percent_r11, percent_r40};
-use super::intervals::{ApIntervals, DrawnAp};
+use super::intervals::{ApIntervals, ApSample};
 use super::matching::{Counts, Matching, counts, first_pass_scores};
 use super::scores::{ScoredDetection, highest_first, reaches};
 use super::thresholds::threshold_positions;
@@ -134,14 +134,14 @@ impl CurveOutcomes {
     }
 
     /// AP when frame `i` of the set counts `drawn[i]` times; `drawn` must have an entry for every frame of the set.
-    pub fn drawn_ap(&self, drawn: &[u32]) -> DrawnAp {
+    pub fn drawn_ap(&self, drawn: &[u32]) -> ApSample {
         let weights: Vec<_> = drawn.iter().map(|&count| [count]).collect();
         let [ap] = self.merged(&weights);
         ap
     }
 
     /// AP in several draws at once; `weights` says how often each frame counts in each of them.
-    fn merged<const N: usize>(&self, weights: &[[u32; N]]) -> [DrawnAp; N] {
+    fn merged<const N: usize>(&self, weights: &[[u32; N]]) -> [ApSample; N] {
         let mut objects = [0; N];
         for &(frame, count) in &self.objects {
             add(&mut objects, &weights[frame as usize], |weight| weight * count);
@@ -180,18 +180,18 @@ impl CurveOutcomes {
         }
         std::array::from_fn(|lane| {
             if objects[lane] == 0 {
-                return DrawnAp { r40: f64::NAN, r11: f64::NAN };
+                return ApSample { r40: f64::NAN, r11: f64::NAN };
             }
             let points = &mut precision[lane];
             for i in (1..RECALL_POINTS).rev() {
                 points[i - 1] = points[i - 1].max(points[i]);
             }
-            DrawnAp { r40: percent_r40(points), r11: percent_r11(points) }
+            ApSample { r40: percent_r40(points), r11: percent_r11(points) }
         })
     }
 
     /// AP of each of the curves in each resample of their `frames` frames. All curves see the same draws.
-    pub(crate) fn resampled(curves: &[&Self], frames: usize, bootstrap: &Bootstrap) -> Vec<Vec<DrawnAp>> {
+    pub(crate) fn resampled(curves: &[&Self], frames: usize, bootstrap: &Bootstrap) -> Vec<Vec<ApSample>> {
         let blocks = (0..bootstrap.resamples.div_ceil(LANES)).into_par_iter().map(|block| {
             let mut weights = vec![[0; LANES]; frames];
             for lane in 0..LANES {

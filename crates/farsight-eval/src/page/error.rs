@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use farsight_files::DurableError;
+use farsight_files::WriteError;
 use thiserror::Error;
 
 /// A page that could not be made.
@@ -30,5 +30,5 @@ pub enum PageError {
     },
     /// A file cannot be written.
     #[error(transparent)]
-    Write(#[from] DurableError),
+    Write(#[from] WriteError),
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{ToldTrack, TrueTrack};
+use super::{GroundTruthTrack, PredictedTrack};
 
 /// Half the widths of intervals that hold 50, 68 and 90% of a normal distribution, standard deviations.
 const SIGMAS: [f64; 3] = [0.674_490, 0.994_458, 1.644_854];
@@ -39,7 +39,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    pub(super) fn new(frame: usize, truth: &TrueTrack, told: &ToldTrack, age_s: f64) -> Self {
+    pub(super) fn new(frame: usize, truth: &GroundTruthTrack, told: &PredictedTrack, age_s: f64) -> Self {
         let box3d = &truth.label.box3d;
         let depth_m = box3d.depth_m();
         let (sin, cos) = box3d.yaw.sin_cos();

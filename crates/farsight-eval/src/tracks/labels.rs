@@ -8,7 +8,7 @@ use farsight_data::kitti::{RowKind, row_from_fields};
 use farsight_files::read_text;
 use thiserror::Error;
 
-use super::{TrueFrame, TrueTrack};
+use super::{GroundTruthFrame, GroundTruthTrack};
 
 /// A sequence whose truth cannot be read.
 #[derive(Debug, Error)]
@@ -56,8 +56,8 @@ const MAX_FRAMES: usize = 10_000_000;
 ///
 /// # Errors
 /// When a file cannot be read, or at its first malformed line.
-pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<TrueFrame>, TrackLabelError> {
-    let mut frames: Vec<TrueFrame> = Vec::new();
+pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<GroundTruthFrame>, TrackLabelError> {
+    let mut frames: Vec<GroundTruthFrame> = Vec::new();
     for (line, number) in text(labels)?.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()) {
         let fields: Vec<&str> = line.split_ascii_whitespace().collect();
         let frame = whole(labels, number, 0, &fields, "the number of a frame")?;
@@ -66,11 +66,16 @@ pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<Tru
             TrackLabelError::Row { path: labels.to_owned(), line: number, problem: error.to_string() }
         })?;
         if frames.len() <= frame {
-            frames.resize_with(frame + 1, TrueFrame::default);
+            frames.resize_with(frame + 1, GroundTruthFrame::default);
         }
         match u64::try_from(id) {
             Ok(id) if row.label.class != ObjectClass::DontCare => {
-                frames[frame].tracks.push(TrueTrack { id, label: row.label, velocity_mps: None, speed_mps: None });
+                frames[frame].tracks.push(GroundTruthTrack {
+                    id,
+                    label: row.label,
+                    velocity_mps: None,
+                    speed_mps: None,
+                });
             }
             _ => frames[frame].dont_care.push(row.label.box2d),
         }

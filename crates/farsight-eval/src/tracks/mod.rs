@@ -30,16 +30,16 @@ pub use text::{differences_text, text};
 
 /// What is true of a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct TrueFrame {
+pub struct GroundTruthFrame {
     /// Who is there.
-    pub tracks: Vec<TrueTrack>,
+    pub tracks: Vec<GroundTruthTrack>,
     /// Regions without labels.
     pub dont_care: Vec<Box2d>,
 }
 
 /// Somebody who is there.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TrueTrack {
+pub struct GroundTruthTrack {
     /// Its identity.
     pub id: u64,
     /// Its label.
@@ -52,16 +52,16 @@ pub struct TrueTrack {
 
 /// What is told of a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ToldFrame {
+pub struct PredictedFrame {
     /// Its time, seconds.
     pub time_s: f64,
     /// The tracks.
-    pub tracks: Vec<ToldTrack>,
+    pub tracks: Vec<PredictedTrack>,
 }
 
 /// A track that is told of.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ToldTrack {
+pub struct PredictedTrack {
     /// Its identity.
     pub id: u64,
     /// Its class.

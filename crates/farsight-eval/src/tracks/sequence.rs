@@ -7,7 +7,7 @@ use farsight_core::{Box2d, ObjectClass};
 use farsight_track::assigned;
 
 use super::errors::Sample;
-use super::{ToldFrame, ToldTrack, TrueFrame, TrueTrack};
+use super::{GroundTruthFrame, GroundTruthTrack, PredictedFrame, PredictedTrack};
 use crate::difficulty::Difficulty;
 use crate::tracking::TrackedFrame;
 
@@ -36,22 +36,27 @@ pub struct JudgedSequence {
 }
 
 /// Compares what is told of a sequence with what is true. Frames of the truth beyond those that are told of count.
-pub fn judge(name: &str, class: &ObjectClass, truth: &[TrueFrame], told: &[Option<ToldFrame>]) -> JudgedSequence {
+pub fn judge(
+    name: &str,
+    class: &ObjectClass,
+    truth: &[GroundTruthFrame],
+    told: &[Option<PredictedFrame>],
+) -> JudgedSequence {
     let mut judged =
         JudgedSequence { name: name.to_owned(), image: Vec::new(), space: Vec::new(), samples: Vec::new() };
     // Since when each track is told of.
     let mut born_s: BTreeMap<u64, f64> = BTreeMap::new();
-    let nothing = ToldFrame::default();
+    let nothing = PredictedFrame::default();
     for (number, frame) in truth.iter().enumerate() {
         let told = told.get(number).and_then(Option::as_ref).unwrap_or(&nothing);
         for track in &told.tracks {
             born_s.entry(track.id).or_insert(told.time_s);
         }
-        let (counted, ignored): (Vec<&TrueTrack>, Vec<&TrueTrack>) =
+        let (counted, ignored): (Vec<&GroundTruthTrack>, Vec<&GroundTruthTrack>) =
             frame.tracks.iter().partition(|track| track.label.class == *class && is_moderate(track));
-        let of_class: Vec<&ToldTrack> = told.tracks.iter().filter(|track| track.class == *class).collect();
+        let of_class: Vec<&PredictedTrack> = told.tracks.iter().filter(|track| track.class == *class).collect();
         let kept = kept(&counted, &ignored, &frame.dont_care, &of_class);
-        let overlap = |truth: &TrueTrack, told: &ToldTrack| iou_2d(&truth.label.box2d, &told.box2d);
+        let overlap = |truth: &GroundTruthTrack, told: &PredictedTrack| iou_2d(&truth.label.box2d, &told.box2d);
         let image = tracked(&counted, &kept, overlap);
         judged.space.push(tracked(&counted, &kept, nearness));
         for (row, column) in matches(&image.similarities) {
@@ -64,7 +69,7 @@ pub fn judge(name: &str, class: &ObjectClass, truth: &[TrueFrame], told: &[Optio
     judged
 }
 
-fn is_moderate(track: &TrueTrack) -> bool {
+fn is_moderate(track: &GroundTruthTrack) -> bool {
     let (label, level) = (&track.label, Difficulty::Moderate);
     label.box2d.height() > level.min_height_px()
         && label.occlusion <= level.max_occlusion()
@@ -73,16 +78,16 @@ fn is_moderate(track: &TrueTrack) -> bool {
 
 /// The tracks that count: those that are nothing which is to be left out.
 fn kept<'a>(
-    counted: &[&TrueTrack],
-    ignored: &[&TrueTrack],
+    counted: &[&GroundTruthTrack],
+    ignored: &[&GroundTruthTrack],
     dont_care: &[Box2d],
-    told: &[&'a ToldTrack],
-) -> Vec<&'a ToldTrack> {
-    let all: Vec<&TrueTrack> = counted.iter().chain(ignored).copied().collect();
-    let overlap = |truth: &TrueTrack, told: &ToldTrack| iou_2d(&truth.label.box2d, &told.box2d);
+    told: &[&'a PredictedTrack],
+) -> Vec<&'a PredictedTrack> {
+    let all: Vec<&GroundTruthTrack> = counted.iter().chain(ignored).copied().collect();
+    let overlap = |truth: &GroundTruthTrack, told: &PredictedTrack| iou_2d(&truth.label.box2d, &told.box2d);
     let partners: BTreeMap<usize, usize> =
         matches(&tracked(&all, told, overlap).similarities).into_iter().map(|(row, column)| (column, row)).collect();
-    let is_kept = |(place, track): &(usize, &&ToldTrack)| match partners.get(place) {
+    let is_kept = |(place, track): &(usize, &&PredictedTrack)| match partners.get(place) {
         Some(row) => *row < counted.len(),
         None => dont_care.iter().all(|area| covered_share_2d(&track.box2d, area) <= DONT_CARE_SHARE),
     };
@@ -90,9 +95,9 @@ fn kept<'a>(
 }
 
 fn tracked(
-    truth: &[&TrueTrack],
-    told: &[&ToldTrack],
-    similarity: impl Fn(&TrueTrack, &ToldTrack) -> f64,
+    truth: &[&GroundTruthTrack],
+    told: &[&PredictedTrack],
+    similarity: impl Fn(&GroundTruthTrack, &PredictedTrack) -> f64,
 ) -> TrackedFrame {
     TrackedFrame {
         truth: truth.iter().map(|track| track.id).collect(),
@@ -101,7 +106,7 @@ fn tracked(
     }
 }
 
-fn nearness(truth: &TrueTrack, told: &ToldTrack) -> f64 {
+fn nearness(truth: &GroundTruthTrack, told: &PredictedTrack) -> f64 {
     let [a, b] = [truth.label.box3d.location, told.box3d.location];
     (1.0 - (a[0] - b[0]).hypot(a[2] - b[2]) / APART_M).max(0.0)
 }

@@ -78,7 +78,7 @@ pub fn prune<C: NetworkConfig>(model: &Model<C>, keep: f64) -> Result<Model<C>, 
             _ => {}
         }
     }
-    Ok(Model::narrowed(model.config.clone().without_fit(), weights)?)
+    Ok(Model::pruned(model.config.clone().without_fit(), weights)?)
 }
 
 /// For every channel's root, whether it stays.

@@ -32,11 +32,11 @@ impl Network {
     /// # Errors
     /// When a weight is missing or has another shape.
     pub fn deployable<C: NetworkConfig>(model: &Model<C>) -> Result<Self, WeightsError> {
-        Self::new(model).keeping(C::OUTPUTS).batch_norm_folded()
+        Self::new(model).with_outputs(C::OUTPUTS).batch_norm_folded()
     }
 
     /// Only the taps named in `outputs`, and what they need: dead nodes and parameters go.
-    pub fn keeping(mut self, outputs: &[&str]) -> Self {
+    pub fn with_outputs(mut self, outputs: &[&str]) -> Self {
         self.graph.taps.retain(|(name, _)| outputs.contains(&name.as_str()));
         without_dead(self)
     }

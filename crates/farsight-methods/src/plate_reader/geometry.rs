@@ -79,7 +79,7 @@ impl PlateCrop {
 
     /// Where `point` (camera coordinates, metres) is seen, sides of the cut-out from its middle; `None` when it is not
     /// in front of the camera.
-    pub fn place_of(&self, point: [f64; 3]) -> Option<[f64; 2]> {
+    pub fn image_position(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         Some(self.camera.pixel_from_point(point)?.map(|at| at / self.side as f64 - 0.5))
     }
 
@@ -209,7 +209,7 @@ mod tests {
             let turn = if from_ahead { turn + std::f64::consts::PI } else { turn };
             let object = car(right * depth_m, depth_m, turn);
             let Some(crop) = PlateCrop::of(&object, &camera(), IMAGE, SIDE) else { return Ok(()) };
-            let [left, right] = plate_of(&object).map(|end| crop.place_of(end).expect("in front"));
+            let [left, right] = plate_of(&object).map(|end| crop.image_position(end).expect("in front"));
             prop_assert!((left[0] + EXPECTED_WIDTH / 2.0).abs() < 1e-9 && (right[0] - EXPECTED_WIDTH / 2.0).abs() < 1e-9);
             prop_assert!((left[1] + right[1]).abs() < 0.12, "{left:?} {right:?}");
             prop_assert!(crop.encode(depth_m).abs() < 1e-12);
@@ -228,7 +228,7 @@ mod tests {
             // Expected farther away and as much larger: the same picture, but for the centimetres of a fourth column.
             let object = car(1.0, depth_m, 0.2);
             let crop = PlateCrop::of(&object.scaled(factor), &camera(), IMAGE, SIDE).expect("a plate");
-            let [left, right] = plate_of(&object).map(|end| crop.place_of(end).expect("in front")[0]);
+            let [left, right] = plate_of(&object).map(|end| crop.image_position(end).expect("in front")[0]);
             let wider = ((right - left) / EXPECTED_WIDTH).ln() / LOG_UNIT;
             prop_assert!((wider - crop.encode(depth_m)).abs() < 0.03, "{wider} {}", crop.encode(depth_m));
         }
@@ -241,7 +241,7 @@ mod tests {
         let crop = PlateCrop::of(&expected, &camera, IMAGE, SIDE).expect("a plate");
         let mirrored = PlateCrop::of(&expected.mirrored(), &camera.mirrored(IMAGE[0]), IMAGE, SIDE).expect("a plate");
         let middle = |ends: [[f64; 3]; 2], crop: &PlateCrop| {
-            let [left, right] = ends.map(|end| crop.place_of(end).expect("in front"));
+            let [left, right] = ends.map(|end| crop.image_position(end).expect("in front"));
             [0, 1].map(|axis| f64::midpoint(left[axis], right[axis]))
         };
         let [u, v] = middle(plate_of(&object), &crop);

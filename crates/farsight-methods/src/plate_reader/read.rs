@@ -44,7 +44,7 @@ impl PlateReader {
         camera: &Camera,
         detections: Vec<Detection>,
     ) -> Result<Vec<Detection>, EngineError> {
-        let readings = self.readings(image, camera, &detections)?;
+        let readings = self.read_plates(image, camera, &detections)?;
         let moved = |(known, reading): (Detection, Option<MeasuredDepth>)| match reading {
             Some(reading) => measured(known, reading, &self.config.depths),
             None => known,
@@ -56,7 +56,7 @@ impl PlateReader {
     ///
     /// # Errors
     /// When the engine fails.
-    pub fn readings(
+    pub fn read_plates(
         &mut self,
         image: &RgbImage,
         camera: &Camera,

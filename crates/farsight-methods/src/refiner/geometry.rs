@@ -82,7 +82,7 @@ pub struct Crop {
 
 impl Crop {
     /// The cut-out of `side` pixels around `box2d` in an image that `camera` takes; `None` when the box shows nothing.
-    pub fn around(box2d: &Box2d, camera: &Camera, side: usize) -> Option<Self> {
+    pub fn from_box(box2d: &Box2d, camera: &Camera, side: usize) -> Option<Self> {
         let sides = [box2d.width(), box2d.height()];
         if !sides.iter().all(|side| side.is_finite() && *side >= MIN_SIDE_PX) {
             return None;
@@ -220,7 +220,7 @@ mod tests {
     }
 
     fn crop(object: &Box3d) -> Crop {
-        Crop::around(&object.projected(&camera()).expect("in front"), &camera(), 96).expect("a box")
+        Crop::from_box(&object.projected(&camera()).expect("in front"), &camera(), 96).expect("a box")
     }
 
     proptest! {
@@ -288,8 +288,8 @@ mod tests {
     #[test]
     fn what_is_no_box_is_not_cut_out_and_what_is_no_number_is_no_place() {
         let narrow = Box2d::new(10.0, 10.0, 11.0, 50.0);
-        assert_eq!(Crop::around(&narrow, &camera(), 96), None);
-        assert_eq!(Crop::around(&Box2d::new(f64::NAN, 0.0, 20.0, 20.0), &camera(), 96), None);
+        assert_eq!(Crop::from_box(&narrow, &camera(), 96), None);
+        assert_eq!(Crop::from_box(&Box2d::new(f64::NAN, 0.0, 20.0, 20.0), &camera(), 96), None);
         let crop = crop(&car([0.0, 1.6, 20.0], 0.0));
         let mut answer = [0.0; OUTPUT_CHANNELS];
         assert!(crop.decode(&answer).is_some());

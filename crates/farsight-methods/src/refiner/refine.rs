@@ -136,7 +136,7 @@ impl Refiner {
                 if look > 1 && fused.score <= promising {
                     return false;
                 }
-                let Some(crop) = Crop::around(&fused.box2d, camera, self.config.side) else { return true };
+                let Some(crop) = Crop::from_box(&fused.box2d, camera, self.config.side) else { return true };
                 let settled = seen[place].filter(|seen| self.is_settled(&seen.crop, &crop));
                 match settled {
                     Some(Seen { crop, answer, .. }) if self.effort.mirrors() => {
@@ -176,7 +176,7 @@ impl Refiner {
         flip: Flip,
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let crops: Vec<Option<Crop>> =
-            boxes.iter().map(|box2d| Crop::around(box2d, camera, self.config.side)).collect();
+            boxes.iter().map(|box2d| Crop::from_box(box2d, camera, self.config.side)).collect();
         let shot = |crop: &Crop| Shot { crop: *crop, known: None, mirrored: flip == Flip::Averaged };
         let mut answers = self.answers(image, crops.iter().flatten().map(shot))?.into_iter();
         Ok(crops.iter().map(|crop| crop.and_then(|crop| crop.decode(&answers.next()?))).collect())

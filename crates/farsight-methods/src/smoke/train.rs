@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use farsight_data::Dataset;
 use farsight_graph::graph::{Graph, NodeId};
-use farsight_graph::model::{Model, ModelError, NetworkConfig, is_narrowed};
+use farsight_graph::model::{Model, ModelError, NetworkConfig, is_pruned};
 use farsight_graph::weights::Weights;
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
 use farsight_train::executor::ExecutorError;
@@ -84,7 +84,7 @@ pub struct SmokeTask {
     codec: Codec,
     /// Logits, regression and, where it is learnt, the surface.
     outputs: Vec<NodeId>,
-    is_narrowed: bool,
+    is_pruned: bool,
 }
 
 impl SmokeTask {
@@ -112,11 +112,11 @@ impl Task for SmokeTask {
 
     fn new(run: &SmokeRun, start: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
         // A run that starts from a pruned model has its narrower layers.
-        let graph = match start.filter(|weights| is_narrowed(weights)) {
-            Some(weights) => SmokeModel::narrowed(run.model.clone(), weights.clone())?.graph,
+        let graph = match start.filter(|weights| is_pruned(weights)) {
+            Some(weights) => SmokeModel::pruned(run.model.clone(), weights.clone())?.graph,
             None => run.model.graph(),
         };
-        let is_narrowed = graph != run.model.graph();
+        let is_pruned = graph != run.model.graph();
         let missing = |name: &str| ExecutorError::Missing(name.to_owned());
         let graph = if run.task.surface_weight > 0.0 {
             with_surface_head(graph, run.model.norm).ok_or_else(|| missing(FEATURES))?
@@ -127,7 +127,7 @@ impl Task for SmokeTask {
         let mut outputs = vec![output(LOGITS)?, output(REGRESSION)?];
         outputs.extend(graph.tap(SURFACE));
         let (config, codec) = (run.task.clone(), run.model.codec());
-        Ok((Self { config, input: run.model.input, codec, outputs, is_narrowed }, graph))
+        Ok((Self { config, input: run.model.input, codec, outputs, is_pruned }, graph))
     }
 
     fn sampler(run: &SmokeRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
@@ -166,10 +166,6 @@ impl Task for SmokeTask {
     }
 
     fn model(&self, run: &SmokeRun, weights: Weights) -> Result<SmokeModel, ModelError> {
-        if self.is_narrowed {
-            Model::narrowed(run.model.clone(), weights)
-        } else {
-            Model::new(run.model.clone(), weights)
-        }
+        if self.is_pruned { Model::pruned(run.model.clone(), weights) } else { Model::new(run.model.clone(), weights) }
     }
 }

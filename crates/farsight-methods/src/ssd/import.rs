@@ -33,7 +33,8 @@ pub fn import(path: &Path) -> Result<SsdModel, CheckpointError> {
         if let Some(attribution) = attribution(&bytes) {
             weights.metadata.insert(ATTRIBUTION_KEY.to_owned(), attribution.to_owned());
         }
-        SsdModel::new(SsdConfig::default(), weights).map_err(|error| CheckpointProblem::Misfit(error.to_string()))
+        SsdModel::new(SsdConfig::default(), weights)
+            .map_err(|error| CheckpointProblem::ShapeMismatch(error.to_string()))
     };
     read().map_err(|problem| CheckpointError::new(path, problem))
 }

@@ -83,7 +83,7 @@ fn compare(file: &Path, layout: Layout, left_over: usize, width: f64, maps: &str
     };
     let model = detector(&imported, width, backbone);
     let stored = Weights::read(&fixture(maps)).unwrap();
-    let whole = Network::new(&model).keeping(&LEVELS);
+    let whole = Network::new(&model).with_outputs(&LEVELS);
     let folded = whole.clone().batch_norm_folded().unwrap();
     for (network, name) in [(whole, "whole"), (folded, "folded")] {
         for (difference, level) in differences(&network, &model, &stored).iter().zip(LEVELS) {

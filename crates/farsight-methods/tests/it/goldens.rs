@@ -58,7 +58,7 @@ fn heatmaps_and_radii_agree() {
             })
             .collect();
         check_radii(&golden, name, &radii);
-        let expected = golden.singles(&format!("{name}.heatmap"));
+        let expected = golden.to_f32(&format!("{name}.heatmap"));
         let worst = map.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst <= HEAT_MAP_TOLERANCE, "{name}: {worst}");
     }
@@ -113,7 +113,7 @@ fn the_corner_loss_and_its_gradient_agree() {
 #[test]
 fn peaks_and_detections_agree() {
     let golden = Golden::open("topk_decode");
-    let heatmap = golden.singles("heatmap");
+    let heatmap = golden.to_f32("heatmap");
     let regressions = golden.numbers("reg");
     let image_camera = camera(golden.rows("K")[0]);
     let feature = image_camera.transformed(&affine(golden.rows("trans_feat")[0]));

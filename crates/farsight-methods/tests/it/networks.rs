@@ -104,7 +104,7 @@ fn folding_changes_nothing_but_the_node_count() {
         for neck in [NeckKind::Plain, NeckKind::Deformable] {
             for backbone in [Backbone::Dla34, Backbone::MobilenetV2, Backbone::MobilenetV2Tensorflow] {
                 let model = lively(SmokeConfig { backbone, ..small(NormKind::Batch, neck, msfe) });
-                let whole = Network::new(&model).keeping(&[LOGITS, REGRESSION]);
+                let whole = Network::new(&model).with_outputs(&[LOGITS, REGRESSION]);
                 let folded = whole.clone().batch_norm_folded().unwrap();
                 let norms = |network: &Network| {
                     network.graph.nodes.iter().filter(|node| matches!(node.op, Op::BatchNorm { .. })).count()
@@ -165,7 +165,7 @@ fn rten_says_that_it_has_no_deformable_convolution() {
 
 /// A reference file as weights.
 fn tensors(golden: &Golden) -> Tensors {
-    let tensor = |array: &Array| WeightTensor { shape: array.shape.clone(), values: array.singles() };
+    let tensor = |array: &Array| WeightTensor { shape: array.shape.clone(), values: array.to_f32() };
     golden.iter().map(|(name, array)| (name.to_owned(), tensor(array))).collect()
 }
 

@@ -74,7 +74,7 @@ fn a_pruned_model_comes_back_from_its_file() {
     let pruned = prune(&model(config), 0.5).unwrap();
     pruned.write(&path).unwrap();
     let read = SmokeModel::read(&path).unwrap();
-    assert!(read.is_narrowed());
+    assert!(read.is_pruned());
     assert_eq!(read.graph, pruned.graph);
     assert_eq!(read.weights.tensors, pruned.weights.tensors);
 }
@@ -86,7 +86,7 @@ fn tensors_that_do_not_fit_each_other_are_named() {
     let mut weights = pruned.weights;
     let name = "heads.predictor.class_head.0.weight";
     weights.tensors.get_mut(name).unwrap().shape[1] += 1;
-    let error = SmokeModel::narrowed(config, weights).unwrap_err().to_string();
+    let error = SmokeModel::pruned(config, weights).unwrap_err().to_string();
     assert!(error.contains(name), "{error}");
 }
 

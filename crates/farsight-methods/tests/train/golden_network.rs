@@ -178,7 +178,7 @@ fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
     let codec: Codec = config.codec();
     let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(g), CornerWeights::alike(80.0));
     let (names, leaves): (Vec<String>, Vec<Tensor>) =
-        network.learnt().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone())).unzip();
+        network.trainable_parameters().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone())).unzip();
     let gradients = Tensor::run_backward(&[objective], &leaves, false, false);
     // Two projections are in every checkpoint and in no pass: the reference has a gradient of zero for them.
     let learnt = g.keys().filter_map(|name| name.strip_prefix("grad.")).filter(|name| !is_dead(name));

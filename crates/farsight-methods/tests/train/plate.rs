@@ -152,7 +152,7 @@ fn a_small_reader_learns_to_measure_with_plates() {
         for factor in [0.92, 1.08] {
             let known = detection(car(frame).scaled(factor));
             let off = |depth_m: f64| (depth_m / car(frame).depth_m()).ln().abs();
-            let reading = reader.readings(&image, &camera(), std::slice::from_ref(&known)).unwrap()[0].unwrap();
+            let reading = reader.read_plates(&image, &camera(), std::slice::from_ref(&known)).unwrap()[0].unwrap();
             let found = reader.measured(&image, &camera(), vec![known.clone()]).unwrap().remove(0);
             assert!(
                 found.range_sigma_m.unwrap() / found.box3d.depth_m() < 0.06,
@@ -184,7 +184,7 @@ fn the_built_in_engine_answers_as_libtorch_does() {
     let sideways = detection(Box3d { yaw: 0.1, ..car(1) });
     let person = Detection { class: ObjectClass::Pedestrian, ..known.clone() };
     let mut reader = runner(&model);
-    let found = reader.readings(&image, &camera(), &[sideways, known, person]).unwrap();
+    let found = reader.read_plates(&image, &camera(), &[sideways, known, person]).unwrap();
     assert!(found[0].is_none() && found[2].is_none(), "{found:?}");
 
     let graph = config.graph();

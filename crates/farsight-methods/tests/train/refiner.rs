@@ -267,7 +267,7 @@ fn the_built_in_engine_answers_as_libtorch_does() {
     let network = Network::new(graph, &model.weights, Device::Cpu, Precision::F32).unwrap();
     let rules = input_rules(config.side);
     for (place, box2d) in boxes.iter().enumerate().take(2) {
-        let crop = Crop::around(box2d, &camera, config.side).unwrap();
+        let crop = Crop::from_box(box2d, &camera, config.side).unwrap();
         let mut pixels = network_input(&image, &crop.window, &rules, None);
         let mut answer = |crop: &Crop| -> [f64; OUTPUT_CHANNELS] {
             let shape = [1, INPUT_CHANNELS, config.side, config.side].map(|side| side as i64);

@@ -110,13 +110,13 @@ fn objective(network: &Network, weight: [f64; 2], bias: [f64; 2]) -> Tensor {
         let direction = if name == "head.bias" { bias } else { weight };
         (tensor.view(-1) * Tensor::from_slice(&direction)).sum(tch::Kind::Double)
     };
-    network.learnt().map(along).sum()
+    network.trainable_parameters().map(along).sum()
 }
 
 /// The norm that a step tells, and a tenth of the gradient that it moved against: the mean after one step.
 fn descent(clip_norm: f64, decay: f64) -> (f64, [Vec<f64>; 2]) {
     let network = network();
-    let mut adam = Adam::new(AdamSettings::new(decay, 1.0), network.learnt());
+    let mut adam = Adam::new(AdamSettings::new(decay, 1.0), network.trainable_parameters());
     let norm = adam.descend(&network, &objective(&network, [3.0, 0.0], [0.0, -4.0]), clip_norm, 0.1).unwrap();
     let mut state = Weights::default();
     adam.store(&mut state);
@@ -154,7 +154,7 @@ fn a_gradient_that_is_not_finite_moves_nothing() {
     for value in [f64::NAN, f64::INFINITY] {
         let network = network();
         let before = network.weights();
-        let mut adam = Adam::new(AdamSettings::new(0.1, 1.0), network.learnt());
+        let mut adam = Adam::new(AdamSettings::new(0.1, 1.0), network.trainable_parameters());
         let bad = adam.descend(&network, &objective(&network, [1.0, 1.0], [value, 1.0]), 1.0, 0.1).unwrap_err();
         assert_eq!(bad.parameter, "head.bias");
         assert!(!bad.norm.is_finite());

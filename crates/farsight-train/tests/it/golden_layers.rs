@@ -69,7 +69,7 @@ fn check_node(what: &str, network: &Network, x: &Tensor, y: &Tensor) -> (Tensor,
 
 /// The learnt parameters, then the input.
 fn leaves(network: &Network, x: Tensor) -> Vec<Tensor> {
-    network.learnt().map(|(_, tensor)| tensor.shallow_clone()).chain([x]).collect()
+    network.trainable_parameters().map(|(_, tensor)| tensor.shallow_clone()).chain([x]).collect()
 }
 
 #[test]

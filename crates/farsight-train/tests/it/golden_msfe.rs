@@ -55,7 +55,7 @@ fn check(file: &str, graph: Graph, inputs: &[&str], outputs: &[&str], taps: &[&s
 
     let directions: Vec<String> = outputs.iter().map(|name| format!("grad_{name}")).collect();
     let pairs: Vec<(&Tensor, &Tensor)> = found.iter().zip(directions.iter().map(|name| &g[name])).collect();
-    let learnt = network.learnt().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone()));
+    let learnt = network.trainable_parameters().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone()));
     let given = inputs.iter().zip(&maps).map(|(name, map)| (format!("d_{name}"), map.shallow_clone()));
     let (names, leaves): (Vec<String>, Vec<Tensor>) =
         learnt.chain(given).filter(|(name, _)| g.contains_key(name)).unzip();

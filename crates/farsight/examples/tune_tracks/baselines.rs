@@ -2,7 +2,7 @@
 
 use farsight::{Box2d, Detection, ObjectClass};
 use farsight_core::overlap::{iou_2d, iou_3d};
-use farsight_eval::tracks::ToldTrack;
+use farsight_eval::tracks::PredictedTrack;
 use farsight_track::assigned;
 
 /// A Kalman filter of one coordinate and its rate: mean, and variances of the value, both, and the rate.
@@ -86,12 +86,12 @@ impl Entry {
         expected
     }
 
-    fn told(&self, is_filtered: bool) -> ToldTrack {
+    fn told(&self, is_filtered: bool) -> PredictedTrack {
         let mut box3d = self.last.box3d;
         if is_filtered {
             box3d.location = self.state.map(|one| one.value);
         }
-        ToldTrack {
+        PredictedTrack {
             id: self.id,
             class: self.last.class.clone(),
             box2d: self.last.box2d,
@@ -135,7 +135,7 @@ impl Baseline {
         detections: &[Detection],
         class: &ObjectClass,
         birth: f64,
-    ) -> Vec<ToldTrack> {
+    ) -> Vec<PredictedTrack> {
         self.frame += 1;
         self.entries.iter_mut().for_each(|entry| entry.predict(dt_s));
         let mut of_class: Vec<&Detection> = detections.iter().filter(|one| one.class == *class).collect();

@@ -16,7 +16,7 @@ use farsight::video::EgoFile;
 use farsight::{Box2d, Box3d, Camera, Detection, Frame, ObjectClass, Track, Tracker, TrackerOptions};
 use farsight_core::Dimensions;
 use farsight_eval::tracks::{
-    JudgedSequence, Sample, ToldFrame, ToldTrack, TracksReport, TrueFrame, judge, read_sequence, text,
+    GroundTruthFrame, JudgedSequence, PredictedFrame, PredictedTrack, Sample, TracksReport, judge, read_sequence, text,
 };
 
 use baselines::{Baseline, Kind};
@@ -24,7 +24,7 @@ use baselines::{Baseline, Kind};
 /// One sequence with its detections.
 struct Sequence {
     name: String,
-    truth: Vec<TrueFrame>,
+    truth: Vec<GroundTruthFrame>,
     camera: Camera,
     image_size: [usize; 2],
     detections: Vec<Vec<Detection>>,
@@ -74,7 +74,10 @@ fn set(options: &mut TrackerOptions, setting: &str) {
         "low_score" => &mut options.low_score,
         "min_overlap" => &mut options.min_overlap,
         "gate_sigmas" => &mut options.gate_sigmas,
-        "acceleration_psd" => &mut options.acceleration_psd,
+        "even_psd" => &mut options.motion[0].acceleration_psd,
+        "even_lasts_s" => &mut options.motion[0].lasts_s,
+        "pushed_psd" => &mut options.motion[1].acceleration_psd,
+        "pushed_lasts_s" => &mut options.motion[1].lasts_s,
         "max_coast_s" => &mut options.max_coast_s,
         "prior_along" => &mut options.prior_speed_mps[1],
         "prior_across" => &mut options.prior_speed_mps[0],
@@ -135,17 +138,17 @@ fn detections(record: &ImageRecord) -> Vec<Detection> {
     record.detections.iter().map(detection).filter(is_whole).collect()
 }
 
-fn judged(sequence: &Sequence, told: &[Option<ToldFrame>]) -> JudgedSequence {
+fn judged(sequence: &Sequence, told: &[Option<PredictedFrame>]) -> JudgedSequence {
     judge(&sequence.name, &ObjectClass::Car, &sequence.truth, told)
 }
 
-fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<Option<ToldFrame>> {
+fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<Option<PredictedFrame>> {
     let mut tracker = Tracker::new(options.clone());
     let frame = |(number, detections): (usize, &Vec<Detection>)| {
         let time_s = number as f64 / sequence.fps;
         let (camera, image_size) = (&sequence.camera, sequence.image_size);
         let tracks = tracker.update(&Frame { time_s, image_size, camera, detections, looks_cut: false }).unwrap();
-        let told = |track: &Track| ToldTrack {
+        let told = |track: &Track| PredictedTrack {
             id: track.id,
             class: track.class.clone(),
             box2d: track.box2d,
@@ -156,18 +159,21 @@ fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<O
             ttc_interval_s: track.closing.and_then(|closing| closing.ttc_interval_s),
             speed_mps: sequence.ego.motion(number as u64, time_s).and_then(|ego| track.speed_mps(&ego)),
         };
-        Some(ToldFrame { time_s, tracks: tracks.iter().filter(|track| coasts || !track.coasting).map(told).collect() })
+        Some(PredictedFrame {
+            time_s,
+            tracks: tracks.iter().filter(|track| coasts || !track.coasting).map(told).collect(),
+        })
     };
     sequence.detections.iter().enumerate().map(frame).collect()
 }
 
 /// Each detection a track of its own.
-fn single(sequence: &Sequence) -> Vec<Option<ToldFrame>> {
+fn single(sequence: &Sequence) -> Vec<Option<PredictedFrame>> {
     let mut next = 0;
     let mut frame = |(number, detections): (usize, &Vec<Detection>)| {
         let tracks = detections.iter().filter(|one| one.score >= BIRTH).map(|one| {
             next += 1;
-            ToldTrack {
+            PredictedTrack {
                 id: next,
                 class: one.class.clone(),
                 box2d: one.box2d,
@@ -179,16 +185,16 @@ fn single(sequence: &Sequence) -> Vec<Option<ToldFrame>> {
                 speed_mps: None,
             }
         });
-        Some(ToldFrame { time_s: number as f64 / sequence.fps, tracks: tracks.collect() })
+        Some(PredictedFrame { time_s: number as f64 / sequence.fps, tracks: tracks.collect() })
     };
     sequence.detections.iter().enumerate().map(&mut frame).collect()
 }
 
-fn baseline(sequence: &Sequence, kind: Kind) -> Vec<Option<ToldFrame>> {
+fn baseline(sequence: &Sequence, kind: Kind) -> Vec<Option<PredictedFrame>> {
     let mut baseline = Baseline::new(kind);
     let mut frame = |(number, detections): (usize, &Vec<Detection>)| {
         let tracks = baseline.update(1.0 / sequence.fps, detections, &ObjectClass::Car, BIRTH);
-        Some(ToldFrame { time_s: number as f64 / sequence.fps, tracks })
+        Some(PredictedFrame { time_s: number as f64 / sequence.fps, tracks })
     };
     sequence.detections.iter().enumerate().map(&mut frame).collect()
 }

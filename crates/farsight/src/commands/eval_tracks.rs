@@ -8,8 +8,8 @@ use clap::Args;
 use farsight::json::{FrameRecord, TrackRecord};
 use farsight_core::{Box2d, Box3d, Dimensions, ObjectClass};
 use farsight_eval::tracks::{
-    JudgedSequence, ToldFrame, ToldTrack, TracksReport, TrueFrame, differences, differences_text, judge, page,
-    read_sequence, text,
+    GroundTruthFrame, JudgedSequence, PredictedFrame, PredictedTrack, TracksReport, differences, differences_text,
+    judge, page, read_sequence, text,
 };
 use farsight_files::{read_text, write_atomically};
 
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &EvalTracksArgs, printer: &mut Printer) -> Result<Outcom
 }
 
 /// Sequences by their names.
-fn truth(labels: &Path) -> Result<Vec<(String, Vec<TrueFrame>)>> {
+fn truth(labels: &Path) -> Result<Vec<(String, Vec<GroundTruthFrame>)>> {
     let files = if labels.is_dir() {
         let entries = fs::read_dir(labels).with_context(|| format!("{}: cannot be listed", labels.display()))?;
         let mut files: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
@@ -102,8 +102,12 @@ fn name(file: &Path) -> String {
 }
 
 /// Each sequence with its tracks.
-fn judged(truth: &[(String, Vec<TrueFrame>)], class: &ObjectClass, tracks: &Path) -> Result<Vec<JudgedSequence>> {
-    let of_sequence = |(name, frames): &(String, Vec<TrueFrame>)| {
+fn judged(
+    truth: &[(String, Vec<GroundTruthFrame>)],
+    class: &ObjectClass,
+    tracks: &Path,
+) -> Result<Vec<JudgedSequence>> {
+    let of_sequence = |(name, frames): &(String, Vec<GroundTruthFrame>)| {
         let file = if tracks.is_dir() { tracks.join(format!("{name}.jsonl")) } else { tracks.to_owned() };
         Ok(judge(name, class, frames, &told(&file)?))
     };
@@ -117,7 +121,7 @@ fn judged(truth: &[(String, Vec<TrueFrame>)], class: &ObjectClass, tracks: &Path
 }
 
 /// The lines of a file by the numbers of their frames.
-fn told(path: &Path) -> Result<Vec<Option<ToldFrame>>> {
+fn told(path: &Path) -> Result<Vec<Option<PredictedFrame>>> {
     let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let mut frames = Vec::new();
     for (line, number) in text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()) {
@@ -129,7 +133,7 @@ fn told(path: &Path) -> Result<Vec<Option<ToldFrame>>> {
             frames.resize(place + 1, None);
         }
         let tracks = record.tracks.iter().map(told_track).collect();
-        frames[place] = Some(ToldFrame { time_s: record.time_s, tracks });
+        frames[place] = Some(PredictedFrame { time_s: record.time_s, tracks });
     }
     Ok(frames)
 }
@@ -137,12 +141,12 @@ fn told(path: &Path) -> Result<Vec<Option<ToldFrame>>> {
 /// No film is longer.
 const MAX_FRAMES: usize = 10_000_000;
 
-fn told_track(track: &TrackRecord) -> ToldTrack {
+fn told_track(track: &TrackRecord) -> PredictedTrack {
     let [x1, y1, x2, y2] = track.box2d;
     let [height, width, length] = track.dimensions_hwl;
     let dimensions = Dimensions { height, width, length };
     let speed = track.speed_mps.flatten().zip(track.speed_sigma_mps.flatten());
-    ToldTrack {
+    PredictedTrack {
         id: track.id,
         class: ObjectClass::from_name(&track.class),
         box2d: Box2d::new(x1, y1, x2, y2),

@@ -297,7 +297,7 @@ fn reference(model: &SmokeModel, file: &OnnxModel, input: &Tensor) -> Result<(Ve
     }
     let engine = reference_engine(file);
     let target = engine.target();
-    let whole = Network::new(model).keeping(&[LOGITS, REGRESSION]);
+    let whole = Network::new(model).with_outputs(&[LOGITS, REGRESSION]);
     let source = Path::new("the untransformed network");
     let whole = OnnxModel::from_bytes(write(&whole, &DetectorFile::facts(model, target), target)?, source)?;
     answer(engine, whole, source, input)

@@ -4,6 +4,7 @@ mod film;
 mod part;
 mod scratch;
 mod sinks;
+mod table;
 
 use std::path::PathBuf;
 
@@ -39,7 +40,7 @@ pub(crate) struct TrackArgs {
     /// Write JSON Lines to FILE, one object a frame, as soon as it is done; "-" prints them instead of the table
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a summary to FILE, one row a track (CSV)
+    /// Write a summary to FILE, one row a track: CSV, or Parquet if it is called .parquet
     #[arg(long, value_name = "FILE")]
     tracks: Option<PathBuf>,
     /// Write what happens ahead to FILE, one JSON object a line: who cuts in, brakes hard, or is about to be reached

@@ -1,11 +1,11 @@
 //! What happens ahead: somebody cuts in, brakes hard, or is about to be reached.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
 use farsight_core::ObjectClass;
 use serde::{Deserialize, Serialize};
 
-use crate::json::{FrameRecord, TrackRecord};
+use crate::json::FrameRecord;
 
 /// Our own way ahead is so wide to each side, metres; who is farther aside than the second is beside it.
 const HALF_WAY_M: f64 = 1.4;
@@ -15,10 +15,12 @@ const BESIDE_M: f64 = 2.0;
 const CUT_IN_REACH_M: f64 = 40.0;
 const CUT_IN_S: f64 = 3.0;
 
-/// Who brakes hard brakes by so much, m/s², as seen from us or over the ground, for so long, seconds.
+/// Who brakes hard brakes by so much, m/s², as seen from us, and by more than its error bar.
 const HARD_MPS2: f64 = 3.0;
-const HARD_WINDOW_S: f64 = 0.6;
 const HARD_REACH_M: f64 = 70.0;
+
+/// Who is in our way then with this probability meets us.
+const MEETS: f64 = 0.5;
 
 /// An event is not told again of the same track before so long has passed without it, seconds.
 const QUIET_S: f64 = 2.0;
@@ -70,8 +72,6 @@ pub struct EventFinder {
 struct Known {
     /// When it was beside our way last.
     beside_s: Option<f64>,
-    /// Times and closing speeds, of the latest window.
-    closing: VecDeque<[f64; 2]>,
     /// When each event held last.
     told: BTreeMap<EventKind, f64>,
     seen_s: f64,
@@ -90,23 +90,20 @@ impl EventFinder {
         for track in &record.tracks {
             let known = self.known.entry(track.id).or_default();
             known.seen_s = time_s;
-            let growth = known.closing_acceleration(track, time_s);
             let is_vehicle = is_vehicle(&track.class);
             let [x, _, z] = track.location;
             let is_in_way = x.abs() < HALF_WAY_M;
             let inward = track.velocity_mps.is_some_and(|[vx, ..]| vx * x <= 0.0 || vx.abs() < 0.5);
             let was_beside = known.beside_s.is_some_and(|then_s| time_s - then_s < CUT_IN_S);
-            let meets = track.ttc_s.is_some_and(|ttc_s| {
-                let aside = track.velocity_mps.map_or(x, |[vx, ..]| x + vx * ttc_s);
-                let [_, width, _] = track.dimensions_hwl;
-                ttc_s < self.ttc_limit_s && aside.abs() < HALF_WAY_M + width / 2.0
-            });
+            let meets = track.ttc_s.is_some_and(|ttc_s| ttc_s < self.ttc_limit_s)
+                && track.in_path_probability.is_some_and(|probability| probability > MEETS);
+            let growth = track.closing_acceleration_mps2;
+            let brakes = growth
+                .zip(track.closing_acceleration_sigma_mps2)
+                .is_some_and(|(growth, sigma)| growth > HARD_MPS2.max(sigma));
             let holds = [
                 (EventKind::CutIn, is_vehicle && is_in_way && inward && was_beside && z < CUT_IN_REACH_M),
-                (
-                    EventKind::HardBraking,
-                    is_vehicle && is_in_way && z < HARD_REACH_M && growth.is_some_and(|growth| growth > HARD_MPS2),
-                ),
+                (EventKind::HardBraking, is_vehicle && is_in_way && z < HARD_REACH_M && brakes),
                 (EventKind::TimeToCollision, meets),
             ];
             for (event, _) in holds.into_iter().filter(|(_, holds)| *holds) {
@@ -133,26 +130,6 @@ impl EventFinder {
     }
 }
 
-impl Known {
-    /// The slope of the closing speed over the window, once that is full; its error bar must be small beside it.
-    fn closing_acceleration(&mut self, track: &TrackRecord, time_s: f64) -> Option<f64> {
-        let (closing, sigma) = track.closing_mps.zip(track.closing_sigma_mps)?;
-        self.closing.push_back([time_s, closing]);
-        while self.closing.front().is_some_and(|[then_s, _]| time_s - then_s > HARD_WINDOW_S + 1e-6) {
-            self.closing.pop_front();
-        }
-        let [first_s, _] = *self.closing.front()?;
-        let count = self.closing.len() as f64;
-        let mean = |axis: usize| self.closing.iter().map(|one| one[axis]).sum::<f64>() / count;
-        let (mean_s, mean_mps) = (mean(0), mean(1));
-        let sum = |f: &dyn Fn(&[f64; 2]) -> f64| self.closing.iter().map(f).sum::<f64>();
-        let spread = sum(&|[s, _]| (s - mean_s) * (s - mean_s));
-        let is_full = time_s - first_s > 0.8 * HARD_WINDOW_S && self.closing.len() >= 4;
-        let slope = sum(&|[s, mps]| (s - mean_s) * (mps - mean_mps)) / spread;
-        (is_full && spread > 0.0 && slope.abs() * HARD_WINDOW_S > sigma).then_some(slope)
-    }
-}
-
 fn is_vehicle(class: &str) -> bool {
     !matches!(ObjectClass::from_name(class), ObjectClass::Pedestrian | ObjectClass::PersonSitting)
 }
@@ -162,8 +139,13 @@ mod tests {
     use super::{EventFinder, EventKind};
     use crate::json::FrameRecord;
 
-    /// A track at x and z, with velocities across and closing.
-    fn frame(number: u64, [x, z]: [f64; 2], [across, closing]: [f64; 2], ttc_s: Option<f64>) -> FrameRecord {
+    /// A track at x and z, with velocities across and closing, the growth of the latter, and when it meets us.
+    fn frame(
+        number: u64,
+        [x, z]: [f64; 2],
+        [across, closing, growth]: [f64; 3],
+        meets: Option<[f64; 2]>,
+    ) -> FrameRecord {
         let mut record = FrameRecord::new(number, 0.1 * number as f64, &[], None);
         record.tracks = vec![crate::json::TrackRecord {
             id: 1,
@@ -181,8 +163,11 @@ mod tests {
             velocity_sigma_mps: Some([0.2; 3]),
             closing_mps: Some(closing),
             closing_sigma_mps: Some(0.2),
-            ttc_s,
+            ttc_s: meets.map(|[ttc_s, _]| ttc_s),
             ttc_interval_s: None,
+            in_path_probability: meets.map(|[_, probability]| probability),
+            closing_acceleration_mps2: Some(growth),
+            closing_acceleration_sigma_mps2: Some(1.5),
             coasting: false,
             speed_mps: None,
             speed_sigma_mps: None,
@@ -197,24 +182,25 @@ mod tests {
 
     #[test]
     fn who_comes_in_from_beside_cuts_in_once() {
-        let inward = |k: u64| frame(k, [3.5 - 0.15 * k as f64, 20.0], [-1.5, 0.0], None);
+        let inward = |k: u64| frame(k, [3.5 - 0.15 * k as f64, 20.0], [-1.5, 0.0, 0.0], None);
         assert_eq!(kinds((0..30).map(inward)), [(EventKind::CutIn, 15)]);
         // Who passes by beside our way does not.
-        assert_eq!(kinds((0..30).map(|k| frame(k, [3.5, 40.0 - k as f64], [0.0, 10.0], Some(1.0)))), []);
+        assert_eq!(kinds((0..30).map(|k| frame(k, [3.5, 40.0 - k as f64], [0.0, 10.0, 0.0], Some([1.0, 0.1])))), []);
     }
 
     #[test]
     fn hard_braking_is_told_from_a_steady_approach() {
-        let braking = |k: u64| frame(k, [0.2, 40.0], [0.0, (0.5 * (k as f64 - 5.0)).max(0.0)], None);
-        let told = kinds((0..20).map(braking));
-        assert_eq!(told.len(), 1, "{told:?}");
-        assert!(told[0].0 == EventKind::HardBraking && (8..=13).contains(&told[0].1), "{told:?}");
-        assert_eq!(kinds((0..20).map(|k| frame(k, [0.2, 40.0 - 0.5 * k as f64], [0.0, 5.0], Some(6.0)))), []);
+        let grows = |k: u64| if k < 10 { 1.0 } else { 5.0 };
+        let braking = |k: u64| frame(k, [0.2, 40.0], [0.0, 2.0, grows(k)], None);
+        assert_eq!(kinds((0..20).map(braking)), [(EventKind::HardBraking, 10)]);
+        assert_eq!(kinds((0..20).map(|k| frame(k, [0.2, 40.0], [0.0, 5.0, 1.0], Some([6.0, 1.0])))), []);
+        // Beside our way it is not told.
+        assert_eq!(kinds((0..20).map(|k| frame(k, [3.2, 40.0], [0.0, 2.0, grows(k)], None))), []);
     }
 
     #[test]
     fn a_short_time_to_collision_is_told_when_it_begins() {
-        let near = |k: u64| frame(k, [0.0, 30.0 - k as f64], [0.0, 10.0], Some(3.0 - 0.1 * k as f64));
+        let near = |k: u64| frame(k, [0.0, 30.0 - k as f64], [0.0, 10.0, 0.0], Some([3.0 - 0.1 * k as f64, 0.9]));
         assert_eq!(kinds((0..20).map(near)), [(EventKind::TimeToCollision, 11)]);
     }
 }

@@ -97,7 +97,8 @@ impl PlateMaker {
         let crop = PlateCrop::of(&expected, &camera, image_size, self.side)?;
         let place = match plate {
             Some([right, left]) => {
-                let ([right, right_down], [left, left_down]) = (crop.place_of(right)?, crop.place_of(left)?);
+                let ([right, right_down], [left, left_down]) =
+                    (crop.image_position(right)?, crop.image_position(left)?);
                 [left, right, f64::midpoint(right_down, left_down)].map(|at| at as f32)
             }
             None => [f32::NAN; 3],

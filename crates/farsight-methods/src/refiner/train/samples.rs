@@ -81,7 +81,7 @@ impl CropMaker {
         let (Seen::Object(box3d, _) | Seen::Nothing(box3d)) = seen;
         let box3d = if drawn.mirror { box3d.mirrored() } else { box3d };
         let detected = jittered(&box3d, &camera, &DETECTOR_ERRORS, rng)?.projected(&camera)?;
-        let crop = Crop::around(&detected.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
+        let crop = Crop::from_box(&detected.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
         let (targets, kind) = match seen {
             Seen::Object(_, kind) => (Some(crop.encode(&box3d)?.map(|target| target as f32)), kind),
             Seen::Nothing(_) => (None, Some(NOTHING)),

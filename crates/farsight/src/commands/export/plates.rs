@@ -60,7 +60,7 @@ fn pairs_of_frame(
 ) -> Result<Vec<DepthPair>> {
     let (camera, image) = (dataset.camera(index)?, dataset.image(index)?);
     let known = detections(&pipeline.detect(&image, &camera).with_context(|| dataset.origin(index))?);
-    let readings = reader.readings(&image, &camera, &known)?;
+    let readings = reader.read_plates(&image, &camera, &known)?;
     let frame = Frame::new(String::new(), dataset.labels(index)?, known);
     let pair = |(place, target): (usize, Option<Target>)| {
         let target = target.filter(is_plain)?;

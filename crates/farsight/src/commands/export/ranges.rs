@@ -85,7 +85,7 @@ fn measured<C: NetworkConfig>(
     let facts = Facts::new(model, Target::Portable);
     let threads = args.int8.engine.options()?.usable_threads();
     let calibration = Calibration::new(&network, &layers, C::OUTPUTS, &facts, threads)?;
-    let mut look = look(Box::new(calibration.sharer()?), model)?;
+    let mut look = look(Box::new(calibration.try_clone()?), model)?;
     let bar = progress_bar(images.len());
     for path in &images {
         let image = read_image(path)?;

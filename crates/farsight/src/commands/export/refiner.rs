@@ -89,7 +89,7 @@ fn fitted_scales(
     let shared = |pair: &ClassifiedPair| if pair.is_scaled { world.log_sigma } else { 0.0 };
     let flat: Vec<DepthPair> = pairs.iter().flatten().map(|classified| classified.pair).collect();
     let shared: Vec<f64> = pairs.iter().flatten().map(shared).collect();
-    let fitted = depths.beside_shared(&flat, &shared);
+    let fitted = depths.with_shared_error(&flat, &shared);
     let world = ScalePrior { factor: 1.0, ..world };
     let regional = Region::ALL.into_iter().filter(|region| *region != Region::World);
     let found = regional.filter_map(|region| Some((region, ScalePrior::fit(&errors_of(Some(region)))?)));

@@ -66,7 +66,8 @@ fn onnx<C: NetworkConfig>(
     let input = probe::tensor(channels, [side, side]);
     let engine = reference_engine(&file);
     let source = Path::new("the untransformed network");
-    let whole = write(&Network::new(model).keeping(C::OUTPUTS), &Facts::new(model, engine.target()), engine.target())?;
+    let whole =
+        write(&Network::new(model).with_outputs(C::OUTPUTS), &Facts::new(model, engine.target()), engine.target())?;
     let (expected, reference) = answer(engine, OnnxModel::from_bytes(whole, source)?, source, &input)?;
     keep(&file, &input, &expected, &reference, args, printer)
 }

@@ -22,6 +22,7 @@ use tempfile::NamedTempFile;
 use super::TrackArgs;
 use super::film::Film;
 use super::scratch::{scratch_beside, unwritable};
+use super::table::{self, Column, Table};
 use crate::inputs::identity;
 use crate::outputs;
 use crate::printer::Printer;
@@ -59,12 +60,6 @@ struct Summary {
 
 /// Kinds of files that films are written to.
 const FILMS: [&str; 5] = ["mp4", "mkv", "mov", "avi", "webm"];
-
-/// Columns of the table of tracks.
-const COLUMNS: &str = "id,class,first_frame,last_frame,first_s,last_s,frames_seen,frames_coasting,\
-height_m,width_m,length_m,\
-first_range_m,last_range_m,last_range_sigma_m,least_range_m,last_closing_mps,last_closing_sigma_mps,least_ttc_s,\
-last_speed_mps,last_speed_sigma_mps";
 
 impl Sinks {
     /// Checks what can be checked before the first frame.
@@ -187,8 +182,7 @@ impl Sinks {
             print_table(&summary, printer);
         }
         if let Some(path) = tracks {
-            let text = csv(&summary);
-            write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+            table::write(&path, &columns(&summary))?;
         }
         if let Some((path, file)) = kitti {
             file.persist(&path).with_context(|| unwritable(&path))?;
@@ -238,38 +232,34 @@ fn append(path: &Path, file: &mut Option<File>, lines: &str) -> Result<()> {
     file.write_all(lines.as_bytes()).with_context(|| unwritable(path))
 }
 
-/// The table of tracks, CSV; what is not known is empty.
-fn csv(summary: &BTreeMap<u64, Summary>) -> String {
-    let mut text = COLUMNS.to_owned() + "\n";
-    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
-    for (id, one) in summary {
-        let Summary { class, first, last, seen, coasting, latest, .. } = one;
-        let class =
-            if class.contains([',', '"']) { format!("\"{}\"", class.replace('"', "\"\"")) } else { class.clone() };
-        let [height, width, length] = latest.dimensions_hwl;
-        let numbers = [
-            Some(height),
-            Some(width),
-            Some(length),
-            Some(one.first_range_m),
-            Some(latest.range_m),
-            Some(latest.range_sigma_m),
-            Some(one.least_range_m),
-            latest.closing_mps,
-            latest.closing_sigma_mps,
-            one.least_ttc_s,
-            latest.speed_mps.flatten(),
-            latest.speed_sigma_mps.flatten(),
-        ];
-        let numbers = numbers.map(number).join(",");
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            text,
-            "{id},{class},{},{},{:.3},{:.3},{seen},{coasting},{numbers}",
-            first.0, last.0, first.1, last.1
-        );
-    }
-    text
+/// The table of tracks.
+fn columns(summary: &BTreeMap<u64, Summary>) -> Table {
+    let integers = |of: &dyn Fn(&u64, &Summary) -> u64| {
+        Column::Integers(summary.iter().map(|(id, one)| of(id, one) as i64).collect())
+    };
+    let numbers = |of: &dyn Fn(&Summary) -> Option<f64>| Column::Numbers(summary.values().map(of).collect());
+    vec![
+        ("id", integers(&|id, _| *id)),
+        ("class", Column::Words(summary.values().map(|one| one.class.clone()).collect())),
+        ("first_frame", integers(&|_, one| one.first.0)),
+        ("last_frame", integers(&|_, one| one.last.0)),
+        ("first_s", numbers(&|one| Some(one.first.1))),
+        ("last_s", numbers(&|one| Some(one.last.1))),
+        ("frames_seen", integers(&|_, one| one.seen)),
+        ("frames_coasting", integers(&|_, one| one.coasting)),
+        ("height_m", numbers(&|one| Some(one.latest.dimensions_hwl[0]))),
+        ("width_m", numbers(&|one| Some(one.latest.dimensions_hwl[1]))),
+        ("length_m", numbers(&|one| Some(one.latest.dimensions_hwl[2]))),
+        ("first_range_m", numbers(&|one| Some(one.first_range_m))),
+        ("last_range_m", numbers(&|one| Some(one.latest.range_m))),
+        ("last_range_sigma_m", numbers(&|one| Some(one.latest.range_sigma_m))),
+        ("least_range_m", numbers(&|one| Some(one.least_range_m))),
+        ("last_closing_mps", numbers(&|one| one.latest.closing_mps)),
+        ("last_closing_sigma_mps", numbers(&|one| one.latest.closing_sigma_mps)),
+        ("least_ttc_s", numbers(&|one| one.least_ttc_s)),
+        ("last_speed_mps", numbers(&|one| one.latest.speed_mps.flatten())),
+        ("last_speed_sigma_mps", numbers(&|one| one.latest.speed_sigma_mps.flatten())),
+    ]
 }
 
 /// The table for people: one row a track.
