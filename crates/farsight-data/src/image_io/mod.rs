@@ -4,6 +4,7 @@ mod chunks;
 mod error;
 mod jpeg;
 mod kind;
+mod png;
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -279,6 +280,9 @@ fn decode<S: BufRead + Seek>(mut input: Input<S>, limits: ImageLimits) -> Result
             warnings.push(ImageWarning::Pages);
         }
     }
+    if input.format == ImageFormat::Png {
+        check_png(&mut input, limits)?;
+    }
     let pixels = if input.format == ImageFormat::Jpeg {
         let bytes = checked_jpeg(&mut input, &found, limits)?;
         let (path, format, length) = (input.path, input.format, input.length);
@@ -311,6 +315,16 @@ fn checked_jpeg<S: BufRead + Seek>(
         }
         Some(Flaw::Longer) => Err(ImageError::Longer { path, width, height }),
         Some(Flaw::Broken) => Err(ImageError::Broken { path, reason: "its compressed data make no sense" }),
+    }
+}
+
+/// Refuses a PNG file that has more picture than its header says; what has too many pixels is left to the decoder.
+fn check_png<S: BufRead + Seek>(input: &mut Input<S>, limits: ImageLimits) -> Result<(), ImageError> {
+    let path = || input.path.to_owned();
+    match png::longer_than(&mut input.source, limits.max_pixels) {
+        Ok(None) => Ok(()),
+        Ok(Some([width, height])) => Err(ImageError::Longer { path: path(), width, height }),
+        Err(source) => Err(ImageError::Read { path: path(), source }),
     }
 }
 
