@@ -1,4 +1,5 @@
-//! Tracking metrics: laws, and `TrackEval`'s answers where it is installed (`pip install trackeval`).
+//! Tracking metrics: laws, and the answers of `TrackEval` and `motrics` where they are installed (`pip install trackeval
+//! motrics`).
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 use std::io::Write;
@@ -54,7 +55,7 @@ fn numbers(metrics: &TrackingMetrics) -> [f64; 11] {
 }
 
 /// Reads sequences, writes `TrackEval`'s numbers for each.
-const REFERENCE: &str = r#"
+const TRACKEVAL: &str = r#"
 import json, sys
 import numpy as np
 for name, kind in (("float", float), ("int", int), ("bool", bool)):
@@ -91,11 +92,39 @@ for line in sys.stdin:
     ]))
 "#;
 
+/// The same from `motrics`, an independent implementation.
+const MOTRICS: &str = r#"
+import json, sys
+import motrics
+
+for line in sys.stdin:
+    frames = json.loads(line)
+    data = [[frame[part] for frame in frames] for part in range(3)]
+    hota = motrics.compute_hota_from_similarity(*data)
+    clear = motrics.compute_clear_from_similarity(*data)
+    identity = motrics.compute_identity_from_similarity(*data)
+    print(json.dumps([
+        hota.hota, hota.deta, hota.assa, hota.loca, clear.mota, clear.motp, clear.num_switches, clear.frag,
+        identity.idf1, identity.idr, identity.idp,
+    ]))
+"#;
+
 #[test]
-fn the_metrics_are_trackevals() {
-    let installed = Command::new("python3").args(["-c", "import trackeval"]).stderr(Stdio::null()).status();
+fn the_metrics_are_those_of_trackeval() {
+    compare_with("trackeval", TRACKEVAL);
+}
+
+#[test]
+fn the_metrics_are_those_of_motrics() {
+    compare_with("motrics", MOTRICS);
+}
+
+/// Compares with what a script that uses this Python package says of the same sequences.
+fn compare_with(package: &str, script: &str) {
+    let import = format!("import {package}");
+    let installed = Command::new("python3").args(["-c", &import]).stderr(Stdio::null()).status();
     if !installed.is_ok_and(|status| status.success()) {
-        eprintln!("skipped: python3 with trackeval is not there (pip install trackeval)");
+        eprintln!("skipped: python3 with {package} is not there (pip install {package})");
         return;
     }
     let mut cases: Vec<Vec<TrackedFrame>> = (0..30).map(|seed| sequence(seed, 1 + seed % 8)).collect();
@@ -109,7 +138,7 @@ fn the_metrics_are_trackevals() {
         }
     }
     let mut python =
-        Command::new("python3").args(["-c", REFERENCE]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        Command::new("python3").args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let text: String = cases
         .iter()
         .map(|frames| {
