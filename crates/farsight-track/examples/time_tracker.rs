@@ -31,7 +31,8 @@ fn main() -> std::io::Result<()> {
             .map(|car| car.seen((0.02 * chance.normal()).exp(), 0.05, (0.01 * chance.normal()).exp()))
             .collect();
         let time_s = f64::from(frame) * 0.1;
-        let frame = Frame { time_s, image_size: IMAGE_SIZE, camera: &camera, detections: &seen, looks_cut: false };
+        let frame =
+            Frame { time_s, image_size: IMAGE_SIZE, camera: &camera, detections: &seen, ego: None, looks_cut: false };
         let start = Instant::now();
         told = tracker.update(&frame).unwrap().len();
         times_ms.push(start.elapsed().as_secs_f64() * 1e3);

@@ -7,6 +7,7 @@ use crate::options::{Noise, TrackerOptions};
 use crate::state::{
     BEARING, BEARING_RATE, FACTOR, HEIGHT_ERROR, LOG_DEPTH, LOG_HEIGHT, LOG_RATE, Matrix, N, State, Vector, row,
 };
+use crate::track::EgoMotion;
 
 /// The nearest face is no nearer than this, metres, nor than this share of the depth: of what stands beside the camera
 /// there is none ahead.
@@ -31,6 +32,10 @@ const LATEST_WEIGHT: f64 = 0.2;
 
 /// Roads are as steep as this beside one another: what is not known of a vertical speed, as a share of the speed.
 const SLOPE: f64 = 0.05;
+
+/// What stands still moves over the ground by no more than about this, m/s; what moves, by about that.
+const STILL_MPS: f64 = 0.3;
+const MOVING_MPS: f64 = 8.0;
 
 /// What one detection tells.
 #[derive(Debug, Clone)]
@@ -311,6 +316,63 @@ impl Filter {
         // A factor on all distances is one on both.
         let of_aside = row([(BEARING, along), (BEARING_RATE, centre), (LOG_DEPTH, aside), (LOG_RATE, bearing * near)]);
         ([aside, along], [of_aside, row([(LOG_DEPTH, along), (LOG_RATE, near)])])
+    }
+
+    /// Velocity over the ground, across and along the optical axis, m/s, of a camera that moves so, and the rows that
+    /// read it from small changes of the state.
+    fn absolute_velocity(&self, ego: &EgoMotion) -> ([f64; 2], [Vector; 2]) {
+        let (near, centre, bearing) = (self.near_m(), self.depth_m(), self.state.mean[BEARING]);
+        let ([aside, along], [of_aside, of_along]) = self.velocity_rows();
+        let still = ego.velocity_of_still([bearing * centre, centre]);
+        // A camera that turns moves what is far away by more.
+        let turned = [
+            row([(LOG_DEPTH, ego.yaw_rate * near)]),
+            row([(BEARING, -ego.yaw_rate * centre), (LOG_DEPTH, -ego.yaw_rate * bearing * near)]),
+        ];
+        let less = |a: Vector, b: Vector| std::array::from_fn(|i| a[i] - b[i]);
+        ([aside - still[0], along - still[1]], [less(of_aside, turned[0]), less(of_along, turned[1])])
+    }
+
+    /// Variances of the velocity of what stands still, over the ground, (m/s)^2: the camera's own motion is not quite
+    /// known, and points of an object move a little as it turns before the camera.
+    fn still_variances(&self, ego: &EgoMotion) -> [f64; 2] {
+        let depth_m = self.depth_m();
+        let aside_m = self.state.mean[BEARING] * depth_m;
+        let slack = STILL_MPS * STILL_MPS;
+        [
+            slack + (depth_m * ego.yaw_rate_sigma).powi(2),
+            slack + ego.speed_sigma_mps.powi(2) + (aside_m * ego.yaw_rate_sigma).powi(2),
+        ]
+    }
+
+    /// How probable it is that it stands still, when half of all do so.
+    pub(crate) fn stands_still(&self, ego: &EgoMotion) -> f64 {
+        let (velocity, rows) = self.absolute_velocity(ego);
+        let both = std::array::from_fn(|i| rows[0][i] + rows[1][i]);
+        let [xx, zz, sum] = [rows[0], rows[1], both].map(|row| self.inflation() * self.state.variance(&row));
+        let xz = (sum - xx - zz) / 2.0;
+        let still = self.still_variances(ego);
+        let log_density = |[a, b]: [f64; 2]| {
+            let (a, b) = (xx + a, zz + b);
+            let determinant = a * b - xz * xz;
+            let [x, z] = velocity;
+            let squared = (b * x * x - 2.0 * xz * x * z + a * z * z) / determinant;
+            -0.5 * (squared + determinant.ln())
+        };
+        let moving = still.map(|variance| variance + MOVING_MPS * MOVING_MPS);
+        1.0 / (1.0 + (log_density(moving) - log_density(still)).exp())
+    }
+
+    /// Takes it to stand still, until the next measurement: what is then known of its motion does not depend on what it
+    /// was taken for before.
+    pub(crate) fn keep_still(&mut self, ego: &EgoMotion) {
+        let variances = self.still_variances(ego);
+        for axis in 0..2 {
+            // The second with the state after the first.
+            let (velocity, rows) = self.absolute_velocity(ego);
+            let now: f64 = self.state.mean.iter().zip(rows[axis]).map(|(value, factor)| value * factor).sum();
+            self.state.update(&rows[axis], now - velocity[axis], variances[axis], TOLERANCE);
+        }
     }
 
     /// Where its centre is aside of the camera after `ahead_s` seconds at this velocity, and the standard deviation of

@@ -81,6 +81,14 @@ pub struct EgoMotion {
     pub yaw_rate_sigma: f64,
 }
 
+impl EgoMotion {
+    /// How what stands still at x and z, metres, moves before a camera that turns to the left and drives ahead: right
+    /// and ahead, m/s.
+    pub fn velocity_of_still(&self, [x, z]: [f64; 2]) -> [f64; 2] {
+        [self.yaw_rate * z, -self.speed_mps - self.yaw_rate * x]
+    }
+}
+
 /// From so many standard deviations on it is said to close: one-sided 80%.
 const CLOSES_SIGMAS: f64 = 0.842;
 
@@ -119,8 +127,7 @@ impl Track {
     pub fn speed_mps(&self, ego: &EgoMotion) -> Option<[f64; 2]> {
         let Velocity { mps: [vx, _, vz], sigma_mps: [sx, _, sz], covariance_xz } = self.velocity?;
         let [x, _, z] = self.box3d.location;
-        // What stands still moves like this before a camera that turns to the left and drives ahead.
-        let still = [ego.yaw_rate * z, -ego.speed_mps - ego.yaw_rate * x];
+        let still = ego.velocity_of_still([x, z]);
         let moved = [vx - still[0], vz - still[1]];
         let [turned_x, turned_z] = [z * ego.yaw_rate_sigma, x * ego.yaw_rate_sigma];
         let xx = sx * sx + turned_x * turned_x;

@@ -11,7 +11,7 @@ use crate::association::{Strictness, cost};
 use crate::error::TrackError;
 use crate::filter::{Filter, Measured};
 use crate::options::TrackerOptions;
-use crate::track::{Closing, Track, Velocity};
+use crate::track::{Closing, EgoMotion, Track, Velocity};
 
 /// One frame.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +24,9 @@ pub struct Frame<'a> {
     pub camera: &'a Camera,
     /// What was found in it.
     pub detections: &'a [Detection],
+    /// How the camera moves over the ground; where that is known, what stands still tells its distance by how fast it
+    /// comes nearer.
+    pub ego: Option<EgoMotion>,
     /// Whether the picture looks like another scene. All tracks end where hardly one of them goes on, too.
     pub looks_cut: bool,
 }
@@ -96,6 +99,11 @@ const HIDDEN_SHARE: f64 = 0.5;
 /// Every track coasts for so long, seconds.
 const MIN_COAST_S: f64 = 0.2;
 
+/// From so fast a camera, m/s, what stands still can be told from what moves; it is taken to stand from this
+/// probability on.
+const MIN_EGO_MPS: f64 = 3.0;
+const STILL_PROBABILITY: f64 = 0.9;
+
 /// Nothing is said of a velocity that is less sure than this share of what was thought before anything was known, nor
 /// after fewer detections, nor after less time in seconds.
 const KNOWN_SHARE: f64 = 0.5;
@@ -165,6 +173,9 @@ impl Tracker {
             partner = vec![None; seen.len()];
         }
         self.take(frame, &seen, &partner);
+        for entry in &mut self.entries {
+            entry.keep_still(frame);
+        }
         self.end(frame);
         Ok(self.told(frame))
     }
@@ -374,6 +385,14 @@ impl Entry {
     fn class(&self) -> ObjectClass {
         let more = |a: &&(ObjectClass, f64), b: &&(ObjectClass, f64)| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0));
         self.classes.iter().max_by(more).map_or(ObjectClass::DontCare, |(class, _)| class.clone())
+    }
+
+    /// What probably stands still is taken to do so.
+    fn keep_still(&mut self, frame: &Frame) {
+        let Some(ego) = frame.ego.filter(|ego| ego.speed_mps > MIN_EGO_MPS) else { return };
+        if self.misses == 0 && self.hits >= KNOWN_HITS && self.filter.stands_still(&ego) > STILL_PROBABILITY {
+            self.filter.keep_still(&ego);
+        }
     }
 
     /// What is known of its motion; none before it is.

@@ -4,13 +4,20 @@
 mod street;
 
 use farsight_core::{Box2d, Detection};
-use farsight_track::{Frame, Motion, Noise, Track, TrackError, Tracker, TrackerOptions};
+use farsight_track::{EgoMotion, Frame, Motion, Noise, Track, TrackError, Tracker, TrackerOptions};
 use proptest::prelude::*;
 
 use street::{Car, Chance, IMAGE_SIZE, Lasting, camera};
 
 fn update(tracker: &mut Tracker, time_s: f64, detections: &[Detection]) -> Result<Vec<Track>, TrackError> {
-    tracker.update(&Frame { time_s, image_size: IMAGE_SIZE, camera: &camera(), detections, looks_cut: false })
+    tracker.update(&Frame {
+        time_s,
+        image_size: IMAGE_SIZE,
+        camera: &camera(),
+        detections,
+        ego: None,
+        looks_cut: false,
+    })
 }
 
 /// A car without error in the detector.
@@ -224,6 +231,49 @@ fn who_passes_in_front_of_another_keeps_its_identity() {
 }
 
 #[test]
+fn what_stands_still_tells_its_distance_to_a_camera_that_knows_its_speed() {
+    let ego = EgoMotion { speed_mps: 10.0, speed_sigma_mps: 0.1, yaw_rate: 0.0, yaw_rate_sigma: 0.002 };
+    // Every distance is a tenth too long, as those of a country with smaller cars are.
+    let follow = |speed_mps: f64, seconds: f64, is_known: bool| {
+        let mut car = Car::new([3.0, 42.0], [0.0, speed_mps - 10.0]);
+        let mut tracker = Tracker::default();
+        let mut told = Vec::new();
+        let frames = (10.0 * seconds) as u32;
+        for frame in 0..=frames {
+            let frame = Frame {
+                time_s: 0.1 * f64::from(frame),
+                image_size: IMAGE_SIZE,
+                camera: &camera(),
+                detections: &[car.seen(1.1, 0.08, 1.0)],
+                ego: is_known.then_some(ego),
+                looks_cut: false,
+            };
+            told = tracker.update(&frame).unwrap();
+            if frame.time_s < seconds - 0.05 {
+                car = car.after(0.1);
+            }
+        }
+        let track = &told[0];
+        let true_m = car.place[1];
+        let [speed, _] = track.speed_mps(&ego).unwrap();
+        let [low, high] = track.range_interval_m();
+        assert!((low..=high).contains(&true_m), "{track:?}");
+        (track.range_m() / true_m - 1.0, speed)
+    };
+    let (unknown, _) = follow(0.0, 3.0, false);
+    assert!(unknown > 0.07, "{unknown}");
+    let (known, speed) = follow(0.0, 3.0, true);
+    assert!(known.abs() < 0.6 * unknown && speed < 0.4, "{known} too long, at {speed} m/s");
+    // What moves is not taken to stand: who drives ahead, slowly or as we do, and who comes towards us.
+    for speed_mps in [5.0, 10.0, -8.0] {
+        let (off, speed) = follow(speed_mps, 1.8, true);
+        // A tenth of the closing speed is the detector's error.
+        let allowed = 0.11 * (speed_mps - 10.0).abs() + 0.4;
+        assert!(off > 0.06 && (speed - speed_mps.abs()).abs() < allowed, "{off}, {speed} at {speed_mps} m/s");
+    }
+}
+
+#[test]
 fn a_camera_that_nods_loses_nobody() {
     let places = [[-4.0, 14.0], [-2.5, 20.0], [1.5, 26.0], [3.0, 48.0], [-1.0, 62.0]];
     let cars = places.map(|place| Car::new(place, [0.0, 0.0]));
@@ -299,7 +349,8 @@ fn another_scene_has_other_tracks() {
         }
         let seen: Vec<Detection> =
             places.iter().map(|&[x, z]| exact(&Car::new([x + moved * z / 15.0, z], [0.0; 2]))).collect();
-        let frame = Frame { time_s: 0.5, image_size: IMAGE_SIZE, camera: &camera(), detections: &seen, looks_cut };
+        let frame =
+            Frame { time_s: 0.5, image_size: IMAGE_SIZE, camera: &camera(), detections: &seen, ego: None, looks_cut };
         let told = tracker.update(&frame).unwrap();
         assert_eq!(told.is_empty(), expected, "cut {looks_cut}, moved {moved}: {told:?}");
     }
@@ -312,7 +363,14 @@ fn an_image_of_another_size_ends_all_tracks() {
     for frame in 0..5 {
         update(&mut tracker, 0.1 * f64::from(frame), &seen).unwrap();
     }
-    let other = Frame { time_s: 0.5, image_size: [1920, 1080], camera: &camera(), detections: &seen, looks_cut: false };
+    let other = Frame {
+        time_s: 0.5,
+        image_size: [1920, 1080],
+        camera: &camera(),
+        detections: &seen,
+        ego: None,
+        looks_cut: false,
+    };
     assert_eq!(tracker.update(&other).unwrap(), []);
 }
 

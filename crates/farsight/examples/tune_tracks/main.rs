@@ -147,7 +147,9 @@ fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<O
     let frame = |(number, detections): (usize, &Vec<Detection>)| {
         let time_s = number as f64 / sequence.fps;
         let (camera, image_size) = (&sequence.camera, sequence.image_size);
-        let tracks = tracker.update(&Frame { time_s, image_size, camera, detections, looks_cut: false }).unwrap();
+        let ego = sequence.ego.motion(number as u64, time_s);
+        let frame = Frame { time_s, image_size, camera, detections, ego, looks_cut: false };
+        let tracks = tracker.update(&frame).unwrap();
         let told = |track: &Track| PredictedTrack {
             id: track.id,
             class: track.class.clone(),
@@ -157,7 +159,7 @@ fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<O
             closing_mps: track.closing.map(|closing| [closing.mps, closing.sigma_mps]),
             ttc_s: track.closing.and_then(|closing| closing.ttc_s),
             ttc_interval_s: track.closing.and_then(|closing| closing.ttc_interval_s),
-            speed_mps: sequence.ego.motion(number as u64, time_s).and_then(|ego| track.speed_mps(&ego)),
+            speed_mps: ego.and_then(|ego| track.speed_mps(&ego)),
         };
         Some(PredictedFrame {
             time_s,

@@ -177,10 +177,10 @@ impl VideoTracker {
         let mut detections = detections(objects);
         // What is all outside the image has no box in it.
         detections.retain(|one| one.box2d.width() > 0.0 && one.box2d.height() > 0.0 && one.box3d.depth_m() > 0.0);
-        let seen = Frame { time_s: *time_s, image_size, camera, detections: &detections, looks_cut };
+        let motion = self.ego.as_ref().and_then(|ego| ego.motion(*number, *time_s));
+        let seen = Frame { time_s: *time_s, image_size, camera, detections: &detections, ego: motion, looks_cut };
         let tracks = self.tracker.update(&seen);
         let tracks = tracks.map_err(|source| VideoError::Track { place: frame.place(), source })?;
-        let motion = self.ego.as_ref().and_then(|ego| ego.motion(*number, *time_s));
         if self.ego.is_some() && motion.is_none() && !self.told_ego {
             self.told_ego = true;
             remarks.push(Remark::NoEgo { place: frame.place(), time_s: *time_s });
