@@ -69,7 +69,7 @@ pub fn scene_from_labels(
 }
 
 /// What the vehicles say about the road.
-fn estimated_road(objects: &[&Label]) -> RoadEstimate {
+pub(crate) fn estimated_road(objects: &[&Label]) -> RoadEstimate {
     let mut turns: Vec<f64> = Vec::new();
     let along: Vec<&Box3d> =
         objects.iter().map(|l| &l.box3d).filter(|b| b.dimensions.length > 2.5 && is_along(b)).collect();
@@ -86,7 +86,13 @@ fn estimated_road(objects: &[&Label]) -> RoadEstimate {
     let left = near.iter().copied().fold(-3.2, f64::min) - 1.25;
     let right = near.iter().copied().fold(0.9, f64::max) + 1.25;
     let count = |class: ObjectClass| objects.iter().filter(|label| label.class == class).count();
-    RoadEstimate { turn, edges: [left, right], people: count(ObjectClass::Pedestrian), vehicles: along.len() }
+    RoadEstimate {
+        turn,
+        edges: [left, right],
+        people: count(ObjectClass::Pedestrian),
+        vehicles: along.len(),
+        bends: Vec::new(),
+    }
 }
 
 /// Angle between an axis and straight ahead, radians in `(-pi/2, pi/2]`, positive to the right.
@@ -107,7 +113,7 @@ fn is_along(box3d: &Box3d) -> bool {
 }
 
 /// The part of the view of an object that must stay free.
-fn sightline(label: &Label) -> Option<Sightline> {
+pub(crate) fn sightline(label: &Label) -> Option<Sightline> {
     let kept = match label.occlusion {
         1 => 0.5,
         2 => 0.2,
@@ -126,7 +132,7 @@ fn sightline(label: &Label) -> Option<Sightline> {
 
 /// A ground through the bottoms of the boxes: least squares towards a flat one, weighted so that few strays do not
 /// bend it (Huber 1964, by repeated weighting).
-fn fitted_ground(objects: &[&Label]) -> Ground {
+pub(crate) fn fitted_ground(objects: &[&Label]) -> Ground {
     // Deviations that the ground's parameters are expected to have, and the noise of a label's bottom, metres.
     const EXPECTED: [f64; 4] = [0.08, 0.02, 0.02, 2e-4];
     const NOISE_M: f64 = 0.1;

@@ -88,3 +88,11 @@ impl SceneRng {
         items[items.len() - 1].0
     }
 }
+
+/// Fowler, Noll and Vo's prime, for 64 bits.
+const FNV_PRIME: u64 = 0x0100_0000_01b3;
+
+/// The seed of what is rebuilt from the labels called `id`: it does not depend on which others are rebuilt.
+pub(crate) fn twin_seed(seed: u64, id: &str) -> u64 {
+    id.bytes().fold(seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME))
+}

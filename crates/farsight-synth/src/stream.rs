@@ -9,12 +9,9 @@ use crate::labels::LabelRules;
 use crate::layout::scene_from_labels;
 use crate::plates::plates;
 use crate::render::render;
-use crate::rng::{LAYOUT_STREAM, SCENE_STREAM, SENSOR_STREAM, SceneRng};
+use crate::rng::{LAYOUT_STREAM, SCENE_STREAM, SENSOR_STREAM, SceneRng, twin_seed};
 use crate::scene::LabelledScene;
 use crate::sensor::SensorModel;
-
-/// Fowler, Noll and Vo's prime, for 64 bits.
-const FNV_PRIME: u64 = 0x0100_0000_01b3;
 
 /// Random scenes of one seed, each there whenever it is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,11 +36,7 @@ impl SceneStream {
 
     /// The region of the [`twin`](SceneStream::twin) of the frame of this name; none for KITTI's city.
     pub fn twin_region(&self, id: &str) -> Option<&'static str> {
-        self.config.regions.sample_name(&mut SceneRng::new(self.twin_seed(id), 0, LAYOUT_STREAM))
-    }
-
-    fn twin_seed(&self, id: &str) -> u64 {
-        id.bytes().fold(self.seed, |seed, byte| (seed ^ u64::from(byte)).wrapping_mul(FNV_PRIME))
+        self.config.regions.sample_name(&mut SceneRng::new(twin_seed(self.seed, id), 0, LAYOUT_STREAM))
     }
 
     /// Scene number `index`, rendered and captured: the same bytes for any number of threads.
@@ -58,7 +51,7 @@ impl SceneStream {
     /// The scene follows from the seed and the frame's name `id`. Truncation and occlusion are those of the picture,
     /// which need not be those of `labels`.
     pub fn twin(&self, labels: &[Label], camera: &Camera, image_size: [usize; 2], id: &str) -> Frame {
-        let seed = self.twin_seed(id);
+        let seed = twin_seed(self.seed, id);
         let labelled = scene_from_labels(&self.config, labels, camera, image_size, seed);
         captured(&labelled, id.to_owned(), &mut SceneRng::new(seed, 0, SENSOR_STREAM))
     }

@@ -44,6 +44,9 @@ const RANGE: &str = "range in --hfov 81 --model in/m.safetensors --out out --jso
 const EVAL: &str =
     "eval --data in/k --model in/m.safetensors --resamples 0 --results kept --json eval.json --report page";
 
+const TRACK: &str = "track in --fps 10 --hfov 81 --model in/m.safetensors --json tracks.jsonl --events events.jsonl \
+                     --tracks tracks.csv --kitti-tracking tracks.txt --out film";
+
 fn cases() -> Vec<Case> {
     let case = |line: &'static str, outputs, resume| Case { arguments: line.split(' ').collect(), outputs, resume };
     vec![
@@ -60,6 +63,7 @@ fn cases() -> Vec<Case> {
         case("import in/c.pth --out c.safetensors", &["c.safetensors"], None),
         case("info in/m.safetensors --svg m.svg", &["m.svg"], None),
         case("demo --out demo", &["demo"], None),
+        case(TRACK, &["film", "tracks.jsonl", "events.jsonl", "tracks.csv", "tracks.txt"], None),
     ]
 }
 

@@ -4,6 +4,7 @@
 #[allow(dead_code, reason = "each test program uses a part")]
 mod program;
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -129,4 +130,48 @@ fn what_cannot_be_judged_is_told() {
     let output = farsight(folder, &["eval-tracks", "--labels", "good.txt", "--tracks", "0000.jsonl"]);
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(told.starts_with("error: 0000.jsonl:1: no frame of tracks: "), "{told}");
+}
+
+/// Identity, place and size of each object of a file of tracking labels, by frame and identity.
+fn objects(labels: &Path) -> BTreeMap<(u64, i64), [f64; 6]> {
+    let text = fs::read_to_string(labels).unwrap();
+    let row = |line: &str| {
+        let fields: Vec<&str> = line.split(' ').collect();
+        let number = |place: usize| fields[place].parse::<f64>().unwrap();
+        ((fields[0].parse().unwrap(), fields[1].parse().unwrap()), [10, 11, 12, 13, 14, 15].map(number))
+    };
+    text.lines().map(row).filter(|((_, id), _)| *id >= 0).collect()
+}
+
+#[test]
+fn label_files_of_tracks_are_rendered_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    render(folder, "a", "3");
+    let again = |out: &str, rest: &[&str]| {
+        let layout =
+            ["synth", "--sequence", "--layout", "a/training/label_02", "--calib-dir", "a/training/calib", "-q"];
+        let rest = [&["--fps", "20", "--seed", "8", "--out", out], rest].concat();
+        farsight(folder, &[&layout[..], &rest].concat())
+    };
+    let told = again("b", &["--oxts-dir", "a/training/oxts", "--frames", "2"]);
+    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    let [first, second] = ["a", "b"].map(|name| objects(&folder.join(name).join("training/label_02/0000.txt")));
+    assert!(second.len() > 2 && second.keys().all(|(frame, _)| *frame < 2), "{second:?}");
+    for (key, found) in &second {
+        // The label file has two decimals of each metre.
+        let expected = first[key];
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.011), "{key:?}: {found:?}, not {expected:?}");
+    }
+    // The camera drives as it did.
+    let speeds = ["a", "b"].map(|name| {
+        let text = fs::read_to_string(folder.join(name).join("training/oxts/0000.txt")).unwrap();
+        text.lines().next().unwrap().split(' ').nth(8).unwrap().parse::<f64>().unwrap()
+    });
+    assert!((speeds[0] - speeds[1]).abs() < 1e-6, "{speeds:?}");
+    // What is missing is named.
+    let told = again("c", &["--oxts-dir", "a/training/nothing"]);
+    assert!(!told.status.success());
+    let error = String::from_utf8_lossy(&told.stderr);
+    assert!(error.contains("a/training/nothing/0000.txt"), "{error}");
 }

@@ -33,7 +33,7 @@ pub(crate) struct Plan {
 }
 
 /// What is known of the road of a real frame.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct RoadEstimate {
     /// Its direction, radians to the right of straight ahead.
     pub(crate) turn: f64,
@@ -42,6 +42,8 @@ pub(crate) struct RoadEstimate {
     /// People on foot, and vehicles along the road.
     pub(crate) people: usize,
     pub(crate) vehicles: usize,
+    /// How it bends, 1/m to the right, in each metre that the camera drives along it; straight beyond.
+    pub(crate) bends: Vec<f64>,
 }
 
 /// How the carriageway of a place is divided.
@@ -245,7 +247,8 @@ impl Plan {
             Lane { center, width, direction, used_for: LaneUse::Drive }
         };
         let yaw = -std::f64::consts::FRAC_PI_2 + road.turn;
-        let path = Path::new([0.0, 0.0], yaw, [-16.0, 170.0], |_| 0.0);
+        let bend = |s: f64| if s < 0.0 { 0.0 } else { road.bends.get(s as usize).copied().unwrap_or(0.0) };
+        let path = Path::new([0.0, 0.0], yaw, [-16.0, 170.0 + road.bends.len() as f64], bend);
         let borders = [border(place, rng), border(place, rng)];
         let markings = markings(place, rng);
         let lanes = (0..count as usize).map(lane).collect();

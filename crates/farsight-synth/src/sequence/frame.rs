@@ -2,7 +2,7 @@
 
 use farsight_core::{Box3d, Label, ObjectClass};
 
-use super::mover::{Moment, Mover};
+use super::mover::Moment;
 use super::{Sequence, SequenceFrame, Step, TrackTruth};
 use crate::generator::builder::{SceneBuilder, add_contact_shadow, has_contact_shadow, headlights};
 use crate::generator::mirror::mirror;
@@ -10,6 +10,7 @@ use crate::generator::view::{tilted, turn};
 use crate::labels::LabelRules;
 use crate::mesh_builder::MeshBuilder;
 use crate::objects::{self, Detail, ObjectState, STRIDE};
+use crate::region::Participant;
 use crate::render::render;
 use crate::rng::SceneRng;
 use crate::scene::{LabelledObject, LabelledScene, MaterialId, Mesh, Object, Vec3};
@@ -36,11 +37,18 @@ pub(super) struct Body {
 
 impl Body {
     /// Builds the meshes of somebody who comes as near as `nearest_m` to the camera.
-    pub(super) fn build(mover: &Mover, nearest_m: f64, builder: &mut SceneBuilder, rng: SceneRng) -> Self {
+    pub(super) fn build(
+        who: &Participant,
+        has_lights_on: bool,
+        nearest_m: f64,
+        builder: &mut SceneBuilder,
+        rng: SceneRng,
+    ) -> Self {
         let detail = Detail::at(nearest_m, builder.view.focal_px());
-        let (class, size, kind) = (&mover.who.class, mover.who.size, mover.who.kind);
-        let lights_on = builder.light.lamps_on && mover.lights_on;
-        let state = ObjectState { lights_on: mover.lights_on, moving: true, ..ObjectState::default() };
+        let Participant { class, size, kind } = who;
+        let (size, kind) = (*size, *kind);
+        let lights_on = builder.light.lamps_on && has_lights_on;
+        let state = ObjectState { lights_on: has_lights_on, moving: true, ..ObjectState::default() };
         let mut plate = None;
         let mut braking = None;
         let first = builder.palette.materials.len();
@@ -73,7 +81,7 @@ impl Body {
 }
 
 /// From the street's coordinates to level ones at the camera.
-struct Placement {
+pub(super) struct Placement {
     sin: f64,
     cos: f64,
     heading: f64,
@@ -83,6 +91,21 @@ struct Placement {
 type Vec3d = [f64; 3];
 
 impl Placement {
+    /// Of a camera at this point of the street, which lies `rise` lower than where the street begins, with a heading to
+    /// the right of z.
+    pub(super) fn new([x, z]: [f64; 2], rise: f64, heading: f64) -> Self {
+        Self { sin: libm::sin(heading), cos: libm::cos(heading), heading, origin: [x, rise, z] }
+    }
+
+    /// A box at the camera in the street's coordinates.
+    pub(super) fn street_box(&self, box3d: &Box3d) -> Box3d {
+        let [x, y, z] = box3d.location;
+        let [sin, cos] = [self.sin, self.cos];
+        let turned = [x * cos + z * sin, y, z * cos - x * sin];
+        let location = [0, 1, 2].map(|axis| turned[axis] + self.origin[axis]);
+        Box3d { location, yaw: farsight_core::wrapped_angle(box3d.yaw + self.heading), ..*box3d }
+    }
+
     fn point(&self, point: Vec3d) -> Vec3d {
         self.direction([0, 1, 2].map(|axis| point[axis] - self.origin[axis]))
     }
@@ -107,10 +130,8 @@ impl Placement {
 
 impl Sequence {
     fn placement(&self, step: &Step) -> Placement {
-        let [x, z] = step.ego.point;
-        let heading = step.ego.heading;
-        let rise = self.ground.y([x, z]) - self.ground.at_camera;
-        Placement { sin: libm::sin(heading), cos: libm::cos(heading), heading, origin: [x, rise, z] }
+        let rise = self.ground.y(step.ego.point) - self.ground.at_camera;
+        Placement::new(step.ego.point, rise, step.ego.heading)
     }
 
     /// Frame number `index`, rendered and captured.
@@ -134,7 +155,7 @@ impl Sequence {
                 Some(place) => {
                     let [velocity_mps, [speed_mps, ..]] = velocities[place];
                     let label = tilted_label(label, ego.pitch_rad, ego.roll_rad);
-                    tracks.push(TrackTruth { id: place as u32, label, velocity_mps, speed_mps });
+                    tracks.push(TrackTruth { id: self.ids[place], label, velocity_mps, speed_mps });
                 }
                 None => dont_care.push(label),
             }
@@ -219,4 +240,26 @@ fn tilted_label(mut label: Label, pitch: f64, roll: f64) -> Label {
     label.box3d.location = rotation.map(|row| (0..3).map(|axis| row[axis] * point[axis]).sum());
     label.alpha = label.box3d.alpha();
     label
+}
+
+#[cfg(test)]
+mod tests {
+    use farsight_core::{Box3d, Dimensions};
+
+    use super::Placement;
+
+    #[test]
+    fn the_way_to_the_street_is_the_way_back() {
+        let placement = Placement::new([12.0, 40.0], 0.3, 0.7);
+        let box3d = Box3d {
+            dimensions: Dimensions { height: 1.5, width: 1.7, length: 4.2 },
+            location: [-3.0, 1.6, 18.0],
+            yaw: 2.9,
+        };
+        let back = placement.box3d(&placement.street_box(&box3d));
+        for (found, expected) in back.location.into_iter().zip(box3d.location) {
+            assert!((found - expected).abs() < 1e-12, "{back:?}");
+        }
+        assert!((back.yaw - box3d.yaw).abs() < 1e-12);
+    }
 }

@@ -11,11 +11,13 @@
 //! | `follow` | how drivers keep their distance |
 //! | `traffic` | who is there, and what they do step by step |
 //! | `camera` | the camera's car: way, pitch, roll |
+//! | `layout` | label files of KITTI's tracking benchmark rebuilt |
 //! | `frame` | a scene seen from where the camera is |
 
 mod camera;
 mod follow;
 mod frame;
+mod layout;
 mod mover;
 mod traffic;
 
@@ -31,12 +33,15 @@ use crate::generator::plan::Plan;
 use crate::generator::traffic::Traffic as Standing;
 use crate::generator::view::View;
 use crate::generator::{SceneConfig, build_surroundings, textures};
-use crate::rng::{SENSOR_STREAM, SceneRng};
+use crate::rng::{SENSOR_STREAM, SceneRng, twin_seed};
 use crate::scene::LabelledScene;
 use crate::sensor::SensorModel;
 use camera::EgoStep;
 use frame::Body;
+use layout::sequence_from_labels;
 use traffic::Simulation;
+
+pub use layout::SequenceLayout;
 
 /// The stream of draws of sequences; scenes, layouts, sensors and light have 0 to 3.
 const SEQUENCE_STREAM: u64 = 4;
@@ -60,6 +65,8 @@ pub struct Sequence {
     street: LabelledScene,
     ground: Ground,
     bodies: Vec<Body>,
+    /// Identities of what stands in the street and of the bodies.
+    ids: Vec<u32>,
     steps: Vec<Step>,
     sensor: SensorModel,
     fps: f64,
@@ -96,7 +103,7 @@ pub struct SequenceFrame {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct TrackTruth {
-    /// Its identity, from 0; the same in all frames.
+    /// Its identity, the same in all frames: from 0, or that of the label file.
     pub id: u32,
     /// What a label file says.
     pub label: Label,
@@ -127,6 +134,16 @@ pub struct EgoTruth {
 }
 
 impl SequenceStream {
+    /// The labelled sequence `layout`, called `name`, rebuilt in a street of its own: the same camera on the same way, an
+    /// object with the class and box of each label (`DontCare` left out) in each frame. An object keeps the size of its
+    /// first label. How many frames there are, and how many a second, the layout says.
+    ///
+    /// The street is flat and bends as the camera's way does. Its scenery hides nothing of what is labelled in the first
+    /// frame.
+    pub fn twin(&self, layout: &SequenceLayout, name: &str) -> Sequence {
+        sequence_from_labels(&self.config, layout, twin_seed(self.seed, name))
+    }
+
     /// Sequence number `index`.
     pub fn sequence(&self, index: u64) -> Sequence {
         let (config, seed) = (&self.config, self.seed);
@@ -176,7 +193,8 @@ impl SequenceStream {
         let mut sensor = SensorModel::sample_of(street.scene.device, &street.scene.atmosphere, sensor.inner());
         // Its path during the exposure would be another in each frame.
         sensor.motion_px = [0.0; 2];
-        Sequence { street, ground, bodies, steps, sensor, fps: self.fps, is_mirrored }
+        let ids = (0..(street.objects.len() + bodies.len()) as u32).collect();
+        Sequence { street, ground, bodies, ids, steps, sensor, fps: self.fps, is_mirrored }
     }
 }
 

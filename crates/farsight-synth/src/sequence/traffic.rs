@@ -387,7 +387,7 @@ impl Simulation {
                 Some((x - step.ego.point[0]).hypot(z - step.ego.point[1]))
             };
             let nearest_m = steps.iter().filter_map(distance).fold(f64::INFINITY, f64::min);
-            bodies.push(Body::build(mover, nearest_m, builder, rng.fork()));
+            bodies.push(Body::build(&mover.who, mover.lights_on, nearest_m, builder, rng.fork()));
         }
         bodies
     }

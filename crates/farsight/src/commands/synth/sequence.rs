@@ -7,14 +7,16 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_data::kitti::{Calibration, text_from_labels};
+use farsight::video::EgoFile;
+use farsight_core::Label;
+use farsight_data::kitti::{Calibration, image_size, text_from_labels};
+use farsight_eval::tracks::{GroundTruthFrame, GroundTruthTrack, read_sequence};
 use farsight_files::{write_atomically, write_quickly};
-use farsight_synth::{EgoTruth, SceneConfig, SequenceFrame, SequenceStream};
-use indicatif::ProgressBar;
+use farsight_synth::{EgoTruth, MAX_IMAGE_PX, SceneConfig, Sequence, SequenceFrame, SequenceLayout, SequenceStream};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{PLAN_FILE, SynthArgs, check_plan, encode};
+use super::{PLAN_FILE, SynthArgs, check_plan, encode, label_ids};
 use crate::printer::{Printer, counted, progress_bar};
 
 /// Frames of a sequence, and frames a second, where nothing is said.
@@ -30,8 +32,112 @@ const ORIGIN_DEG: [f64; 2] = [49.0, 8.4];
 /// The earth's radius that KITTI's development kit uses, metres.
 const EARTH_M: f64 = 6_378_137.0;
 
-/// Renders `count` sequences into the folder of `args`.
-pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: &mut Printer) -> Result<()> {
+/// Where the sequences come from.
+enum Source {
+    /// Random traffic.
+    Stream { stream: SequenceStream, count: usize },
+    /// Label files of others, with the names of the sequences.
+    Layout { stream: SequenceStream, layout: Layout, names: Vec<String> },
+}
+
+/// The folders of label files.
+struct Layout {
+    labels: PathBuf,
+    calibrations: PathBuf,
+    oxts: Option<PathBuf>,
+    /// Longer ones are cut.
+    max_frames: Option<usize>,
+}
+
+impl Source {
+    fn new(args: &SynthArgs, config: SceneConfig, count: usize) -> Result<Self> {
+        let (seed, fps) = (args.seed, args.fps.unwrap_or(DEFAULT_FPS));
+        let frames = args.frames.unwrap_or(DEFAULT_FRAMES);
+        let stream = SequenceStream { config, seed, frames, fps };
+        let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
+            check_cameras(&stream.config)?;
+            return Ok(Self::Stream { stream, count });
+        };
+        let mut names = label_ids(labels)?;
+        ensure!(!names.is_empty(), "{}: no label files; expected files such as 0000.txt", labels.display());
+        names.truncate(count);
+        let (labels, calibrations, oxts) = (labels.clone(), calibrations.clone(), args.oxts_dir.clone());
+        let layout = Layout { labels, calibrations, oxts, max_frames: args.frames };
+        Ok(Self::Layout { stream, layout, names })
+    }
+
+    /// What the sequences follow from.
+    fn plan(&self, args: &SynthArgs) -> Value {
+        let source = match self {
+            Self::Stream { stream: SequenceStream { config, frames, fps, .. }, count } => {
+                json!({"scene_config": config, "sequences": count, "frames": frames, "fps": fps})
+            }
+            Self::Layout { stream, layout: Layout { labels, calibrations, oxts, max_frames }, names } => json!({
+                "scene_config": stream.config, "layout": labels, "calib_dir": calibrations, "oxts_dir": oxts,
+                "sequences": names.len(), "frames": max_frames, "fps": stream.fps,
+            }),
+        };
+        json!({"farsight": env!("CARGO_PKG_VERSION"), "seed": args.seed, "jpeg": args.jpeg, "source": source})
+    }
+
+    fn names(&self) -> Vec<String> {
+        match self {
+            Self::Stream { count, .. } => (0..*count).map(|index| format!("{index:04}")).collect(),
+            Self::Layout { names, .. } => names.clone(),
+        }
+    }
+
+    fn sequence(&self, index: usize, name: &str) -> Result<Sequence> {
+        match self {
+            Self::Stream { stream, .. } => Ok(stream.sequence(index as u64)),
+            Self::Layout { stream, layout, .. } => Ok(stream.twin(&layout.read(name, stream.fps)?, name)),
+        }
+    }
+}
+
+impl Layout {
+    /// The labels, the camera and its motion of the sequence called `name`.
+    fn read(&self, name: &str, fps: f64) -> Result<SequenceLayout> {
+        let file = format!("{name}.txt");
+        let path = self.labels.join(&file);
+        let mut truth = read_sequence(&path, None)?;
+        truth.truncate(self.max_frames.unwrap_or(truth.len()));
+        ensure!(!truth.is_empty(), "{}: no labels; expected rows of KITTI's tracking benchmark", path.display());
+        let frame = |frame: &GroundTruthFrame| -> Result<Vec<(u32, Label)>> {
+            let label = |track: &GroundTruthTrack| {
+                let id =
+                    u32::try_from(track.id).with_context(|| format!("{}: identity {}", path.display(), track.id))?;
+                Ok((id, track.label.clone()))
+            };
+            frame.tracks.iter().map(label).collect()
+        };
+        let frames: Vec<_> = truth.iter().map(frame).collect::<Result<_>>()?;
+        let calibration = self.calibrations.join(&file);
+        let camera = Calibration::read(&calibration)?.camera();
+        let image_size @ [width, height] = image_size(&camera);
+        ensure!(
+            width.saturating_mul(height) <= MAX_IMAGE_PX,
+            "{}: the camera of an image of {width} x {height} pixels; expected at most {MAX_IMAGE_PX} in all",
+            calibration.display()
+        );
+        let motion = self.oxts.as_ref().map_or_else(
+            || Ok(Vec::new()),
+            |folder| {
+                let path = folder.join(&file);
+                let ego = EgoFile::read(&path)?;
+                let motion = |frame: usize| {
+                    let motion = ego.motion(frame as u64, frame as f64 / fps);
+                    let motion = motion.with_context(|| format!("{}: nothing of frame {frame}", path.display()))?;
+                    Ok([motion.speed_mps, motion.yaw_rate])
+                };
+                (0..frames.len()).map(motion).collect::<Result<Vec<_>>>()
+            },
+        )?;
+        Ok(SequenceLayout { frames, motion, fps, camera, image_size })
+    }
+}
+
+fn check_cameras(config: &SceneConfig) -> Result<()> {
     for camera in &config.cameras {
         ensure!(
             camera.heading_deg.iter().all(|heading| heading.abs() < 1e-9) && camera.height_m[1] <= MAX_HEIGHT_M,
@@ -41,13 +147,15 @@ pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: 
             camera.height_m
         );
     }
-    let (frames, fps) = (args.frames.unwrap_or(DEFAULT_FRAMES), args.fps.unwrap_or(DEFAULT_FPS));
-    let stream = SequenceStream { config, seed: args.seed, frames, fps };
+    Ok(())
+}
+
+/// Renders `count` sequences into the folder of `args`.
+pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: &mut Printer) -> Result<()> {
+    let source = Source::new(args, config, count)?;
+    let names = source.names();
     let root = args.out.join("training");
-    let plan = json!({
-        "farsight": env!("CARGO_PKG_VERSION"), "seed": args.seed, "jpeg": args.jpeg,
-        "source": {"scene_config": stream.config, "sequences": count, "frames": frames, "fps": fps},
-    });
+    let plan = source.plan(args);
     let is_there = root.exists();
     if is_there && args.resume {
         check_plan(&args.out.join(PLAN_FILE), &plan)?;
@@ -60,18 +168,19 @@ pub(super) fn run(args: &SynthArgs, config: SceneConfig, count: usize, printer: 
     }
     let text = serde_json::to_string_pretty(&plan)? + "\n";
     write_atomically(&args.out.join(PLAN_FILE), |file| file.write_all(text.as_bytes()))?;
-    let bar = progress_bar(count * frames);
-    for index in 0..count {
-        let writer = Writer { root: &root, name: format!("{index:04}"), jpeg: args.jpeg };
+    let mut frames = 0;
+    for (index, name) in names.iter().enumerate() {
+        let writer = Writer { root: &root, name: name.clone(), jpeg: args.jpeg };
         if is_there && writer.path("oxts", "txt").is_file() {
-            bar.inc(frames as u64);
+            printer.note(&format!("sequence {name} is there already (--resume)"));
             continue;
         }
-        writer.sequence(&stream, index as u64, &bar)?;
+        let sequence = source.sequence(index, name)?;
+        frames += sequence.len();
+        writer.sequence(&sequence)?;
     }
-    bar.finish_and_clear();
-    let all = counted(count, "rendered sequence");
-    printer.status(&format!("{all} of {} in {}", counted(frames, "frame"), args.out.display()));
+    let all = counted(names.len(), "rendered sequence");
+    printer.status(&format!("{all}, {} rendered now, in {}", counted(frames, "frame"), args.out.display()));
     Ok(())
 }
 
@@ -89,10 +198,10 @@ impl Writer<'_> {
         self.root.join(format!("{folder}/{}.{extension}", self.name))
     }
 
-    fn sequence(&self, stream: &SequenceStream, index: u64, bar: &ProgressBar) -> Result<()> {
+    fn sequence(&self, sequence: &Sequence) -> Result<()> {
+        let bar = progress_bar(sequence.len());
         let folder = self.root.join(format!("image_02/{}", self.name));
         fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-        let sequence = stream.sequence(index);
         let extension = if self.jpeg.is_some() { "jpg" } else { "png" };
         let frame = |number: usize| {
             let mut frame = sequence.frame(number);
@@ -104,6 +213,7 @@ impl Writer<'_> {
             Ok(frame)
         };
         let frames: Vec<SequenceFrame> = (0..sequence.len()).into_par_iter().map(frame).collect::<Result<_>>()?;
+        bar.finish_and_clear();
         let (mut labels, mut velocities, mut oxts) =
             (String::new(), "frame,time_s,id,vx_mps,vy_mps,vz_mps,speed_mps\n".to_owned(), String::new());
         for (number, frame) in frames.iter().enumerate() {
