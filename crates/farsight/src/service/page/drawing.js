@@ -1,6 +1,6 @@
 // The picture with what was found in it, and the same from above.
 
-import { EDGES, boxCorners, horizon, pixel, roadLine } from "./geometry.js";
+import { EDGES, boxCorners, horizon, pixel, places, roadLine, shown } from "./geometry.js";
 
 const COLORS = { Car: "#4da3ff", Van: "#37c2b4", Truck: "#ff9f40", Pedestrian: "#ff5f7e", Cyclist: "#c98bff" };
 const OTHER_COLOR = "#9bd14b";
@@ -45,12 +45,13 @@ export function drawPicture(canvas, view) {
 }
 
 /** The horizon, and distances on the road below it. */
-function drawRoad(pen, { projection, heightM, image }) {
-  drawRoadLine(pen, horizon(projection), [10, 6], "horizon", image);
-  for (const depth of MARKS_M) drawRoadLine(pen, roadLine(projection, heightM, depth), [2, 6], `${depth} m`, image);
+function drawRoad(pen, view) {
+  const { projection, heightM } = view;
+  drawRoadLine(pen, view, horizon(projection), [10, 6], "horizon");
+  for (const depth of MARKS_M) drawRoadLine(pen, view, roadLine(projection, heightM, depth), [2, 6], `${depth} m`);
 }
 
-function drawRoadLine(pen, [from, to], dash, text, image) {
+function drawRoadLine(pen, { image, lens, projection }, [from, to], dash, text) {
   if (!from || !to) return;
   const { context, unit } = pen;
   // As far as the picture reaches, whatever the line's ends are.
@@ -60,9 +61,10 @@ function drawRoadLine(pen, [from, to], dash, text, image) {
   context.setLineDash(dash.map((length) => length * unit));
   context.lineWidth = 1.5 * unit;
   context.strokeStyle = ROAD_COLOR;
-  stroke(context, [[left, row(left)], [right, row(right)]]);
+  const points = places(lens, [left, row(left)], [right, row(right)]).map((at) => shown(lens, projection, at));
+  stroke(context, points);
   context.setLineDash([]);
-  drawLabel(pen, text, left + 4 * unit, row(left), ROAD_COLOR, false);
+  drawLabel(pen, text, points[0][0] + 4 * unit, points[0][1], ROAD_COLOR, false);
 }
 
 function stroke(context, points) {
@@ -91,12 +93,13 @@ function drawLabel(pen, text, x, y, background, mayMove = true) {
 
 function drawBox(pen, view, object) {
   const { context, unit } = pen;
-  const points = boxCorners(object).map((corner) => pixel(view.answered, corner));
+  const corners = boxCorners(object);
   context.strokeStyle = color(object);
   context.setLineDash(object.coasting ? [4 * unit, 4 * unit] : []);
   context.lineWidth = (view.isChosen(object) ? 4 : 2) * unit;
   for (const [a, b] of EDGES) {
-    if (points[a] && points[b]) stroke(context, [points[a], points[b]]);
+    const points = places(view.lens, corners[a], corners[b]).map((place) => pixel(view.answered, place));
+    if (points.every(Boolean)) stroke(context, points.map((at) => shown(view.lens, view.answered, at)));
   }
   context.setLineDash([]);
   const number = object.id === undefined ? "" : `#${object.id} `;
