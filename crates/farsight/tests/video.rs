@@ -32,23 +32,24 @@ fn a_folder_needs_a_rate_and_a_film_has_one() {
     assert_eq!(seen, [(0, 0.0, "a.png".as_ref()), (1, 0.25, "b.png".as_ref())]);
 }
 
-/// A program that sends two frames, as ffmpeg would; the first time it then says nothing more for long, the second time
-/// it ends.
+/// A program that sends two frames, as ffmpeg would. The first time it then sends a part of a third one and nothing more
+/// for long, the second time it ends.
 #[cfg(unix)]
 fn stalling_ffmpeg(folder: &Path) -> std::path::PathBuf {
     use std::os::unix::fs::PermissionsExt;
 
-    let frame = |number: usize| {
+    let frame = |number: usize, bytes: usize| {
         format!(
             "echo '[Parsed_showinfo_0 @ 0x1] [info] n: {number} pts: {number} pts_time:0.{number} fmt:rgb24 s:4x3 i:P' >&2\n\
-             head -c 36 /dev/zero\n"
+             head -c {bytes} /dev/zero\n"
         )
     };
     let shown = folder.display();
     let script = format!(
-        "#!/bin/sh\n{}{}if [ -e {shown}/twice ]; then exit 0; fi\ntouch {shown}/twice\nexec sleep 60\n",
-        frame(0),
-        frame(1)
+        "#!/bin/sh\n{}{}if [ -e {shown}/twice ]; then exit 0; fi\ntouch {shown}/twice\n{}exec sleep 60\n",
+        frame(0, 36),
+        frame(1, 36),
+        frame(2, 20)
     );
     let path = folder.join("ffmpeg.sh");
     fs::write(&path, script).unwrap();
