@@ -38,6 +38,8 @@ export function drawPicture(canvas, view) {
   // Near ones last, over what is behind them.
   const order = [...view.objects].sort((a, b) => b.range_m - a.range_m);
   order.forEach((object) => drawBox(pen, view, object));
+  // And their labels first, where there is no room for all.
+  order.reverse().forEach((object) => drawTitle(pen, object));
   view.corners.forEach((corner, place) => drawCorner(pen, corner, place, view.corners));
   if (view.cursor) drawCursor(pen, view.cursor);
   const list = view.objects.map((object) => `${title(object)} ${distance(object)}`).join(", ");
@@ -73,7 +75,7 @@ function stroke(context, points) {
   context.stroke();
 }
 
-/** A label above a point; where there is one already, farther up, or none if it may not move. */
+/** A label above a point; where there is one already, farther up. There is none where there is no room, or if it may not move. */
 function drawLabel(pen, text, x, y, background, mayMove = true) {
   const { context, unit, labels } = pen;
   context.font = `${Math.round(13 * unit)}px system-ui, sans-serif`;
@@ -81,9 +83,9 @@ function drawLabel(pen, text, x, y, background, mayMove = true) {
   const left = Math.max(0, Math.min(x, pen.width - width));
   let top = y - height;
   const isTaken = ([l, t, r, b]) => left < r && left + width > l && top < b && top + height > t;
-  if (!mayMove && labels.some(isTaken)) return;
-  while (top > 0 && labels.some(isTaken)) top -= height / 2;
+  while (mayMove && top > 0 && labels.some(isTaken)) top -= height / 2;
   top = Math.max(0, top);
+  if (labels.some(isTaken)) return;
   labels.push([left, top, left + width, top + height]);
   context.fillStyle = background;
   context.fillRect(left, top, width, height);
@@ -102,6 +104,9 @@ function drawBox(pen, view, object) {
     if (points.every(Boolean)) stroke(context, points.map((at) => shown(view.lens, view.answered, at)));
   }
   context.setLineDash([]);
+}
+
+function drawTitle(pen, object) {
   const number = object.id === undefined ? "" : `#${object.id} `;
   const text = pen.isSmall ? object.range_m.toFixed(1) : number + distance(object);
   drawLabel(pen, text, object.box2d[0], object.box2d[1], color(object));
