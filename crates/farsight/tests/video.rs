@@ -32,8 +32,8 @@ fn a_folder_needs_a_rate_and_a_film_has_one() {
     assert_eq!(seen, [(0, 0.0, "a.png".as_ref()), (1, 0.25, "b.png".as_ref())]);
 }
 
-/// A program that sends two frames, as ffmpeg would. The first time it then sends a part of a third one and nothing more
-/// for long, the second time it ends.
+/// A program that sends two frames, as ffmpeg would. The first time it then sends a part of a third one and nothing
+/// more for long, the second time it ends.
 #[cfg(unix)]
 fn stalling_ffmpeg(folder: &Path) -> std::path::PathBuf {
     use std::os::unix::fs::PermissionsExt;
