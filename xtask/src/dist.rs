@@ -2,6 +2,7 @@
 
 use std::env;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -32,9 +33,7 @@ pub(crate) fn dist(words: &[&str]) -> Result<(), String> {
     };
     let changes = changes_of(&read(&root().join("CHANGELOG.md"))?, VERSION)?;
     let folder = root().join("target/dist");
-    if folder.exists() {
-        fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    }
+    remove(&folder)?;
     make(&folder)?;
     program(&folder)?;
     if with_wheel {
@@ -67,21 +66,40 @@ fn program(folder: &Path) -> Result<(), String> {
     let archive = format!("{name}.tar.gz");
     // Windows, macOS and Linux all have a tar.
     run(Command::new("tar").current_dir(folder).args(["-czf", &archive, &name]))?;
-    fs::remove_dir_all(&inside).map_err(|error| format!("{}: {error}", inside.display()))
+    remove(&inside)
 }
 
 /// The crates as the registry takes them, each small enough.
 fn crates() -> Result<(), String> {
+    let folder = root().join("target/package");
+    remove(&folder)?;
     // Without building them: that needs libtorch, and everything was built before.
     run(cargo(None).args(["publish", "--workspace", "--dry-run", "--no-verify", "--locked", "--quiet"]))?;
-    let folder = root().join("target/package");
-    for path in files(&folder)?.into_iter().filter(|path| path.extension() == Some("crate".as_ref())) {
+    let crates = crates_below(&folder)?;
+    if crates.is_empty() {
+        return Err(format!("{}: cargo left no crates here to be weighed", folder.display()));
+    }
+    for path in crates {
         let bytes = path.metadata().map_err(|error| format!("{}: {error}", path.display()))?.len();
         if bytes > MAX_CRATE {
             return Err(format!("{}: {bytes} bytes; the registry takes at most {MAX_CRATE}", path.display()));
         }
     }
     Ok(())
+}
+
+/// The crates in a folder and in those within it: where cargo keeps them depends on its version.
+fn crates_below(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut found = Vec::new();
+    for path in entries.flatten().map(|entry| entry.path()) {
+        if path.is_dir() {
+            found.extend(crates_below(&path)?);
+        } else if path.extension() == Some("crate".as_ref()) {
+            found.push(path);
+        }
+    }
+    Ok(found)
 }
 
 /// The part of the changelog about a version.
@@ -122,6 +140,13 @@ fn printed(program: &Path, arguments: &[&str]) -> Result<String, String> {
     if output.status.success() { Ok(text) } else { Err(format!("{} {arguments:?} failed", program.display())) }
 }
 
+fn remove(folder: &Path) -> Result<(), String> {
+    match fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(format!("{}: {error}", folder.display())),
+        _ => Ok(()),
+    }
+}
+
 fn make(folder: &Path) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))
 }
@@ -140,7 +165,22 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::changes_of;
+    use std::fs;
+
+    use super::{changes_of, crates_below};
+
+    #[test]
+    fn crates_are_found_wherever_cargo_keeps_them() {
+        let folder = std::env::temp_dir().join(format!("farsight-crates-{}", std::process::id()));
+        fs::create_dir_all(folder.join("tmp-registry")).unwrap();
+        for name in ["a-0.1.0.crate", "tmp-registry/b-0.1.0.crate", "tmp-registry/notes.txt"] {
+            fs::write(folder.join(name), "").unwrap();
+        }
+        let mut found = crates_below(&folder).unwrap();
+        found.sort();
+        assert_eq!(found, ["a-0.1.0.crate", "tmp-registry/b-0.1.0.crate"].map(|name| folder.join(name)));
+        fs::remove_dir_all(&folder).unwrap();
+    }
 
     #[test]
     fn changes_are_those_of_the_version() {

@@ -22,7 +22,7 @@ cargo xtask COMMAND
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
   fuzz [--minutes N]       every fuzz target for N minutes each (default 1), training's too; what breaks a law goes to fuzz/artifacts
   wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment,
-                           --test --ray with a local Ray of two workers
+                           --test=slice with one test on a local Ray of two workers, --test=ray with all of those alone
   dist [--no-wheel]        the archives of a release into target/dist: program, wheel, SBOM, checksums, crates for the registry
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
@@ -104,7 +104,7 @@ fn test(arguments: &[&str]) -> Result<(), String> {
     let features = "farsight/train,farsight/rerun,farsight-laws/train";
     run(cargo(Some(&libtorch)).args(["test", "--workspace", "--features", features, "--", "--include-ignored"]))?;
     wheel::wheel(&["--dev", "--test"])?;
-    wheel::wheel(&["--dev", "--test", "--ray"])
+    wheel::wheel(&["--dev", "--test=ray"])
 }
 
 /// Feeds every target on any compiler; libFuzzer, which needs a nightly one, is `cargo +nightly fuzz run TARGET`.

@@ -16,10 +16,42 @@ const MATURIN: &str = "maturin>=1.16,<2";
 struct Options {
     /// Built as tests are, in a folder of its own.
     dev: bool,
-    /// Whether its tests are run.
-    test: bool,
-    /// Whether these are those with a local Ray.
-    ray: bool,
+    /// Which of its tests are run.
+    tests: Tests,
+}
+
+/// Which tests are run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Tests {
+    #[default]
+    None,
+    /// All but those with a local Ray.
+    Plain,
+    /// These and one with Ray.
+    Slice,
+    /// All those with Ray.
+    Ray,
+}
+
+impl Tests {
+    /// What they need beside the wheel.
+    fn requirements(self) -> &'static [&'static str] {
+        match self {
+            Self::None => &[],
+            Self::Plain => &["requirements.txt"],
+            Self::Slice => &["requirements.txt", "requirements-ray.txt"],
+            Self::Ray => &["requirements-ray.txt"],
+        }
+    }
+
+    /// The marks of those that are chosen, for pytest.
+    fn marks(self) -> &'static str {
+        match self {
+            Self::None | Self::Plain => "not ray",
+            Self::Slice => "not ray or slice",
+            Self::Ray => "ray",
+        }
+    }
 }
 
 impl Options {
@@ -28,13 +60,13 @@ impl Options {
         for word in words {
             match *word {
                 "--dev" => options.dev = true,
-                "--test" => options.test = true,
-                "--ray" => options.ray = true,
-                other => return Err(format!("unexpected argument {other:?}; expected --dev, --test, --ray or none")),
+                "--test" => options.tests = Tests::Plain,
+                "--test=slice" => options.tests = Tests::Slice,
+                "--test=ray" => options.tests = Tests::Ray,
+                other => {
+                    return Err(format!("unexpected argument {other:?}; expected --dev, --test[=slice|=ray] or none"));
+                }
             }
-        }
-        if options.ray && !options.test {
-            return Err("--ray chooses tests; expected --test beside it".to_owned());
         }
         Ok(options)
     }
@@ -49,11 +81,6 @@ impl Options {
         if self.dev { &[] } else { &["--release"] }
     }
 
-    /// What its tests need.
-    fn requirements(self) -> &'static str {
-        if self.ray { "requirements-ray.txt" } else { "requirements.txt" }
-    }
-
     fn program(self) -> PathBuf {
         let name = format!("farsight{}", env::consts::EXE_SUFFIX);
         root().join("target").join(if self.dev { "debug" } else { "release" }).join(name)
@@ -65,7 +92,7 @@ pub(crate) fn wheel(words: &[&str]) -> Result<(), String> {
     let options = Options::from_words(words)?;
     let wheel = build(options)?;
     eprintln!("{}", wheel.display());
-    if options.test { test(options, &package(), &wheel) } else { Ok(()) }
+    if options.tests == Tests::None { Ok(()) } else { test(options, &package(), &wheel) }
 }
 
 /// The wheel of a release.
@@ -96,10 +123,15 @@ fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
     let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
     run(Command::new(&python).args(pip).arg(wheel))?;
     run(Command::new(&python).args(["-I", "-W", "error", "-c", "import farsight; farsight.Model()"]))?;
-    run(Command::new(&python).args(pip).arg("-r").arg(package.join("tests").join(options.requirements())))?;
+    let mut install = Command::new(&python);
+    install.args(pip);
+    for file in options.tests.requirements() {
+        install.arg("-r").arg(package.join("tests").join(file));
+    }
+    run(&mut install)?;
     let mut pytest = Command::new(&python);
     pytest
-        .args(["-m", "pytest", "--quiet", "-m", if options.ray { "ray" } else { "not ray" }])
+        .args(["-m", "pytest", "--quiet", "-m", options.tests.marks()])
         .env("FARSIGHT_PROGRAM", options.program())
         .current_dir(package);
     run(&mut pytest)

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use farsight::service::{Config, Look, LookError, Looked, MAX_PIXELS, ModelCard, Server};
-use farsight::{CameraSource, ImageLimits, StageTimes};
+use farsight::service::{Config, Look, Looked, MAX_PIXELS, ModelCard, Server};
+use farsight::{ImageLimits, RangeError, StageTimes, ViewSource};
 use farsight_data::decode_image;
 
 /// Longer than anything that the service waits for here.
@@ -17,10 +17,10 @@ const PATIENCE: Duration = Duration::from_secs(4);
 struct Reader;
 
 impl Look for Reader {
-    fn look(&self, bytes: &[u8], name: &Path, cameras: &CameraSource) -> Result<Looked, LookError> {
+    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
         let image = decode_image(bytes, name, ImageLimits { max_pixels: MAX_PIXELS })?;
         let size = [image.pixels.width() as usize, image.pixels.height() as usize];
-        cameras.camera(name, size, &image.exif)?;
+        views.view(name, size, &image.exif)?;
         let record = r#"{"image": "image", "width": 1, "height": 1, "detections": []}"#;
         Ok(Looked { record: serde_json::from_str(record).expect("a record"), times: StageTimes::default() })
     }

@@ -1,10 +1,26 @@
-//! Cameras as they are given in Python.
+//! Cameras and lenses as they are given in Python.
 
-use farsight::{Camera, CameraSource};
+use std::path::PathBuf;
+
+use farsight::{Camera, CameraSource, CameraSourceError, LensError, ViewSource};
 use pyo3::exceptions::PyValueError;
 use pyo3::{FromPyObject, PyResult};
 
 use crate::errors;
+
+/// How images were taken: their camera, where it is given, and the text of a lens.
+pub(crate) type ViewArgument = (Option<CameraArgument>, Option<String>);
+
+/// What an argument means; a camera that is not given is what `otherwise` says.
+pub(crate) fn views(
+    (camera, lens): ViewArgument,
+    otherwise: impl FnOnce() -> Result<CameraSource, CameraSourceError>,
+) -> PyResult<ViewSource> {
+    let cameras = camera.map_or_else(|| otherwise().map_err(|error| errors::camera(&error)), CameraArgument::source)?;
+    let lens = lens.map(|lens| lens.parse()).transpose();
+    let lens = lens.map_err(|error: LensError| PyValueError::new_err(error.to_string()))?;
+    Ok(ViewSource::from(cameras).with_lens(lens))
+}
 
 /// One way to say which camera it was.
 #[derive(FromPyObject)]
@@ -15,13 +31,16 @@ pub(crate) enum CameraArgument {
     Projection([[f64; 4]; 3]),
     /// The intrinsic matrix `K`, row by row.
     Intrinsics([[f64; 3]; 3]),
+    /// A calibration in KITTI's format, or a folder with one for each image.
+    Calibration(PathBuf),
 }
 
 impl CameraArgument {
     /// The camera that it means.
     #[allow(clippy::float_cmp, reason = "these numbers are exact in every intrinsic matrix")]
-    pub(crate) fn source(self) -> PyResult<CameraSource> {
+    fn source(self) -> PyResult<CameraSource> {
         match self {
+            Self::Calibration(path) => CameraSource::from_calibration(&path).map_err(|error| errors::camera(&error)),
             Self::Hfov(degrees) => Ok(CameraSource::FieldOfView(degrees)),
             Self::Projection(projection) => same(projection),
             Self::Intrinsics([[fx, skew, cx], [zero, fy, cy], last]) => {

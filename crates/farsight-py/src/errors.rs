@@ -2,12 +2,12 @@
 
 use std::io::ErrorKind;
 
-use farsight::{CameraSourceError, DetectError, Error, ImageError};
+use farsight::{CameraSourceError, Error, ImageError, RangeError};
 use pyo3::PyErr;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
 
 /// What to do about a camera that is not known.
-const CAMERA_HINT: &str = "give one of hfov=DEGREES, K=(3, 3) or P=(3, 4)";
+const CAMERA_HINT: &str = "give one of hfov=DEGREES, K=(3, 3), P=(3, 4) or calib=FILE";
 
 /// An image that cannot be read.
 pub(crate) fn image(error: &ImageError) -> PyErr {
@@ -23,7 +23,10 @@ pub(crate) fn image(error: &ImageError) -> PyErr {
 /// A camera that is not known, or that no camera is.
 pub(crate) fn camera(error: &CameraSourceError) -> PyErr {
     PyValueError::new_err(match error {
-        CameraSourceError::Camera(_) => error.to_string(),
+        CameraSourceError::Camera(_)
+        | CameraSourceError::Calibration(_)
+        | CameraSourceError::Kind { .. }
+        | CameraSourceError::Lens { .. } => error.to_string(),
         _ => format!("{error}; {CAMERA_HINT}"),
     })
 }
@@ -38,7 +41,11 @@ pub(crate) fn pipeline(error: &Error) -> PyErr {
     }
 }
 
-/// An image that could not be looked at.
-pub(crate) fn detect(error: &DetectError) -> PyErr {
-    PyRuntimeError::new_err(error.to_string())
+/// An image that got no answer.
+pub(crate) fn range(error: &RangeError) -> PyErr {
+    match error {
+        RangeError::Image(error) => image(error),
+        RangeError::Camera(error) => camera(error),
+        _ => PyRuntimeError::new_err(error.to_string()),
+    }
 }

@@ -4,7 +4,7 @@ use std::io::{self, Cursor};
 use std::path::PathBuf;
 
 use farsight::json::{DetectionRecord, ImageRecord};
-use farsight::{Box2d, Box3d, Camera, DetectedObject, Detection, ObjectClass, RangeKind};
+use farsight::{Box2d, Box3d, Camera, DetectedObject, Detection, LensError, ObjectClass, RangeKind, draw_through_lens};
 use farsight_core::Dimensions;
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_files::write_atomically;
@@ -28,9 +28,11 @@ pub(crate) fn draw<'py>(py: Python<'py>, pixels: &[u8], record: &str) -> PyResul
     let record = parsed(record)?;
     let image = from_bytes(pixels, [record.width, record.height])?;
     let camera = camera(&record)?;
+    let lens = record.camera.as_ref().and_then(|camera| camera.lens.as_deref()).map(str::parse).transpose();
+    let lens = lens.map_err(|error: LensError| PyValueError::new_err(error.to_string()))?;
     let drawn = py.detach(|| {
         let objects: Vec<_> = record.detections.iter().map(object).collect();
-        farsight::draw(&image, &camera, &objects, RangeKind::Depth)
+        draw_through_lens(&image, &camera, lens, &objects, RangeKind::Depth)
     });
     Ok((PyBytes::new(py, drawn.as_raw()), [drawn.width(), drawn.height()]))
 }

@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use farsight::json::ImageRecord;
 use farsight::{
-    CameraSource, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource, PipelineBuilder, Precision,
-    load_image,
+    CameraSource, CameraSourceError, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource,
+    PipelineBuilder, Precision, ViewSource, load_image,
 };
 use farsight_core::Region;
 use farsight_data::decode_image;
@@ -14,7 +13,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::camera::CameraArgument;
+use crate::camera::{ViewArgument, views};
 use crate::errors;
 use crate::picture::from_bytes;
 use crate::track::{Video, Wanted};
@@ -69,13 +68,13 @@ impl Pipeline {
         py: Python<'_>,
         source: Vec<PathBuf>,
         fps: Option<f64>,
-        camera: Option<CameraArgument>,
+        view: ViewArgument,
         ego: Option<PathBuf>,
         min_score: Option<f64>,
         realtime: bool,
         ffmpeg: PathBuf,
     ) -> PyResult<Video> {
-        let wanted = Wanted { source, fps, camera, ego, min_score, realtime, ffmpeg };
+        let wanted = Wanted { source, fps, view, ego, min_score, realtime, ffmpeg };
         py.detach(|| Video::open(&self.builder, wanted))
     }
 
@@ -90,13 +89,11 @@ impl Pipeline {
     }
 
     /// Looks at an image file.
-    fn range_path<'py>(&self, py: Python<'py>, path: PathBuf, camera: Option<CameraArgument>) -> PyResult<Answer<'py>> {
-        let given = camera.map(CameraArgument::source).transpose()?;
+    fn range_path<'py>(&self, py: Python<'py>, path: PathBuf, view: ViewArgument) -> PyResult<Answer<'py>> {
         let done = py.detach(|| {
             let image = load_image(&path, ImageLimits::default()).map_err(|error| errors::image(&error))?;
-            let of_file = || CameraSource::of_images(std::slice::from_ref(&path));
-            let cameras = given.map_or_else(of_file, Ok).map_err(|error| errors::camera(&error))?;
-            self.look(&path, image, &cameras)
+            let views = views(view, || CameraSource::of_images(std::slice::from_ref(&path)))?;
+            self.look(&path, image, &views)
         })?;
         Ok(done.answer(py))
     }
@@ -107,12 +104,12 @@ impl Pipeline {
         py: Python<'py>,
         bytes: &[u8],
         name: PathBuf,
-        camera: Option<CameraArgument>,
+        view: ViewArgument,
     ) -> PyResult<Answer<'py>> {
-        let cameras = camera.map_or(Ok(CameraSource::Exif), CameraArgument::source)?;
+        let views = views(view, || Ok(CameraSource::Exif))?;
         let done = py.detach(|| {
             let image = decode_image(bytes, &name, ImageLimits::default()).map_err(|error| errors::image(&error))?;
-            self.look(&name, image, &cameras)
+            self.look(&name, image, &views)
         })?;
         Ok(done.answer(py))
     }
@@ -124,12 +121,12 @@ impl Pipeline {
         pixels: &[u8],
         size: [u32; 2],
         name: PathBuf,
-        camera: CameraArgument,
+        view: ViewArgument,
     ) -> PyResult<Answer<'py>> {
-        let cameras = camera.source()?;
+        let views = views(view, || Err(CameraSourceError::Unknown))?;
         let pixels = from_bytes(pixels, size)?;
         let image = LoadedImage { pixels, exif: Exif::NONE, warnings: Vec::new() };
-        let done = py.detach(|| self.look(&name, image, &cameras))?;
+        let done = py.detach(|| self.look(&name, image, &views))?;
         Ok(done.answer(py))
     }
 }
@@ -148,15 +145,11 @@ impl Looked {
 }
 
 impl Pipeline {
-    fn look(&self, path: &Path, image: LoadedImage, cameras: &CameraSource) -> PyResult<Looked> {
-        let LoadedImage { pixels, exif, warnings } = image;
-        let size = [pixels.width() as usize, pixels.height() as usize];
-        let camera = cameras.camera(path, size, &exif).map_err(|error| errors::camera(&error))?;
-        let objects = self.inner.detect(&pixels, &camera).map_err(|error| errors::detect(&error))?;
-        let record = ImageRecord::new(path, &pixels, &camera, &objects, &self.inner);
-        let record = record.with_camera_origin(cameras.origin(path));
-        let json = serde_json::to_string(&record).map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let unfamiliar = self.inner.unfamiliar(size, &camera).map(|warning| warning.to_string());
+    fn look(&self, path: &Path, image: LoadedImage, views: &ViewSource) -> PyResult<Looked> {
+        let ranged = self.inner.range_image(path, &image, views).map_err(|error| errors::range(&error))?;
+        let json = serde_json::to_string(&ranged.record).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let unfamiliar = ranged.unfamiliar.map(|warning| warning.to_string());
+        let LoadedImage { pixels, warnings, .. } = image;
         let odd = warnings.iter().map(|warning| format!("{}: {warning}", path.display()));
         Ok(Looked { json, pixels, warnings: odd.chain(unfamiliar).collect() })
     }

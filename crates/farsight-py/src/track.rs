@@ -9,7 +9,7 @@ use pyo3::exceptions::{PyFileNotFoundError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::camera::CameraArgument;
+use crate::camera::{ViewArgument, views};
 use crate::errors;
 
 /// The score that begins a track, where it must be known before the model is; as for `farsight track`.
@@ -36,7 +36,7 @@ pub(crate) struct Wanted {
     /// A video, or images.
     pub(crate) source: Vec<PathBuf>,
     pub(crate) fps: Option<f64>,
-    pub(crate) camera: Option<CameraArgument>,
+    pub(crate) view: ViewArgument,
     pub(crate) ego: Option<PathBuf>,
     pub(crate) min_score: Option<f64>,
     pub(crate) realtime: bool,
@@ -46,18 +46,16 @@ pub(crate) struct Wanted {
 impl Video {
     /// Begins to follow, with a pipeline of its own: it tells lower scores, which continue tracks.
     pub(crate) fn open(builder: &PipelineBuilder, wanted: Wanted) -> PyResult<Self> {
-        let Wanted { source, fps, camera, ego, min_score, realtime, ffmpeg } = wanted;
+        let Wanted { source, fps, view, ego, min_score, realtime, ffmpeg } = wanted;
         let source = source_of(source, fps)?;
-        let given = camera.map(CameraArgument::source).transpose()?;
-        let of_images = || CameraSource::of_images(source.images());
-        let cameras = given.map_or_else(of_images, Ok).map_err(|error| errors::camera(&error))?;
+        let views = views(view, || CameraSource::of_images(source.images()))?;
         let ego = ego.as_deref().map(EgoFile::read).transpose();
         let ego = ego.map_err(|error| PyValueError::new_err(error.to_string()))?;
         let low = low_score(min_score.unwrap_or(USUAL_MIN_SCORE));
         let pipeline = builder.clone().min_score(low).open().map_err(|error| errors::pipeline(&error))?;
         let birth_score = min_score.unwrap_or_else(|| pipeline.default_min_score());
         let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
-        let tracker = VideoTracker::new(pipeline, cameras).with_options(options);
+        let tracker = VideoTracker::new(pipeline, views).with_options(options);
         let tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
         let frames = source
             .frames(&VideoOptions { ffmpeg, realtime, ..VideoOptions::default() })
@@ -110,7 +108,7 @@ impl State {
             warnings.extend(followed.remarks.iter().map(ToString::to_string));
             let json = serde_json::to_string(&followed.record);
             let json = json.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
-            let (size, projection) = ([image.width(), image.height()], followed.camera.projection);
+            let (size, projection) = ([image.width(), image.height()], followed.view.camera().projection);
             return Ok((Some(Followed { json, pixels: image.into_raw(), size, projection }), warnings));
         }
         Ok((None, warnings))

@@ -24,6 +24,15 @@ def photo():
 
 
 @pytest.fixture(scope="session")
+def calibrated(photo, tmp_path_factory):
+    """The calibration of the scene, with a road."""
+    file = tmp_path_factory.mktemp("calib") / "front.txt"
+    text = (photo.parents[1] / "calib" / f"{photo.stem}.txt").read_text()
+    file.write_text(f"{text}road: 0.01 0.0 1.5 0.01 0.01 0.1\n")
+    return file
+
+
+@pytest.fixture(scope="session")
 def result(model, photo):
     return model.range(photo, hfov=81.4)
 

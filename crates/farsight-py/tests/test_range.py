@@ -65,6 +65,25 @@ def test_a_picture_is_that_of_the_program(result, program, photo, tmp_path):
     assert np.array_equal(np.asarray(Image.open(io.BytesIO(result._repr_png_()))), drawn)
 
 
+def test_lens_and_calibration_are_those_of_the_program(model, program, photo, pixels, calibrated, tmp_path):
+    calib, lens = calibrated, "brown:-0.05,0,0,0,0"
+    words = ["--calib", calib, "--lens", lens, "--out", tmp_path]
+    line = program("range", photo, *words, "--format", "jsonl")
+    result = model.range(photo, calib=calib, lens=lens)
+    assert result.to_json() == line.rstrip("\n")
+    assert np.array_equal(result.plot(), np.asarray(Image.open(tmp_path / f"{photo.stem}.png")))
+    assert found(model.range(pixels, calib=str(calib), lens=lens)) == found(result)
+    assert found(model.range(photo, calib=calib)) != found(result)
+    for wrong, told in [
+        ({"calib": tmp_path / "none.txt"}, "none.txt: cannot be read"),
+        ({"hfov": 65, "calib": calib}, "hfov and calib are given"),
+        ({"hfov": 65, "lens": "fisheye:1"}, "is no lens; expected brown:"),
+        ({"hfov": 65, "lens": "brown:-0.9,0,0,0"}, "folds the image at column"),
+    ]:
+        with pytest.raises(ValueError, match=told):
+            model.range(photo, **wrong)
+
+
 def test_every_kind_of_image_gives_one_answer(model, photo, result, pixels):
     png = io.BytesIO()
     Image.fromarray(pixels).save(png, "png")
@@ -111,8 +130,8 @@ def test_a_wrong_array_says_what_was_expected(model, pixels, change, told):
 
 def test_wrong_cameras_say_what_was_expected(model, pixels, tmp_path):
     for wrong, told in [
-        ({}, "does not say which camera took it; expected one of hfov, K and P"),
-        ({"hfov": 65, "P": P}, "hfov and P are given; expected one of hfov, K and P"),
+        ({}, "does not say which camera took it; expected one of hfov, K, P and calib"),
+        ({"hfov": 65, "P": P}, "hfov and P are given; expected one of hfov, K, P and calib"),
         ({"K": P}, r"K has the shape \(3, 4\); expected \(3, 3\)"),
         ({"K": np.ones((3, 3))}, "K is no intrinsic matrix"),
         ({"hfov": 180}, "expected more than 0 and less than 180"),
@@ -122,7 +141,7 @@ def test_wrong_cameras_say_what_was_expected(model, pixels, tmp_path):
             model.range(pixels, **wrong)
     Image.fromarray(pixels).save(tmp_path / "plain.png")
     for image in [tmp_path / "plain.png", (tmp_path / "plain.png").read_bytes()]:
-        with pytest.raises(ValueError, match=r"give one of hfov=DEGREES, K=\(3, 3\) or P=\(3, 4\)"):
+        with pytest.raises(ValueError, match=r"give one of hfov=DEGREES, K=\(3, 3\), P=\(3, 4\) or calib=FILE"):
             model.range(image)
 
 

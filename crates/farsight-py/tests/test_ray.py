@@ -1,4 +1,4 @@
-"""A local Ray of two workers. `cargo xtask wheel --test --ray` runs it."""
+"""A local Ray of two workers. `cargo xtask wheel --test=ray` runs it."""
 
 import importlib.util
 import json
@@ -43,6 +43,7 @@ def workers(ray):
     return {key: actor["Pid"] for key, actor in living.items() if "Worker" in actor["ActorClassName"]}
 
 
+@pytest.mark.slice
 def test_a_worker_that_is_killed_loses_and_doubles_nothing(cluster, example, photo, tmp_path):
     folder = tmp_path / "photos"
     folder.mkdir()

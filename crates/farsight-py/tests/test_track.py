@@ -28,6 +28,13 @@ def test_answers_are_those_of_the_program(followed, program, frames):
     assert [frame.to_json() for frame in followed] == printed.splitlines()
 
 
+def test_lens_and_calibration_are_those_of_the_program(model, program, frames, calibrated):
+    lens = "brown:-0.05,0,0,0,0"
+    printed = program("track", frames, "--fps", 10, "--calib", calibrated, "--lens", lens, "--json", "-")
+    followed = model.track(frames, fps=10, calib=calibrated, lens=lens)
+    assert [frame.to_json() for frame in followed] == printed.splitlines()
+
+
 def test_fields_have_their_shapes(followed, photo):
     assert [frame.frame for frame in followed] == list(range(FRAMES))
     last = followed[-1]
@@ -58,7 +65,7 @@ def test_frames_come_as_they_are_asked_for(model, frames):
 
 
 def test_what_is_wrong_is_told(model, frames, tmp_path):
-    with pytest.raises(ValueError, match="expected one of hfov, K and P"):
+    with pytest.raises(ValueError, match="expected one of hfov, K, P and calib"):
         model.track(frames, fps=10, hfov=80, K=np.eye(3))
     with pytest.raises(ValueError, match="expected their number in a second"):
         model.track(frames, hfov=80)

@@ -254,6 +254,7 @@ impl PipelineBuilder {
             decode: self.decode,
             max_overlap: self.max_overlap.unwrap_or(MAX_OVERLAP),
             road: self.road.unwrap_or(usual_road),
+            is_road_chosen: self.road.is_some(),
             scale: scale.unwrap_or_default(),
             range: self.range,
             side_by_side: self.engine.side_by_side.unwrap_or(1),

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Error, anyhow};
 use clap::Args;
-use farsight::{Camera, CameraSource, CameraSourceError, RoadPlane};
-use farsight_data::kitti::Calibration;
+use farsight::{Camera, CameraSource, CameraSourceError, Lens, ViewSource};
 
 /// Cameras that have all their numbers already. `requires` alone lets them pass, as clap asks for nothing that
 /// conflicts with what is there.
@@ -16,7 +15,8 @@ const NO_INTRINSICS: [&str; 2] = ["calib", "hfov"];
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Camera (photos with EXIF data and images in KITTI's layout bring their own)")]
 pub(crate) struct CameraArgs {
-    /// Calibration in KITTI's format (its row P2), or a folder with one for each image (IMAGE.txt)
+    /// Calibration in KITTI's format (its row P2, and the row road of `farsight calibrate`), or a folder with one for
+    /// each image (IMAGE.txt)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["fx", "hfov"])]
     pub(crate) calib: Option<PathBuf>,
     /// Horizontal focal length, pixels
@@ -34,6 +34,29 @@ pub(crate) struct CameraArgs {
     /// Horizontal field of view of the whole image, degrees
     #[arg(long, value_name = "DEG", value_parser = field_of_view, allow_negative_numbers = true)]
     pub(crate) hfov: Option<f64>,
+}
+
+/// The camera options and the lens.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct ViewArgs {
+    /// What the lens does to the image, in OpenCV's order: brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4 (fisheye). Camera
+    /// options then tell the pinhole
+    #[arg(
+        long,
+        value_name = "LENS",
+        help_heading = "Camera (photos with EXIF data and images in KITTI's layout bring their own)"
+    )]
+    lens: Option<Lens>,
+    // Last, because its help heading would go on to what follows.
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+}
+
+impl ViewArgs {
+    /// How images are taken: as the options say; where they do not, what the `images` say themselves.
+    pub(crate) fn source(&self, images: &[PathBuf]) -> anyhow::Result<ViewSource> {
+        Ok(ViewSource::from(self.camera.source(images)?).with_lens(self.lens))
+    }
 }
 
 /// What to do when there is no camera.
@@ -59,14 +82,6 @@ fn field_of_view(text: &str) -> Result<f64, String> {
 }
 
 impl CameraArgs {
-    /// The road in the calibration file, where `farsight calibrate` wrote it.
-    pub(crate) fn road(&self) -> anyhow::Result<Option<RoadPlane>> {
-        match &self.calib {
-            Some(path) if path.is_file() => Ok(Calibration::read(path)?.road),
-            _ => Ok(None),
-        }
-    }
-
     /// The cameras that the options name; when there are none, what the `images` say themselves.
     pub(crate) fn source(&self, images: &[PathBuf]) -> anyhow::Result<CameraSource> {
         let Self { calib, fx, fy, cx, cy, hfov } = self;

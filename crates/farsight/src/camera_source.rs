@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use farsight_core::Camera;
 use farsight_core::camera::CameraError;
+use farsight_core::lens::LensError;
+use farsight_core::road::RoadPlane;
 use farsight_data::kitti::{Calibration, CalibrationError};
 use farsight_data::{Exif, FocalFromExif, FocalProblem, ImageError, ImageLimits, focal, read_header};
 use serde::{Deserialize, Serialize};
@@ -57,6 +59,14 @@ pub enum CameraSourceError {
     /// Numbers that no camera has.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// A lens that the camera of an image cannot have.
+    #[error("{}: {source}", image.display())]
+    Lens {
+        /// The image.
+        image: PathBuf,
+        /// What is wrong with the lens.
+        source: LensError,
+    },
 }
 
 /// What a camera is known from.
@@ -79,6 +89,8 @@ pub enum CameraOrigin {
 pub enum CameraSource {
     /// The same projection for all.
     Same(Camera),
+    /// The same for all, over a road that is known (`farsight calibrate`).
+    OverRoad(Camera, RoadPlane),
     /// A calibration file for each image, in this folder.
     Folder(PathBuf),
     /// A calibration file for each image, in the folder `calib` beside the image's folder.
@@ -106,7 +118,13 @@ impl CameraSource {
     /// # Errors
     /// When the file is no calibration.
     pub fn from_calibration(path: &Path) -> Result<Self, CameraSourceError> {
-        Ok(if path.is_dir() { Self::Folder(path.to_owned()) } else { Self::Same(read(path)?) })
+        Ok(if path.is_dir() { Self::Folder(path.to_owned()) } else { Self::of_calibration(&read(path)?) })
+    }
+
+    /// What a calibration that was read says.
+    pub fn of_calibration(calibration: &Calibration) -> Self {
+        let camera = calibration.camera();
+        calibration.road.map_or(Self::Same(camera), |road| Self::OverRoad(camera, road))
     }
 
     /// What the images themselves say: KITTI's layout when at least one of `images` lies in it, else EXIF data.
@@ -168,28 +186,39 @@ impl CameraSource {
     /// # Errors
     /// When it is not known.
     pub fn camera(&self, path: &Path, size: [usize; 2], exif: &Exif) -> Result<Camera, CameraSourceError> {
+        self.known(path, size, exif).map(|(camera, _)| camera)
+    }
+
+    /// [`CameraSource::camera`], and the road under it where a calibration tells.
+    pub(crate) fn known(
+        &self,
+        path: &Path,
+        size: [usize; 2],
+        exif: &Exif,
+    ) -> Result<(Camera, Option<RoadPlane>), CameraSourceError> {
         let [width, height] = size;
         match self.from_exif(path, size, exif) {
-            Some(Ok(found)) => return Ok(Camera::from_hfov(found.hfov_deg, width, height)?),
+            Some(Ok(found)) => return Ok((Camera::from_hfov(found.hfov_deg, width, height)?, None)),
             Some(Err(FocalProblem::Missing)) | None => {}
             Some(Err(problem)) => return Err(unknown(path, problem)),
         }
         match self {
-            Self::Same(camera) => Ok(*camera),
-            Self::Folder(folder) => read(&folder.join(format!("{}.txt", file_stem(path)))),
+            Self::Same(camera) => Ok((*camera, None)),
+            Self::OverRoad(camera, road) => Ok((*camera, Some(*road))),
+            Self::Folder(folder) => read(&folder.join(format!("{}.txt", file_stem(path)))).map(with_road),
             Self::Kitti => {
                 let calibration = in_layout(path).ok_or_else(|| CameraSourceError::OutsideLayout(path.to_owned()))?;
                 if !calibration.is_file() {
                     return Err(CameraSourceError::NoCalibration { image: path.to_owned(), calibration });
                 }
-                read(&calibration)
+                read(&calibration).map(with_road)
             }
             Self::Intrinsics { fx, fy, cx, cy } => {
                 let middle = |side: usize| (side as f64 - 1.0) / 2.0;
                 let (cx, cy) = (cx.unwrap_or_else(|| middle(width)), cy.unwrap_or_else(|| middle(height)));
-                Ok(Camera::from_intrinsics(*fx, *fy, cx, cy)?)
+                Ok((Camera::from_intrinsics(*fx, *fy, cx, cy)?, None))
             }
-            Self::FieldOfView(degrees) => Ok(Camera::from_hfov(*degrees, width, height)?),
+            Self::FieldOfView(degrees) => Ok((Camera::from_hfov(*degrees, width, height)?, None)),
             Self::Exif => Err(unknown(path, FocalProblem::Missing)),
         }
     }
@@ -198,7 +227,7 @@ impl CameraSource {
     pub fn origin(&self, path: &Path) -> CameraOrigin {
         match self {
             Self::Kitti if in_layout(path).is_none() => CameraOrigin::Exif,
-            Self::Same(_) | Self::Folder(_) | Self::Kitti => CameraOrigin::Calibration,
+            Self::Same(_) | Self::OverRoad(..) | Self::Folder(_) | Self::Kitti => CameraOrigin::Calibration,
             Self::Intrinsics { .. } => CameraOrigin::Intrinsics,
             Self::FieldOfView(_) => CameraOrigin::FieldOfView,
             Self::Exif => CameraOrigin::Exif,
@@ -210,11 +239,15 @@ fn unknown(image: &Path, problem: FocalProblem) -> CameraSourceError {
     CameraSourceError::Exif { image: image.to_owned(), problem }
 }
 
-fn read(path: &Path) -> Result<Camera, CameraSourceError> {
+fn read(path: &Path) -> Result<Calibration, CameraSourceError> {
     if let Some(found) = start_of(path).ok().and_then(|start| signature(&start)) {
         return Err(CameraSourceError::Kind { path: path.to_owned(), found });
     }
-    Ok(Calibration::read(path)?.camera())
+    Ok(Calibration::read(path)?)
+}
+
+fn with_road(calibration: Calibration) -> (Camera, Option<RoadPlane>) {
+    (calibration.camera(), calibration.road)
 }
 
 /// The file's name without folder and extension, by which calibrations and outputs go.

@@ -13,22 +13,12 @@ use crate::object::{DetectedObject, RangeKind, detections};
 ///
 /// A large image is drawn at a fraction of its size. `farsight_viz` has more to choose from.
 pub fn draw(image: &RgbImage, camera: &Camera, objects: &[DetectedObject], range: RangeKind) -> RgbImage {
-    drawn(image, camera, None, objects, range)
+    draw_through_lens(image, camera, None, objects, range)
 }
 
-/// [`draw()`] for an image that `lens` has distorted; `camera` is the pinhole behind it. Boxes are bent as the image
-/// is.
+/// [`draw()`] for an image that `lens` has distorted, where there is one; `camera` is the pinhole behind it. Boxes are
+/// bent as the image is.
 pub fn draw_through_lens(
-    image: &RgbImage,
-    camera: &Camera,
-    lens: Lens,
-    objects: &[DetectedObject],
-    range: RangeKind,
-) -> RgbImage {
-    drawn(image, camera, Some(lens), objects, range)
-}
-
-fn drawn(
     image: &RgbImage,
     camera: &Camera,
     lens: Option<Lens>,
@@ -39,12 +29,19 @@ fn drawn(
     picture(image, &Scene { camera, detections: &detections(objects), truth: &[] }, &options)
 }
 
-/// The frame of a video with its tracks, as [`draw`] has it: identities, distances, speeds, times to collision.
+/// The frame of a video with its tracks, as [`draw_through_lens`] has it: identities, distances, speeds, times to collision.
 ///
 /// `tracks` and `detections` are the same, in the same order.
-pub fn draw_tracks(image: &RgbImage, camera: &Camera, detections: &[Detection], tracks: &[TrackRecord]) -> RgbImage {
+pub fn draw_tracks(
+    image: &RgbImage,
+    camera: &Camera,
+    lens: Option<Lens>,
+    detections: &[Detection],
+    tracks: &[TrackRecord],
+) -> RgbImage {
     let words: Vec<String> = tracks.iter().map(track_words).collect();
-    picture_with_words(image, &Scene { camera, detections, truth: &[] }, &DrawOptions::default(), &words)
+    let options = DrawOptions { lens, ..DrawOptions::default() };
+    picture_with_words(image, &Scene { camera, detections, truth: &[] }, &options, &words)
 }
 
 /// `#7 Car 23.4 ±1.2 m  +3.1 ±0.4 m/s  6.9 s`.

@@ -122,11 +122,11 @@ impl ImageRecord {
         }
     }
 
-    /// This record with the lens of its camera.
+    /// This record with the lens of its camera, where there is one.
     #[must_use]
-    pub fn with_lens(mut self, lens: Lens) -> Self {
+    pub fn with_lens(mut self, lens: Option<Lens>) -> Self {
         if let Some(camera) = &mut self.camera {
-            camera.lens = Some(lens.to_string());
+            camera.lens = lens.map(|lens| lens.to_string());
         }
         self
     }

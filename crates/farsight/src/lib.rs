@@ -17,7 +17,7 @@
 //! A [`Pipeline`] is everything that `farsight range` does with an image: the detector, the refiner and the plate
 //! reader that look again at what it found, suppression of what stands in one place, and the road plane under all of
 //! it. [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
-//! several threads at once. [`CameraSource`] knows the cameras of files; [`json`] has what `--json` writes; [`draw()`]
+//! several threads at once. [`CameraSource`] knows the cameras of files, [`ViewSource`] lens and road, too; [`json`] has what `--json` writes; [`draw()`]
 //! draws it. [`video`] follows what the pipeline finds through the frames of a video, by a [`Tracker`].
 //!
 //! Frames of reference are KITTI's: camera coordinates are metres with x right, y down, z forward; an object stands at
@@ -37,6 +37,7 @@ mod libtorch;
 pub mod model_file;
 pub mod object;
 pub mod pipeline;
+pub mod ranged;
 pub mod second_stage;
 #[cfg(feature = "serve")]
 pub mod service;
@@ -44,6 +45,7 @@ pub mod shipped;
 pub mod source;
 mod stages;
 pub mod video;
+pub mod view;
 
 use std::path::Path;
 
@@ -65,7 +67,9 @@ pub use image::RgbImage;
 pub use libraries::{Library, LibraryError};
 pub use object::{DetectedObject, RangeKind};
 pub use pipeline::{ModelInfo, Pipeline};
+pub use ranged::{RangeError, RangedImage};
 pub use source::{ModelSource, StageSource};
+pub use view::{View, ViewSource};
 
 /// Version of this library and of the program on it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

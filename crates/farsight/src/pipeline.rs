@@ -6,13 +6,14 @@ use farsight_core::box3d::Dimensions;
 use farsight_core::detection::default_min_score;
 use farsight_core::road::{HeightDoubt, Road};
 use farsight_core::{Box3d, Camera, Detection, ObjectClass, ScalePrior};
-use farsight_data::Undistorter;
 use farsight_methods::{DetectError, UnfamiliarCamera};
+use farsight_runtime::timing::timed;
 use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 
 use crate::object::{DetectedObject, RangeKind};
 use crate::stages::{Settings, Stages};
+use crate::view::View;
 
 /// Which models a pipeline runs.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -87,25 +88,30 @@ impl Pipeline {
         Ok(answers.pop().unwrap_or_default())
     }
 
-    /// [`Pipeline::detect`] for an image that a lens has distorted: the networks see it as a pinhole would have taken
-    /// it. Locations are as ever; boxes in the image are where `image` shows the objects.
+    /// [`Pipeline::detect`] for an image of which more is known, and the time of each stage. The networks see it as a
+    /// pinhole would have taken it; boxes in the image are where `image` shows the objects. They stand on the road that
+    /// `view` knows, unless the builder was told of another and if there are error bars.
     ///
     /// # Errors
-    /// As [`Pipeline::detect`], and when `image` has another size than the images of `undistorter`.
-    pub fn detect_through_lens(
+    /// As [`Pipeline::detect`], and when `image` has another size than the one that `view` was made for.
+    pub fn detect_view(&self, image: &RgbImage, view: &View) -> Result<(Vec<DetectedObject>, StageTimes), DetectError> {
+        let (mut objects, times) = self.detect_straightened(image, view)?;
+        for object in &mut objects {
+            object.box2d = view.shown(&object.box2d);
+        }
+        Ok((objects, times))
+    }
+
+    /// [`Pipeline::detect_view`] with boxes where the pinhole sees the objects.
+    pub(crate) fn detect_straightened(
         &self,
         image: &RgbImage,
-        undistorter: &Undistorter,
-    ) -> Result<Vec<DetectedObject>, DetectError> {
-        let straight = undistorter.undistorted(image).ok_or_else(|| DetectError::ImageSize {
-            found: [image.width(), image.height()],
-            expected: undistorter.size(),
-        })?;
-        let mut objects = self.detect(&straight, undistorter.camera())?;
-        for object in &mut objects {
-            object.box2d = undistorter.distorted_box(&object.box2d);
-        }
-        Ok(objects)
+        view: &View,
+    ) -> Result<(Vec<DetectedObject>, StageTimes), DetectError> {
+        let (straight, straightening) = timed(|| view.straightened(image));
+        let settings = self.shared.settings.over(view.road());
+        let (mut answers, times) = self.objects(&[(&*straight?, view.camera())], &settings)?;
+        Ok((answers.pop().unwrap_or_default(), StageTimes { warp: times.warp + straightening, ..times }))
     }
 
     /// [`Pipeline::detect`] for several images that the detector's engine sees together, and the time of each stage for
@@ -117,15 +123,16 @@ impl Pipeline {
         &self,
         images: &[(&RgbImage, &Camera)],
     ) -> Result<(Vec<Vec<DetectedObject>>, StageTimes), DetectError> {
-        let mut stages = self.shared.stages()?;
-        // After an error the networks are as good as before: what they keep from run to run is only memory.
-        let answer = stages.detect_batch(images, &self.shared.settings);
-        self.shared.keep_doubts(std::mem::take(&mut stages.height_doubts));
-        locked(&self.shared.idle).push(stages);
-        let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
-        answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
-        let (range, sigmas) = (self.shared.settings.range, self.shared.interval_sigmas);
-        let object = |one: Detection| DetectedObject::new(one, range, sigmas);
+        self.objects(images, &self.shared.settings)
+    }
+
+    fn objects(
+        &self,
+        images: &[(&RgbImage, &Camera)],
+        settings: &Settings,
+    ) -> Result<(Vec<Vec<DetectedObject>>, StageTimes), DetectError> {
+        let (answers, times) = self.detections(images, settings)?;
+        let object = |one: Detection| DetectedObject::new(one, settings.range, self.shared.interval_sigmas);
         let objects = |found: Vec<Detection>| found.into_iter().map(object).collect();
         Ok((answers.into_iter().map(objects).collect(), times))
     }
@@ -137,13 +144,23 @@ impl Pipeline {
     /// As [`Pipeline::detect`].
     pub fn detect_off_road(&self, image: &RgbImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
         let settings = Settings { road: Road::Ignored, scale: ScalePrior::default(), ..self.shared.settings };
+        let (mut answers, _) = self.detections(&[(image, camera)], &settings)?;
+        Ok(answers.pop().unwrap_or_default())
+    }
+
+    fn detections(
+        &self,
+        images: &[(&RgbImage, &Camera)],
+        settings: &Settings,
+    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
         let mut stages = self.shared.stages()?;
-        let answer = stages.detect_batch(&[(image, camera)], &settings);
+        // After an error the networks are as good as before: what they keep from run to run is only memory.
+        let answer = stages.detect_batch(images, settings);
+        self.shared.keep_doubts(std::mem::take(&mut stages.height_doubts));
         locked(&self.shared.idle).push(stages);
-        let (mut answers, _) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
-        let found = answers.pop().unwrap_or_default();
-        check_answer_of_all(&found, &self.shared.info.name)?;
-        Ok(found)
+        let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
+        answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
+        Ok((answers, times))
     }
 
     /// What is known of the factor that the distances of all vehicles share.

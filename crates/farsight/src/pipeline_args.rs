@@ -12,7 +12,6 @@ use farsight::{
 };
 use farsight_core::Region;
 
-use crate::camera_args::CameraArgs;
 use crate::printer::{Printer, counted};
 
 /// [`EngineKind`] as it is written on the command line.
@@ -265,14 +264,6 @@ impl PipelineArgs {
         let builder = self.second_stage.choose(builder).effort(self.effort.effort());
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.choose(builder))
-    }
-
-    /// [`PipelineArgs::builder`] that also knows the road of a camera that was calibrated, unless --above-road is
-    /// given.
-    pub(crate) fn builder_for(&self, camera: &CameraArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
-        let builder = self.builder(printer)?;
-        let road = if self.road.above_road.is_none() { camera.road()? } else { None };
-        Ok(road.into_iter().fold(builder, |builder, plane| builder.road(Road::Known(plane))))
     }
 }
 

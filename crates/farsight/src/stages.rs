@@ -3,7 +3,7 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
-use farsight_core::road::{HeightDoubt, Road, SURE_SCORE, fit_to_road};
+use farsight_core::road::{HeightDoubt, Road, RoadPlane, SURE_SCORE, fit_to_road};
 use farsight_core::{Camera, Detection, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
@@ -22,11 +22,21 @@ pub(crate) struct Settings {
     pub(crate) max_overlap: f64,
     /// What is known of the road under the camera.
     pub(crate) road: Road,
+    /// Whether somebody said so, whatever is known of single cameras.
+    pub(crate) is_road_chosen: bool,
     /// What is known of the scale of all distances in an image.
     pub(crate) scale: ScalePrior,
     pub(crate) range: RangeKind,
     /// How many threads it was made for.
     pub(crate) side_by_side: usize,
+}
+
+impl Settings {
+    /// These for an image over a road that is known.
+    pub(crate) fn over(&self, road: Option<RoadPlane>) -> Self {
+        let road = road.filter(|_| !self.is_road_chosen).map_or(self.road, Road::Known);
+        Self { road, ..*self }
+    }
 }
 
 /// The networks of a pipeline, ready to run in one thread.

@@ -7,8 +7,9 @@ mod program;
 use std::fs;
 use std::path::Path;
 
-use farsight::json::ImageRecord;
-use farsight::{Camera, Lens, RgbImage, read_image};
+use farsight::json::{DetectionRecord, FrameRecord, ImageRecord};
+use farsight::{Camera, Lens, RgbImage, RoadPlane, read_image};
+use farsight_data::kitti::Calibration;
 use image::Rgb;
 use program::{done, farsight, root};
 
@@ -75,23 +76,64 @@ fn a_lens_changes_the_picture_and_not_the_metres() {
     assert!(folder.join("drawn/bent.png").is_file());
 }
 
+/// The object that stands where another one does.
+fn nearest<'a>(found: &'a [DetectionRecord], location: [f64; 3]) -> &'a DetectionRecord {
+    let apart = |one: &&DetectionRecord| {
+        let [x, _, z] = one.location;
+        ((x - location[0]).hypot(z - location[2]) * 1e6) as u64
+    };
+    found.iter().min_by_key(apart).unwrap()
+}
+
+#[test]
+fn a_film_is_followed_through_the_lens_and_over_the_road_of_its_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let pinhole = read_image(root().join("assets/scenes/image_2/000000.jpg")).unwrap();
+    let camera = Camera::from_intrinsics(721.5, 721.5, 609.6, 172.9).unwrap();
+    fs::create_dir(folder.join("frames")).unwrap();
+    let bent = distorted(&pinhole, &camera, LENS.parse().unwrap());
+    (0..4).for_each(|frame| bent.save(folder.join(format!("frames/{frame}.png"))).unwrap());
+    // A road that is nearer than the one in the picture: what stands on it is nearer, too.
+    let road = RoadPlane { slope: 0.0, tilt: 0.0, height_m: 1.25, sigmas: [0.002, 0.002, 0.01] };
+    Calibration { road: Some(road), ..Calibration::from_camera(&camera) }.write(&folder.join("low.txt")).unwrap();
+    Calibration::from_camera(&camera).write(&folder.join("plain.txt")).unwrap();
+    let found = |calib: &str| {
+        let view = ["--calib", calib, "--lens", LENS];
+        let json = done(folder, &[&["range", "frames/0.png", "--json", "-"], &view[..]].concat());
+        let seen: Vec<ImageRecord> = serde_json::from_str(&json).unwrap();
+        let json = done(folder, &[&["track", "frames", "--fps", "10", "--json", "-"], &view[..]].concat());
+        let lines = json.lines().map(|line| serde_json::from_str(line).unwrap());
+        (seen[0].detections.clone(), lines.last().unwrap())
+    };
+    let ((low, low_tracks), (plain, _)): ((_, FrameRecord), (_, FrameRecord)) = (found("low.txt"), found("plain.txt"));
+    let near: Vec<_> = low.iter().filter(|one| one.range_m < 40.0 && one.score > 0.7).collect();
+    assert!(near.len() >= 2, "{low:?}");
+    for one in near {
+        let [x, _, z] = one.location;
+        let without = nearest(&plain, [x * 1.1, 0.0, z * 1.1]);
+        assert!(one.range_m < 0.95 * without.range_m, "{one:?}, {without:?} without the road");
+        let is_it = |track: &&farsight::json::TrackRecord| (track.range_m / one.range_m - 1.0).abs() < 0.03;
+        let track = low_tracks.tracks.iter().find(is_it).unwrap_or_else(|| panic!("no track of {one:?}"));
+        let off = track.box2d.iter().zip(one.box2d).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 2.0, "{track:?}, {one:?}");
+    }
+}
+
 #[test]
 fn lenses_that_cannot_be_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     RgbImage::new(640, 360).save(folder.join("a.png")).unwrap();
-    let told = |lens: &str| {
-        let output = farsight(folder, &["range", "a.png", "--hfov", "80", "--lens", lens]);
-        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
-    };
-    let (status, text) = told("brown:-0.9,0,0,0");
-    assert!(
-        status == Some(2) && text.contains("a.png: the lens brown:-0.9,0,0,0,0 folds the image at column"),
-        "{text}"
-    );
-    let (status, text) = told("fisheye:1,2");
-    assert!(
-        status == Some(2) && text.contains("is no lens; expected brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4"),
-        "{text}"
-    );
+    let table = [
+        ("brown:-0.9,0,0,0", "a.png: the lens brown:-0.9,0,0,0,0 folds the image at column"),
+        ("fisheye:1,2", "is no lens; expected brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4"),
+    ];
+    for (lens, told) in table {
+        for command in [&["range"][..], &["track", "--fps", "10"], &["calibrate"]] {
+            let output = farsight(folder, &[command, &["a.png", "--hfov", "80", "--lens", lens]].concat());
+            let text = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.code() == Some(2) && text.contains(told), "{command:?}: {text}");
+        }
+    }
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use farsight_core::{Camera, Label};
 use image::RgbImage;
 
 use super::Corruption;
-use crate::dataset::{Dataset, DatasetError};
+use crate::dataset::{Dataset, DatasetError, DatasetLayer};
+use crate::frame::Frame;
 
 /// Another data set with the same corruption of each image; cameras and labels stay.
 #[derive(Debug)]
@@ -22,42 +22,27 @@ impl CorruptedDataset {
     pub fn new(dataset: Arc<dyn Dataset>, corruption: Corruption, severity: u8) -> Self {
         Self { dataset, corruption, severity }
     }
+
+    fn corrupted(&self, image: &RgbImage, index: usize) -> RgbImage {
+        self.corruption.applied(image, self.severity, index as u64)
+    }
 }
 
-impl Dataset for CorruptedDataset {
-    fn name(&self) -> String {
+impl DatasetLayer for CorruptedDataset {
+    fn below(&self) -> &Arc<dyn Dataset> {
+        &self.dataset
+    }
+
+    fn layered_name(&self) -> String {
         format!("{}, {} {}", self.dataset.name(), self.corruption, self.severity)
     }
 
-    fn len(&self) -> usize {
-        self.dataset.len()
+    fn layered_image(&self, index: usize) -> Result<RgbImage, DatasetError> {
+        Ok(self.corrupted(&self.dataset.image(index)?, index))
     }
 
-    fn is_endless(&self) -> bool {
-        self.dataset.is_endless()
-    }
-
-    fn id(&self, index: usize) -> String {
-        self.dataset.id(index)
-    }
-
-    fn origin(&self, index: usize) -> String {
-        self.dataset.origin(index)
-    }
-
-    fn image(&self, index: usize) -> Result<RgbImage, DatasetError> {
-        Ok(self.corruption.applied(&self.dataset.image(index)?, self.severity, index as u64))
-    }
-
-    fn camera(&self, index: usize) -> Result<Camera, DatasetError> {
-        self.dataset.camera(index)
-    }
-
-    fn is_labelled(&self) -> bool {
-        self.dataset.is_labelled()
-    }
-
-    fn labels(&self, index: usize) -> Result<Vec<Label>, DatasetError> {
-        self.dataset.labels(index)
+    fn layered(&self, index: usize) -> Result<Arc<Frame>, DatasetError> {
+        let frame = self.dataset.frame(index)?;
+        Ok(Arc::new(Frame { image: self.corrupted(&frame.image, index), ..Frame::clone(&frame) }))
     }
 }

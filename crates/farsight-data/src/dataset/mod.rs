@@ -3,7 +3,7 @@
 //! [`Dataset`] is what training, evaluation and fitting ask for. A folder in KITTI's layout
 //! ([`KittiDataset`](crate::KittiDataset)), a folder of images ([`ImageFolder`]) and frames in memory
 //! ([`MemoryDataset`]) are data sets, and so are rendered scenes (`farsight_synth::SceneDataset`). [`CachedDataset`]
-//! keeps the frames of another one in memory.
+//! keeps the frames of another one in memory; it is a [`DatasetLayer`], as all that stand over another one are.
 //!
 //! A new kind of data set is one file with an implementation, and one line in [`FORMATS`](crate::formats::FORMATS), so
 //! that [`open_dataset`](crate::open_dataset) knows its folders. [`check_laws`] says what must hold of it.
@@ -13,6 +13,7 @@ mod error;
 mod format;
 mod image_folder;
 mod laws;
+mod layer;
 mod memory;
 
 use std::fmt::Debug;
@@ -31,6 +32,7 @@ pub use error::DatasetError;
 pub use format::{DatasetFormat, Opener};
 pub use image_folder::{FolderCamera, ImageFolder, ImageFolderError};
 pub use laws::check_laws;
+pub use layer::DatasetLayer;
 pub use memory::MemoryDataset;
 
 /// Frames by number, each the same whenever it is asked for, on any thread.

@@ -10,7 +10,8 @@ use farsight_data::dataset::{FolderCamera, ImageFolderError, check_laws};
 use farsight_data::formats::FORMATS;
 use farsight_data::kitti::{Calibration, RowKind, rows::rows_from_text};
 use farsight_data::{
-    CachedDataset, Dataset, DatasetError, Frame, ImageFolder, KittiDataset, MemoryDataset, open_dataset,
+    CachedDataset, CorruptedDataset, Corruption, Dataset, DatasetError, Frame, ImageFolder, KittiDataset,
+    MemoryDataset, open_dataset,
 };
 use image::{Rgb, RgbImage};
 
@@ -131,6 +132,16 @@ fn cameras_and_labels_are_read_without_the_pixels() {
     // What was read is kept: the file may go.
     fs::remove_file(&broken).unwrap();
     assert_eq!(cached.frame(1).unwrap().image, image(9));
+}
+
+#[test]
+fn a_corruption_changes_the_pixels_and_nothing_else() {
+    let below: Arc<dyn Dataset> = Arc::new(in_memory());
+    let noisy: Arc<dyn Dataset> = Arc::new(CorruptedDataset::new(Arc::clone(&below), Corruption::GaussianNoise, 3));
+    assert_eq!(check_laws(&noisy, 3).unwrap(), None);
+    let (found, plain) = (noisy.frame(2).unwrap(), below.frame(2).unwrap());
+    assert_ne!(found.image, plain.image);
+    assert_eq!(Frame { image: plain.image.clone(), ..Frame::clone(&found) }, *plain);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -31,13 +32,28 @@ def columns(rows: list[Any], width: int) -> Floats:
     return np.array(rows, np.float64).reshape(len(rows), width)
 
 
-def camera_argument(hfov: float | None, K: Any, P: Any) -> float | list[list[float]] | None:
-    """The one camera that was given, if one was."""
-    given = [name for name, value in (("hfov", hfov), ("K", K), ("P", P)) if value is not None]
+View = tuple[float | list[list[float]] | str | None, str | None]
+"""Camera (field of view, matrix or calibration file) and lens, where they are given."""
+
+
+def view_argument(
+    hfov: float | None, K: Any, P: Any, calib: str | os.PathLike[str] | None, lens: str | None
+) -> View:
+    """The one camera that was given, if one was, and the lens."""
+    return _camera(hfov, K, P, calib), lens
+
+
+def _camera(
+    hfov: float | None, K: Any, P: Any, calib: str | os.PathLike[str] | None
+) -> float | list[list[float]] | str | None:
+    ways = (("hfov", hfov), ("K", K), ("P", P), ("calib", calib))
+    given = [name for name, value in ways if value is not None]
     if len(given) > 1:
-        raise ValueError(f"{' and '.join(given)} are given; expected one of hfov, K and P")
+        raise ValueError(f"{' and '.join(given)} are given; expected one of hfov, K, P and calib")
     if hfov is not None:
         return float(hfov)
+    if calib is not None:
+        return os.fspath(calib)
     for name, value, shape in (("K", K, (3, 3)), ("P", P, (3, 4))):
         if value is not None:
             matrix = np.asarray(value, np.float64)

@@ -8,8 +8,9 @@ __all__ = ["Pipeline", "Video", "__version__", "draw", "evaluate", "png", "rende
 
 __version__: str
 
-_Camera = float | Sequence[Sequence[float]]
 _Path = str | os.PathLike[str]
+# Camera (field of view, K, P or calibration) and lens, where they are given.
+_View = tuple[float | Sequence[Sequence[float]] | str | None, str | None]
 # The JSON of `farsight track`, pixels, width and height, projection.
 _Followed = tuple[str, bytes, list[int], list[list[float]]]
 # The JSON of `farsight range`, the upright pixels, warnings.
@@ -24,14 +25,14 @@ class Pipeline:
     def name(self) -> str: ...
     @property
     def classes(self) -> list[str]: ...
-    def range_path(self, path: _Path, camera: _Camera | None) -> _Answer: ...
-    def range_bytes(self, bytes: bytes, name: _Path, camera: _Camera | None) -> _Answer: ...
-    def range_pixels(self, pixels: bytes, size: Sequence[int], name: _Path, camera: _Camera) -> _Answer: ...
+    def range_path(self, path: _Path, view: _View) -> _Answer: ...
+    def range_bytes(self, bytes: bytes, name: _Path, view: _View) -> _Answer: ...
+    def range_pixels(self, pixels: bytes, size: Sequence[int], name: _Path, view: _View) -> _Answer: ...
     def track(
         self,
         source: Sequence[_Path],
         fps: float | None,
-        camera: _Camera | None,
+        view: _View,
         ego: _Path | None,
         min_score: float | None,
         realtime: bool,

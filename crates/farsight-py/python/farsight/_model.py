@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, overload
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import camera_argument, checked_image
+from ._arrays import View, checked_image, view_argument
 from ._farsight import Pipeline
 from ._result import Result
 from ._track import Frame, frames_of
@@ -81,7 +81,14 @@ class Model:
 
     @overload
     def range(
-        self, image: Image, *, hfov: float | None = ..., K: npt.ArrayLike | None = ..., P: npt.ArrayLike | None = ...
+        self,
+        image: Image,
+        *,
+        hfov: float | None = ...,
+        K: npt.ArrayLike | None = ...,
+        P: npt.ArrayLike | None = ...,
+        calib: str | os.PathLike[str] | None = ...,
+        lens: str | None = ...,
     ) -> Result: ...
 
     @overload
@@ -92,6 +99,8 @@ class Model:
         hfov: float | None = ...,
         K: npt.ArrayLike | None = ...,
         P: npt.ArrayLike | None = ...,
+        calib: str | os.PathLike[str] | None = ...,
+        lens: str | None = ...,
     ) -> list[Result]: ...
 
     def range(
@@ -101,6 +110,8 @@ class Model:
         hfov: float | None = None,
         K: npt.ArrayLike | None = None,
         P: npt.ArrayLike | None = None,
+        calib: str | os.PathLike[str] | None = None,
+        lens: str | None = None,
     ) -> Result | list[Result]:
         """Finds vehicles and people and says how far away they are.
 
@@ -111,6 +122,10 @@ class Model:
             hfov: Horizontal field of view of the whole image, degrees.
             K: Intrinsic matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], shape (3, 3), pixels.
             P: Projection from camera coordinates (metres) to homogeneous pixels, shape (3, 4), as KITTI's P2.
+            calib: Calibration in KITTI's format, with its road where `farsight calibrate` wrote it, or a folder with
+                one for each image.
+            lens: What distorts the image, in OpenCV's order: "brown:k1,k2,p1,p2,k3" or "kb4:k1,k2,k3,k4" (fisheye).
+                The camera is that of the pinhole behind it.
 
         A file may do without a camera: KITTI's calibration beside it or its EXIF data then tell.
 
@@ -122,27 +137,27 @@ class Model:
             ValueError: It is no image, no camera is known, or the array is none that is expected.
             TypeError: Something else was given.
         """
-        camera = camera_argument(hfov, K, P)
+        view = view_argument(hfov, K, P, calib, lens)
         if isinstance(image, (list, tuple)):
-            return [self._range(one, camera) for one in image]
-        return self._range(image, camera)
+            return [self._range(one, view) for one in image]
+        return self._range(image, view)
 
-    def _range(self, image: Any, camera: float | list[list[float]] | None, name: str | None = None) -> Result:
+    def _range(self, image: Any, view: View, name: str | None = None) -> Result:
         _check_process()
         name = name or _UNNAMED
         pil = sys.modules.get("PIL.Image")
         if pil is not None and isinstance(image, pil.Image):
             image = _upright(image)
         if isinstance(image, (str, os.PathLike)):
-            record, pixels, warned = self._pipeline.range_path(os.fspath(image), camera)
+            record, pixels, warned = self._pipeline.range_path(os.fspath(image), view)
         elif isinstance(image, (bytes, bytearray, memoryview)):
-            record, pixels, warned = self._pipeline.range_bytes(bytes(image), name, camera)
+            record, pixels, warned = self._pipeline.range_bytes(bytes(image), name, view)
         elif isinstance(image, np.ndarray):
             array = checked_image(image)
-            if camera is None:
-                raise ValueError("an array does not say which camera took it; expected one of hfov, K and P")
+            if view[0] is None:
+                raise ValueError("an array does not say which camera took it; expected one of hfov, K, P and calib")
             height, width = array.shape[:2]
-            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], name, camera)
+            record, pixels, warned = self._pipeline.range_pixels(array.tobytes(), [width, height], name, view)
         else:
             raise TypeError(f"the image is a {type(image).__name__}; expected {_EXPECTED}")
         for text in warned:
@@ -156,6 +171,8 @@ class Model:
         hfov: float | None = None,
         K: npt.ArrayLike | None = None,
         P: npt.ArrayLike | None = None,
+        calib: str | os.PathLike[str] | None = None,
+        lens: str | None = None,
         fps: float | None = None,
         ego: str | os.PathLike[str] | None = None,
         min_score: float | None = None,
@@ -173,6 +190,8 @@ class Model:
             hfov: Horizontal field of view of the whole image, degrees.
             K: Intrinsic matrix, shape (3, 3), pixels.
             P: Projection, shape (3, 4).
+            calib: Calibration in KITTI's format, as for `range`.
+            lens: What distorts the frames, as for `range`.
             fps: Frames a second, of images only.
             ego: A file or folder that says how the camera moves, as for `farsight track --ego`; without one speeds are
                 relative to the camera.
@@ -195,8 +214,8 @@ class Model:
         if not paths:
             raise ValueError("the list of images is empty; expected a video or at least one image")
         motion = None if ego is None else os.fspath(ego)
-        camera = camera_argument(hfov, K, P)
-        return frames_of(self._pipeline.track(paths, fps, camera, motion, min_score, realtime, os.fspath(ffmpeg)))
+        view = view_argument(hfov, K, P, calib, lens)
+        return frames_of(self._pipeline.track(paths, fps, view, motion, min_score, realtime, os.fspath(ffmpeg)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _model_from, (self._arguments,)

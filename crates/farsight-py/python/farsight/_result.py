@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _farsight
-from ._arrays import Floats, Pixels, columns, pixels_from_bytes
+from ._arrays import Floats, Pixels, pixels_from_bytes
+from ._objects import Objects
 
 if TYPE_CHECKING:
     import fiftyone
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import supervision
 
 
-class Result:
+class Result(Objects):
     """What was found in one image, highest score first.
 
     N is the number of objects; all arrays have their objects in the same order. Lengths are metres, angles radians.
@@ -26,19 +26,9 @@ class Result:
     """
 
     def __init__(self, record: str, pixels: bytes, names: tuple[str, ...]) -> None:
-        self._json = record
+        super().__init__(record, "detections")
         self._pixels = pixels
         self._names = names
-        self._record: dict[str, Any] = json.loads(record)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `farsight range --json` writes for this image (docs/guide.md says what is in it)."""
-        copy: dict[str, Any] = json.loads(self._json)
-        return copy
-
-    def to_json(self) -> str:
-        """The line that `farsight range --format jsonl` prints for this image, digit for digit."""
-        return self._json
 
     @property
     def path(self) -> str:
@@ -56,62 +46,25 @@ class Result:
         return np.array(self._record["camera"]["projection"], np.float64)
 
     @property
-    def boxes3d(self) -> Floats:
-        """Boxes in camera coordinates, shape (N, 7): x, y, z of the bottom centre, length, height, width, yaw."""
-        found = self._record["detections"]
-        rows = [[*one["location"], *(one["dimensions_hwl"][i] for i in (2, 0, 1)), one["rotation_y"]] for one in found]
-        return columns(rows, 7)
-
-    @property
-    def boxes2d(self) -> Floats:
-        """Boxes in the image, shape (N, 4): left, top, right, bottom, pixels."""
-        return columns([one["box2d"] for one in self._record["detections"]], 4)
-
-    @property
     def alpha(self) -> Floats:
         """Observation angles, shape (N,), radians."""
         return self._numbers("alpha")
 
     @property
-    def range_m(self) -> Floats:
-        """Distances along the optical axis (KITTI's z), shape (N,), metres."""
-        return self._numbers("range_m")
-
-    @property
-    def range_sigma_m(self) -> Floats:
-        """Standard deviations of the distances, shape (N,), metres; NaN of a model without error bars."""
-        return self._numbers("range_sigma_m")
-
-    @property
-    def interval_m(self) -> Floats:
-        """The distances lie between these with a probability of 90%, shape (N, 2), metres; NaN without error bars."""
-        return self._intervals("range_interval_m")
-
-    @property
     def interval_68_m(self) -> Floats:
-        """The same with a probability of 68%."""
-        return self._intervals("range_interval_68_m")
+        """As interval_m, with a probability of 68%."""
+        return self._rows("range_interval_68_m", 2)
 
     @property
     def interval_50_m(self) -> Floats:
-        """The same with a probability of 50%."""
-        return self._intervals("range_interval_50_m")
-
-    @property
-    def classes(self) -> npt.NDArray[np.str_]:
-        """Classes by KITTI's names, shape (N,), strings."""
-        return np.array([one["class"] for one in self._record["detections"]], np.str_)
+        """As interval_m, with a probability of 50%."""
+        return self._rows("range_interval_50_m", 2)
 
     @property
     def class_ids(self) -> npt.NDArray[np.int64]:
         """Places of the classes in `farsight.Model.classes`, shape (N,)."""
         places = {name: place for place, name in enumerate(self._names)}
-        return np.array([places[one["class"]] for one in self._record["detections"]], np.int64)
-
-    @property
-    def scores(self) -> Floats:
-        """Scores, shape (N,), 0 to 1; of the shipped models the probability that the object is right."""
-        return self._numbers("score")
+        return np.array([places[one["class"]] for one in self._objects], np.int64)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Pixels:
         """The image with boxes, distances and the view from above, as `farsight range --out` draws it.
@@ -175,7 +128,7 @@ class Result:
             raise _missing("fiftyone") from error
         width, height = self._record["width"], self._record["height"]
         detections = []
-        for one in self._record["detections"]:
+        for one in self._objects:
             left, top, right, bottom = one["box2d"]
             (x, y, z), (tall, wide, long) = one["location"], one["dimensions_hwl"]
             detections.append(
@@ -199,21 +152,12 @@ class Result:
         assert png is not None
         return png
 
-    def __len__(self) -> int:
-        return len(self._record["detections"])
-
     def __repr__(self) -> str:
-        found = ", ".join(f"{one['class']} {one['range_m']:.1f} m" for one in self._record["detections"])
+        found = ", ".join(f"{one['class']} {one['range_m']:.1f} m" for one in self._objects)
         return f"<farsight.Result of {self.path}: {found or 'nothing found'}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Result, (self._json, self._pixels, self._names)
-
-    def _numbers(self, name: str) -> Floats:
-        return np.array([one[name] for one in self._record["detections"]], np.float64)
-
-    def _intervals(self, name: str) -> Floats:
-        return columns([one[name] or [np.nan, np.nan] for one in self._record["detections"]], 2)
 
 
 def _missing(package: str) -> ImportError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -10,11 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import Floats, Pixels, columns, pixels_from_bytes
+from ._arrays import Floats, Pixels, pixels_from_bytes
 from ._farsight import Video
+from ._objects import Objects
 
 
-class Frame:
+class Frame(Objects):
     """One frame of a video and the tracks in it, those that coast included.
 
     N is the number of tracks; all arrays have them in the same order. Lengths are metres, speeds metres a second,
@@ -23,20 +23,10 @@ class Frame:
     """
 
     def __init__(self, record: str, pixels: bytes, size: list[int], projection: list[list[float]]) -> None:
-        self._json = record
+        super().__init__(record, "tracks")
         self._pixels = pixels
         self._size = size
         self._projection = projection
-        self._record: dict[str, Any] = json.loads(record)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The object that `farsight track --json` writes for this frame (docs/video.md says what is in it)."""
-        copy: dict[str, Any] = json.loads(self._json)
-        return copy
-
-    def to_json(self) -> str:
-        """The line that `farsight track --json -` prints for this frame, digit for digit."""
-        return self._json
 
     @property
     def frame(self) -> int:
@@ -67,50 +57,17 @@ class Frame:
     @property
     def ids(self) -> npt.NDArray[np.int64]:
         """Identities, shape (N,), from 1; an object keeps its own."""
-        return np.array([one["id"] for one in self._record["tracks"]], np.int64)
-
-    @property
-    def classes(self) -> npt.NDArray[np.str_]:
-        """Classes by KITTI's names, shape (N,), strings."""
-        return np.array([one["class"] for one in self._record["tracks"]], np.str_)
-
-    @property
-    def scores(self) -> Floats:
-        """Scores of the latest detections, shape (N,), 0 to 1."""
-        return self._numbers("score")
+        return np.array([one["id"] for one in self._objects], np.int64)
 
     @property
     def coasting(self) -> npt.NDArray[np.bool_]:
         """Whether nothing was seen of each in this frame, shape (N,)."""
-        return np.array([one["coasting"] for one in self._record["tracks"]], np.bool_)
-
-    @property
-    def boxes3d(self) -> Floats:
-        """Boxes in camera coordinates, shape (N, 7): x, y, z of the bottom centre, length, height, width, yaw."""
-        found = self._record["tracks"]
-        rows = [[*one["location"], *(one["dimensions_hwl"][i] for i in (2, 0, 1)), one["rotation_y"]] for one in found]
-        return columns(rows, 7)
-
-    @property
-    def boxes2d(self) -> Floats:
-        """Boxes in the image, shape (N, 4): left, top, right, bottom, pixels."""
-        return columns([one["box2d"] for one in self._record["tracks"]], 4)
-
-    @property
-    def range_m(self) -> Floats:
-        """Distances along the optical axis, shape (N,), metres."""
-        return self._numbers("range_m")
-
-    @property
-    def range_sigma_m(self) -> Floats:
-        """Standard deviations of the distances, shape (N,), metres."""
-        return self._numbers("range_sigma_m")
+        return np.array([one["coasting"] for one in self._objects], np.bool_)
 
     @property
     def velocity_mps(self) -> Floats:
         """Velocities to the right, down and ahead, shape (N, 3)."""
-        unknown = [np.nan] * 3
-        return columns([one["velocity_mps"] or unknown for one in self._record["tracks"]], 3)
+        return self._rows("velocity_mps", 3)
 
     @property
     def closing_mps(self) -> Floats:
@@ -122,19 +79,12 @@ class Frame:
         """Times to collision, shape (N,), seconds; NaN unless it surely closes."""
         return self._numbers("ttc_s")
 
-    def __len__(self) -> int:
-        return len(self._record["tracks"])
-
     def __repr__(self) -> str:
-        found = ", ".join(f"#{one['id']} {one['class']} {one['range_m']:.1f} m" for one in self._record["tracks"])
+        found = ", ".join(f"#{one['id']} {one['class']} {one['range_m']:.1f} m" for one in self._objects)
         return f"<farsight.Frame {self.frame} at {self.time_s:.2f} s: {found or 'no tracks'}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Frame, (self._json, self._pixels, self._size, self._projection)
-
-    def _numbers(self, name: str) -> Floats:
-        values = (one[name] for one in self._record["tracks"])
-        return np.array([np.nan if value is None else value for value in values], np.float64)
 
 
 def frames_of(video: Video) -> Iterator[Frame]:

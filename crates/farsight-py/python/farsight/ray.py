@@ -13,12 +13,13 @@ is answered once.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import camera_argument
+from ._arrays import View, view_argument
 
 if TYPE_CHECKING:
     import ray.data
@@ -38,6 +39,8 @@ def map(
     hfov: float | None = None,
     K: npt.ArrayLike | None = None,
     P: npt.ArrayLike | None = None,
+    calib: str | os.PathLike[str] | None = None,
+    lens: str | None = None,
     batch_size: int = 8,
     concurrency: int | tuple[int, int] = 1,
     num_cpus: int = 2,
@@ -57,6 +60,8 @@ def map(
             image, or files tell it themselves, as for `farsight.Model.range`.
         K: Intrinsic matrix, shape (3, 3), pixels.
         P: Projection, shape (3, 4).
+        calib: Calibration in KITTI's format, as for `farsight.Model.range`; a file that all workers can read.
+        lens: What distorts the images, as for `farsight.Model.range`.
         batch_size: Images that are handed out together.
         concurrency: How many workers, or the fewest and the most.
         num_cpus: Cores of each worker; its networks have as many threads.
@@ -81,7 +86,7 @@ def map(
     arguments = {"threads": num_cpus, **model}
     found: ray.data.Dataset = dataset.map_batches(
         _worker(),
-        fn_constructor_args=(arguments, camera_argument(hfov, K, P)),
+        fn_constructor_args=(arguments, view_argument(hfov, K, P, calib, lens)),
         batch_size=batch_size,
         batch_format="numpy",
         compute=pool,
@@ -95,7 +100,7 @@ def _worker() -> type:
     """The class of the actors. It travels as a whole, so that a machine without the wheel can say what it lacks."""
 
     class Worker:
-        def __init__(self, arguments: dict[str, Any], camera: Any) -> None:
+        def __init__(self, arguments: dict[str, Any], view: Any) -> None:
             try:
                 import farsight.ray
             except ModuleNotFoundError as error:
@@ -104,16 +109,16 @@ def _worker() -> type:
                     'or ray.init(runtime_env={"pip": ["farsight-....whl"]})'
                 ) from error
             self.model = farsight.Model(**arguments)
-            self.camera = camera
+            self.view = view
             self.look = farsight.ray._look
 
         def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
-            return self.look(self.model, self.camera, batch)
+            return self.look(self.model, self.view, batch)
 
     return Worker
 
 
-def _look(model: Model, camera: Any, batch: dict[str, Any]) -> dict[str, Any]:
+def _look(model: Model, view: View, batch: dict[str, Any]) -> dict[str, Any]:
     """Answers a batch: columns with a value for each image."""
     column = next((name for name in (*_IMAGES, "path") if name in batch), None)
     if column is None:
@@ -122,9 +127,10 @@ def _look(model: Model, camera: Any, batch: dict[str, Any]) -> dict[str, Any]:
     errors: list[str | None] = []
     for place, image in enumerate(batch[column]):
         name = str(batch["path"][place]) if "path" in batch else None
+        camera, lens = view
         its_camera = float(batch["hfov"][place]) if camera is None and "hfov" in batch else camera
         try:
-            answers.append(model._range(image, its_camera, name).to_json())
+            answers.append(model._range(image, (its_camera, lens), name).to_json())
             errors.append(None)
         except (OSError, RuntimeError, TypeError, ValueError) as error:
             answers.append(None)

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::thread::sleep;
 use std::time::Duration;
 
-use farsight::service::{Config, Look, LookError, Looked, ModelCard, Server};
-use farsight::{CameraSource, ImageLimits, StageTimes};
+use farsight::service::{Config, Look, Looked, ModelCard, Server};
+use farsight::{ImageLimits, RangeError, StageTimes, ViewSource};
 use farsight_data::decode_image;
 
 /// What the stand-in takes for an image that it does not like, and one at which it panics.
@@ -20,7 +20,7 @@ pub(crate) const PANIC: &[u8] = b"panic";
 struct StandIn;
 
 impl Look for StandIn {
-    fn look(&self, bytes: &[u8], name: &Path, _: &CameraSource) -> Result<Looked, LookError> {
+    fn look(&self, bytes: &[u8], name: &Path, _: &ViewSource) -> Result<Looked, RangeError> {
         sleep(Duration::from_millis(1));
         assert!(bytes != PANIC, "a panic that was asked for");
         if bytes == NO_IMAGE {

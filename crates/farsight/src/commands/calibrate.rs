@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight::{Camera, CameraSource, Detection, ImageLimits, RgbImage, Road, RoadPlane, load_image};
+use farsight::{Camera, Detection, ImageLimits, Road, RoadPlane, View, ViewSource, load_image};
 use farsight_core::overlap::iou_2d;
 use farsight_data::kitti::Calibration;
 
 use super::Outcome;
-use crate::camera_args::{CameraArgs, with_hint};
+use crate::camera_args::{ViewArgs, with_hint};
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted, progress_bar};
@@ -33,7 +33,7 @@ pub(crate) struct CalibrateArgs {
     out: Option<PathBuf>,
     // Last, because its help heading would go on to what follows.
     #[command(flatten)]
-    camera: CameraArgs,
+    view: ViewArgs,
 }
 
 /// What overlaps by more than this with something in one of the last images stands still, and is no new witness.
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
         printer.error(problem);
     }
     ensure!(!found.images.is_empty(), "no image to look at");
-    let cameras = args.camera.source(&found.images)?;
+    let views = args.view.source(&found.images)?;
     let road = args.pipeline.road.above_road().unwrap_or(Road::Below);
     ensure!(road != Road::Ignored, "--above-road none leaves nothing to find; expected metres, or any");
     let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?, printer)?;
@@ -69,9 +69,9 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
     let mut failed = found.problems.len();
     let mut first = None;
     for path in &found.images {
-        match known_image(path, &cameras, first) {
-            Ok((image, camera)) => {
-                first = Some((camera, [image.width(), image.height()]));
+        match known_view(path, &views, first.as_ref()) {
+            Ok(known) => {
+                first = Some(known);
                 images.push(path);
             }
             Err(error) => {
@@ -80,8 +80,9 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
             }
         }
     }
-    let Some((given, _)) = first else { bail!("no image could be looked at") };
+    let Some((view, _)) = first else { bail!("no image could be looked at") };
 
+    let given = *view.camera();
     let (mut camera, mut stands, mut carried) = (given, None, 0.0);
     // Networks know cameras in level coordinates better, so what the first round finds makes the second one better.
     for _ in 0..ROUNDS {
@@ -89,7 +90,8 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
         let bar = progress_bar(images.len());
         for path in &images {
             let image = load_image(path, ImageLimits::default())?.pixels;
-            traffic.add(pipeline.detect_off_road(&image, &camera).with_context(|| path.display().to_string())?);
+            let found = view.straightened(&image).and_then(|image| pipeline.detect_off_road(&image, &camera));
+            traffic.add(found.with_context(|| path.display().to_string())?);
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -152,17 +154,17 @@ fn tell(stand: &Stand, seen: &str, printer: &mut Printer) {
     printer.status(&format!("{seen}; the field of view is as given: traffic does not tell it"));
 }
 
-/// An image and its camera, which must be that of the `first` ones (with its size).
-fn known_image(path: &Path, cameras: &CameraSource, first: Option<(Camera, [u32; 2])>) -> Result<(RgbImage, Camera)> {
+/// How an image was taken, and its size; both must be those of the `first` one.
+fn known_view(path: &Path, views: &ViewSource, first: Option<&(View, [u32; 2])>) -> Result<(View, [u32; 2])> {
     let loaded = load_image(path, ImageLimits::default())?;
     let size = [loaded.pixels.width(), loaded.pixels.height()];
-    let camera = cameras.camera(path, size.map(|side| side as usize), &loaded.exif).map_err(with_hint)?;
+    let view = views.view(path, size.map(|side| side as usize), &loaded.exif).map_err(with_hint)?;
     ensure!(
-        first.is_none_or(|first| first == (camera, size)),
+        first.is_none_or(|(first, its_size)| (first.camera(), its_size) == (view.camera(), &size)),
         "{}: another camera or size than the images before; expected images of one camera",
         path.display()
     );
-    Ok((loaded.pixels, camera))
+    Ok((view, size))
 }
 
 /// What one camera saw.

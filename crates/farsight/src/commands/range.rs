@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
-use farsight::{Lens, Pipeline, RangeKind};
+use farsight::{Pipeline, RangeKind};
 
 use super::Outcome;
-use crate::camera_args::CameraArgs;
+use crate::camera_args::ViewArgs;
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::Printer;
@@ -64,17 +64,9 @@ pub(crate) struct RangeArgs {
     /// What once asked for the exit status that failed images have anyway
     #[arg(long, hide = true)]
     strict: bool,
-    /// What the lens does to the image, in OpenCV's order: brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4 (fisheye). Camera
-    /// options then tell the pinhole
-    #[arg(
-        long,
-        value_name = "LENS",
-        help_heading = "Camera (photos with EXIF data and images in KITTI's layout bring their own)"
-    )]
-    lens: Option<Lens>,
     // Last, because their help headings would go on to what follows.
     #[command(flatten)]
-    camera: CameraArgs,
+    view: ViewArgs,
     #[command(flatten)]
     shard: ShardArgs,
 }
@@ -96,8 +88,7 @@ impl RangeArgs {
             range: RangeName::Depth,
             min_score: None,
             strict: false,
-            lens: None,
-            camera: CameraArgs::default(),
+            view: ViewArgs::default(),
             shard: ShardArgs::default(),
         }
     }
@@ -124,7 +115,7 @@ impl RangeArgs {
 
     /// What looks at so many images.
     fn open(&self, images: usize, printer: &mut Printer) -> Result<Pipeline> {
-        let builder = self.pipeline.builder_for(&self.camera, printer)?.range(self.range.kind()).images(images);
+        let builder = self.pipeline.builder(printer)?.range(self.range.kind()).images(images);
         let builder = self.min_score.into_iter().fold(builder, farsight::PipelineBuilder::min_score);
         pipeline_args::open_and_tell(&builder, printer)
     }

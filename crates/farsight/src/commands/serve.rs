@@ -12,9 +12,9 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight::CameraSource;
 use farsight::service::{Config, Log, Look, Server, Tls, Token};
 use farsight::video::is_video;
+use farsight::{CameraSource, Lens, LensError, ViewSource};
 use farsight_files::read_text;
 
 use super::Outcome;
@@ -48,9 +48,13 @@ pub(crate) struct ServeArgs {
     /// FILE with the word that requests must bring (Authorization: Bearer TOKEN) [default: what `FARSIGHT_TOKEN` says]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// A camera that requests may name: its horizontal field of view in degrees, or its calibration file
+    /// A camera that requests may name: its horizontal field of view in degrees, or its calibration file, with
+    /// its road where `farsight calibrate` wrote it
     #[arg(long = "camera", value_name = "NAME=HFOV|FILE", value_parser = camera)]
     cameras: Vec<(String, CameraSource)>,
+    /// The lens of a camera, as `farsight range --lens` takes it
+    #[arg(long = "lens", value_name = "NAME=LENS", value_parser = lens)]
+    lenses: Vec<(String, Lens)>,
     /// A film, an address (rtsp, http) or a camera device that may be watched by its NAME, read by ffmpeg; the camera
     /// of the same name took it
     #[arg(long = "video", value_name = "NAME=INPUT", value_parser = video)]
@@ -102,6 +106,11 @@ fn camera(text: &str) -> Result<(String, CameraSource), String> {
     Ok((name.to_owned(), source))
 }
 
+fn lens(text: &str) -> Result<(String, Lens), String> {
+    let (name, lens) = text.split_once('=').ok_or("expected NAME=LENS")?;
+    Ok((name.to_owned(), lens.parse().map_err(|error: LensError| error.to_string())?))
+}
+
 fn video(text: &str) -> Result<(String, PathBuf), String> {
     let parts = text.split_once('=').filter(|(name, input)| !name.is_empty() && !input.is_empty());
     let (name, input) = parts.ok_or("expected NAME=INPUT")?;
@@ -128,12 +137,7 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
     );
     let tls = tls(args)?;
     let log = args.log.as_deref().map(log_to).transpose()?.unwrap_or_default();
-    let mut cameras = BTreeMap::new();
-    for (name, source) in &args.cameras {
-        if cameras.insert(name.clone(), source.clone()).is_some() {
-            bail!("--camera {name}: named twice; expected another name");
-        }
-    }
+    let cameras = cameras(args)?;
     for (name, _) in &args.videos {
         let expected = format!("expected --camera {name}=HFOV or --camera {name}=FILE beside it");
         // Not the address: there may be a password in it.
@@ -164,6 +168,26 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
     server.run_until_signal().context("the system tells of no signals")?;
     printer.status("ended");
     Ok(Outcome::Done)
+}
+
+/// The stored cameras by their names, with their lenses.
+fn cameras(args: &ServeArgs) -> Result<BTreeMap<String, ViewSource>> {
+    let mut cameras = BTreeMap::new();
+    for (name, source) in &args.cameras {
+        if cameras.insert(name.clone(), ViewSource::from(source.clone())).is_some() {
+            bail!("--camera {name}: named twice; expected another name");
+        }
+    }
+    for (name, lens) in &args.lenses {
+        let Some(camera) = cameras.get_mut(name) else {
+            bail!("--lens {name}: no camera of this name; expected --camera {name}=HFOV or --camera {name}=FILE");
+        };
+        if camera.lens().is_some() {
+            bail!("--lens {name}: named twice; expected one lens a camera");
+        }
+        *camera = camera.clone().with_lens(Some(*lens));
+    }
+    Ok(cameras)
 }
 
 fn tls(args: &ServeArgs) -> Result<Option<Tls>> {

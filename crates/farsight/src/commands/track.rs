@@ -17,7 +17,7 @@ use farsight::{Pipeline, TrackerOptions};
 use indicatif::ProgressBar;
 
 use super::Outcome;
-use crate::camera_args::{CameraArgs, with_hint};
+use crate::camera_args::{ViewArgs, with_hint};
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted, progress_bar};
@@ -77,7 +77,7 @@ pub(crate) struct TrackArgs {
     min_score: Option<f64>,
     // Last, because their help headings would go on to what follows.
     #[command(flatten)]
-    camera: CameraArgs,
+    view: ViewArgs,
     #[command(flatten)]
     shard: ShardArgs,
 }
@@ -124,7 +124,7 @@ fn open(args: &TrackArgs, printer: &mut Printer) -> Result<Pipeline> {
 /// Follows what is in one video, with a pipeline that is open or opens now.
 fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) -> Result<Outcome> {
     let source = source(args, printer)?;
-    let cameras = args.camera.source(source.images())?;
+    let views = args.view.source(source.images())?;
     let ego = args.ego.as_deref().map(EgoFile::read).transpose()?;
     let mut sinks = Sinks::check(args, &source)?;
     let pipeline = pipeline.map_or_else(|| open(args, printer), |pipeline| Ok(pipeline.clone()))?;
@@ -134,7 +134,7 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
     if ego.is_none() {
         printer.note("speeds are relative to the camera; --ego FILE gives those over the ground");
     }
-    let tracker = VideoTracker::new(pipeline, cameras).with_options(options);
+    let tracker = VideoTracker::new(pipeline, views).with_options(options);
     let mut tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
     let reading = VideoOptions { ffmpeg: args.ffmpeg.clone(), realtime: args.realtime, ..VideoOptions::default() };
     let mut frames = source.frames(&reading)?;

@@ -6,6 +6,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::extract::rejection::JsonRejection;
 use axum::http::StatusCode;
+use farsight_core::road::RoadPlane;
 use farsight_core::road_rectangle::{RoadCamera, RoadRectangle};
 use farsight_data::kitti::Calibration;
 use serde::{Deserialize, Serialize};
@@ -46,7 +47,10 @@ pub(super) struct Answer {
     roll_deg: f64,
     residual_px: f64,
     projection: [[f64; 4]; 3],
-    /// What a file for `--calib` says.
+    /// The road under it, as `/v1/range?road=` takes it: slope, tilt and height of the camera, and their standard
+    /// deviations; null where these are not known.
+    road: Option<[f64; 6]>,
+    /// What a file for `--calib` says, with that road.
     calibration: String,
 }
 
@@ -68,28 +72,49 @@ pub(super) async fn calibrate(
     let shown_px = shown_px.filter(|shown| shown.is_finite() && *shown >= 1.0).unwrap_or(SCREEN_PX);
     let sigmas = sigmas(&rectangle, size, &found, CLICK_PX * f64::from(width) / shown_px);
     let RoadCamera { camera, hfov_deg, height_m, pitch_deg, roll_deg, residual_px } = found;
+    // The camera's coordinates are those of its road.
+    let road = sigmas.map(|sigmas| RoadPlane {
+        slope: 0.0,
+        tilt: 0.0,
+        height_m,
+        sigmas: [sigmas.pitch_deg.to_radians(), sigmas.roll_deg.to_radians(), sigmas.height_m],
+    });
     Ok(Json(Answer {
         hfov_deg,
-        hfov_sigma_deg: sigmas.map(|[hfov, _]| hfov),
+        hfov_sigma_deg: sigmas.map(|sigmas| sigmas.hfov_deg),
         height_m,
-        height_sigma_m: sigmas.map(|[_, height]| height),
+        height_sigma_m: sigmas.map(|sigmas| sigmas.height_m),
         pitch_deg,
         roll_deg,
         residual_px,
         projection: camera.projection,
-        calibration: Calibration::from_camera(&camera).to_text(),
+        road: road.map(|RoadPlane { slope, tilt, height_m, sigmas: [a, b, c] }| [slope, tilt, height_m, a, b, c]),
+        calibration: Calibration { road, ..Calibration::from_camera(&camera) }.to_text(),
     }))
 }
 
-/// Standard deviations of field of view (degrees) and height (metres) when each coordinate is off by `click_px`.
-fn sigmas(rectangle: &RoadRectangle, size: [u32; 2], found: &RoadCamera, click_px: f64) -> Option<[f64; 2]> {
-    let mut squares = [0.0; 2];
+/// Standard deviations of what is told.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sigmas {
+    hfov_deg: f64,
+    height_m: f64,
+    pitch_deg: f64,
+    roll_deg: f64,
+}
+
+/// What becomes of the camera when each coordinate is off by `click_px`.
+fn sigmas(rectangle: &RoadRectangle, size: [u32; 2], found: &RoadCamera, click_px: f64) -> Option<Sigmas> {
+    let mut sigmas = Sigmas::default();
     for place in 0..8 {
         let mut moved = *rectangle;
         moved.corners_px[place / 2][place % 2] += click_px;
         let other = moved.camera(size).ok()?;
-        squares[0] += (other.hfov_deg - found.hfov_deg).powi(2);
-        squares[1] += (other.height_m - found.height_m).powi(2);
+        sigmas = Sigmas {
+            hfov_deg: sigmas.hfov_deg.hypot(other.hfov_deg - found.hfov_deg),
+            height_m: sigmas.height_m.hypot(other.height_m - found.height_m),
+            pitch_deg: sigmas.pitch_deg.hypot(other.pitch_deg - found.pitch_deg),
+            roll_deg: sigmas.roll_deg.hypot(other.roll_deg - found.roll_deg),
+        };
     }
-    Some(squares.map(f64::sqrt))
+    Some(sigmas)
 }

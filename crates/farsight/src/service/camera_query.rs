@@ -1,11 +1,14 @@
 //! The camera of an image, as a request says it.
 
+use std::path::Path;
+
+use farsight_data::kitti::Calibration;
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::Config;
 use super::refusal::Refusal;
-use crate::{Camera, CameraSource};
+use crate::{CameraSource, Lens, ViewSource};
 
 /// The camera of an image: one of these ways, or none where the image says it itself.
 #[derive(Debug, Default, Deserialize)]
@@ -22,6 +25,10 @@ pub(super) struct CameraQuery {
     cy: Option<f64>,
     /// Twelve numbers with commas between them: the projection, row by row.
     projection: Option<String>,
+    /// Six numbers with commas between them: the road below that projection, as a calibration file has it.
+    road: Option<String>,
+    /// What distorts the image, as `--lens` has it.
+    lens: Option<String>,
 }
 
 impl CameraQuery {
@@ -30,9 +37,9 @@ impl CameraQuery {
         serde_json::from_value(parameters).map_err(|error| Refusal::bad_request(format!("parameters: {error}")))
     }
 
-    /// What is known of the camera.
-    pub(super) fn source(&self, config: &Config) -> Result<CameraSource, Refusal> {
-        let Self { camera, hfov, fx, fy, cx, cy, projection } = self;
+    /// What is known of how the image was taken.
+    pub(super) fn views(&self, config: &Config) -> Result<ViewSource, Refusal> {
+        let Self { camera, hfov, fx, fy, cx, cy, projection, road, lens } = self;
         let ways = [camera.is_some(), hfov.is_some(), fx.is_some(), projection.is_some()];
         if ways.into_iter().filter(|way| *way).count() > 1 {
             let message = "several cameras; expected one of camera=, hfov=, fx= and projection=";
@@ -41,30 +48,36 @@ impl CameraQuery {
         if fx.is_none() && [fy, cx, cy].iter().any(|value| value.is_some()) {
             return Err(Refusal::bad_request("fy, cx and cy need fx=; expected it beside them"));
         }
+        if road.is_some() && projection.is_none() {
+            return Err(Refusal::bad_request("road= needs projection=; expected it beside it"));
+        }
+        if camera.is_some() && lens.is_some() {
+            return Err(Refusal::bad_request("lens= beside camera=; expected one: a stored camera has its own lens"));
+        }
         if let Some(name) = camera {
             let unknown = || Refusal::not_found("no_camera", unknown("camera", name, config.cameras.keys()));
             return config.cameras.get(name).cloned().ok_or_else(unknown);
         }
-        if let Some(text) = projection {
-            return Ok(CameraSource::Same(camera_from(text)?));
-        }
-        Ok(match (*fx, *hfov) {
-            (Some(fx), _) => CameraSource::Intrinsics { fx, fy: fy.unwrap_or(fx), cx: *cx, cy: *cy },
-            (None, Some(degrees)) => CameraSource::FieldOfView(degrees),
-            (None, None) => CameraSource::Exif,
-        })
+        let cameras = match (projection, *fx, *hfov) {
+            (Some(projection), ..) => calibrated(projection, road.as_deref())?,
+            (None, Some(fx), _) => CameraSource::Intrinsics { fx, fy: fy.unwrap_or(fx), cx: *cx, cy: *cy },
+            (None, None, Some(degrees)) => CameraSource::FieldOfView(degrees),
+            (None, None, None) => CameraSource::Exif,
+        };
+        let lens = lens.as_deref().map(str::parse::<Lens>).transpose();
+        let lens = lens.map_err(|error| Refusal::bad_request(error.to_string()))?;
+        Ok(ViewSource::from(cameras).with_lens(lens))
     }
 }
 
-fn camera_from(text: &str) -> Result<Camera, Refusal> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let numbers: Option<[f64; 12]> = numbers.and_then(|numbers| numbers.try_into().ok());
-    let Some(numbers) = numbers else {
-        let message = "projection= is no projection; expected twelve numbers with commas between them, row by row";
-        return Err(Refusal::bad_request(message));
-    };
-    let projection = [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| numbers[4 * row + column]));
-    Camera::from_projection(projection).map_err(|error| Refusal::bad_request(error.to_string()))
+/// The camera of rows as a calibration file has them, with commas between their numbers.
+fn calibrated(projection: &str, road: Option<&str>) -> Result<CameraSource, Refusal> {
+    let row = |(name, numbers): (&str, &str)| format!("{name}: {}\n", numbers.replace([',', '\n'], " "));
+    let rows = [Some(("P2", projection)), road.map(|road| ("road", road))].into_iter().flatten();
+    let calibration = Calibration::from_text(&rows.map(row).collect::<String>(), Path::new("projection=, road="));
+    let expected = "projection= takes twelve numbers with commas between them, row by row, road= six";
+    let calibration = calibration.map_err(|error| Refusal::bad_request(format!("{error}; {expected}")))?;
+    Ok(CameraSource::of_calibration(&calibration))
 }
 
 /// What is told of a name that is not known.

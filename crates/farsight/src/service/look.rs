@@ -2,29 +2,13 @@
 
 use std::path::Path;
 
-use farsight_data::{ImageError, ImageLimits, decode_image};
+use farsight_data::{ImageLimits, decode_image};
 use farsight_runtime::StageTimes;
 use farsight_runtime::timing::timed;
-use thiserror::Error;
 
 use super::MAX_PIXELS;
 use crate::json::ImageRecord;
-use crate::{CameraSource, CameraSourceError, DetectError, Pipeline};
-
-/// An image that gets no answer.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum LookError {
-    /// It cannot be read.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    /// Its camera is not known.
-    #[error(transparent)]
-    Camera(#[from] CameraSourceError),
-    /// The model failed.
-    #[error(transparent)]
-    Detect(#[from] DetectError),
-}
+use crate::{Pipeline, RangeError, RangedImage, ViewSource};
 
 /// An answer, and what it took.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,26 +32,21 @@ pub struct ModelCard {
 
 /// Looks at images, on several threads at once.
 pub trait Look: Send + Sync + 'static {
-    /// What is in the image file `bytes`, called `name`, whose camera `cameras` knows.
+    /// What is in the image file `bytes`, called `name`, of which `views` knows how it was taken.
     ///
     /// # Errors
     /// When it is no image, its camera is not known, or the model fails.
-    fn look(&self, bytes: &[u8], name: &Path, cameras: &CameraSource) -> Result<Looked, LookError>;
+    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError>;
 
     /// What looks.
     fn card(&self) -> ModelCard;
 }
 
 impl Look for Pipeline {
-    fn look(&self, bytes: &[u8], name: &Path, cameras: &CameraSource) -> Result<Looked, LookError> {
+    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
         let max_pixels = MAX_PIXELS.min(ImageLimits::default().max_pixels);
         let (image, load) = timed(|| decode_image(bytes, name, ImageLimits { max_pixels }));
-        let image = image?;
-        let size = [image.pixels.width() as usize, image.pixels.height() as usize];
-        let camera = cameras.camera(name, size, &image.exif)?;
-        let (mut answers, times) = self.detect_batch(&[(&image.pixels, &camera)])?;
-        let record = ImageRecord::new(name, &image.pixels, &camera, &answers.pop().unwrap_or_default(), self);
-        let mut record = record.with_camera_origin(cameras.origin(name));
+        let RangedImage { mut record, times, .. } = self.range_image(name, &image?, views)?;
         if let Some(model) = &mut record.model {
             model.name = model_name(self);
         }

@@ -36,14 +36,14 @@ use tokio::runtime::Runtime;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-use crate::CameraSource;
+use crate::ViewSource;
 use metrics::Metrics;
 use queue::Queue;
 use shared::Shared;
 use videos::Videos;
 
 pub use log::{Log, LogRecord};
-pub use look::{Look, LookError, Looked, ModelCard};
+pub use look::{Look, Looked, ModelCard};
 pub use refusal::Refusal;
 pub use tls::{Tls, TlsError};
 pub use token::{Token, TokenError};
@@ -70,7 +70,7 @@ pub struct Config {
     /// What requests must bring, if anything.
     pub token: Option<Token>,
     /// Cameras by the names that requests may use.
-    pub cameras: BTreeMap<String, CameraSource>,
+    pub cameras: BTreeMap<String, ViewSource>,
     /// Films and cameras that may be watched, by their names.
     pub videos: BTreeMap<String, Arc<dyn Video>>,
     /// Names of hosts that requests may be for, beside addresses and localhost; any, where there is a token.

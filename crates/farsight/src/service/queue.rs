@@ -15,14 +15,14 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 use super::look::Look;
 use super::metrics::Metrics;
 use super::refusal::Refusal;
-use crate::CameraSource;
+use crate::ViewSource;
 use crate::json::ImageRecord;
 
 /// An image to be looked at.
 pub(super) struct Task {
     pub(super) bytes: Bytes,
     pub(super) name: PathBuf,
-    pub(super) cameras: CameraSource,
+    pub(super) views: ViewSource,
 }
 
 pub(super) type Answer = Result<ImageRecord, Refusal>;
@@ -158,7 +158,7 @@ impl Worker {
 
     fn answer(&self, task: &Task) -> Answer {
         let begun = Instant::now();
-        let looked = catch_unwind(AssertUnwindSafe(|| self.look.look(&task.bytes, &task.name, &task.cameras)));
+        let looked = catch_unwind(AssertUnwindSafe(|| self.look.look(&task.bytes, &task.name, &task.views)));
         let stages = looked.as_ref().ok().and_then(|looked| Some(looked.as_ref().ok()?.times));
         self.metrics.worked(begun.elapsed(), stages);
         match looked {

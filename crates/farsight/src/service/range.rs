@@ -30,13 +30,13 @@ pub(super) async fn range(
     body: Body,
 ) -> Result<Json<ImageRecord>, Refusal> {
     let deadline = deadline_in(shared.config.deadline);
-    let cameras = query
+    let views = query
         .map_err(|error| Refusal::bad_request(error.body_text()))
-        .and_then(|Query(query)| query.source(&shared.config));
-    let (cameras, body, place) = match cameras {
-        Ok(cameras) => {
+        .and_then(|Query(query)| query.views(&shared.config));
+    let (views, body, place) = match views {
+        Ok(views) => {
             let (body, place) = admitted(&shared, &headers, body)?;
-            (cameras, body, place)
+            (views, body, place)
         }
         Err(refusal) => {
             drain(body);
@@ -45,7 +45,7 @@ pub(super) async fn range(
     };
     let bytes = read(body, deadline).await?;
     let (bytes, name) = image(headers, bytes).await?;
-    shared.queue.answer(Task { bytes, name, cameras }, place, deadline).await.map(Json)
+    shared.queue.answer(Task { bytes, name, views }, place, deadline).await.map(Json)
 }
 
 /// The body and a place in the queue for it, before it is read.

@@ -7,8 +7,7 @@ use farsight_data::ImageError;
 use serde_json::{Value, json};
 
 use super::MAX_BODY_BYTES;
-use super::look::LookError;
-use crate::CameraSourceError;
+use crate::{CameraSourceError, RangeError};
 
 /// Why a request gets no answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,25 +65,28 @@ impl Refusal {
     }
 }
 
-impl From<&LookError> for Refusal {
-    fn from(error: &LookError) -> Self {
+impl From<&RangeError> for Refusal {
+    fn from(error: &RangeError) -> Self {
         match error {
-            LookError::Image(ImageError::TooLarge { width, height, limit, .. }) => {
+            RangeError::Image(ImageError::TooLarge { width, height, limit, .. }) => {
                 let message = format!("the image has {width} x {height} pixels; expected at most {limit}");
                 Self::new(StatusCode::PAYLOAD_TOO_LARGE, "too_many_pixels", message)
             }
-            LookError::Image(error) => Self::new(StatusCode::BAD_REQUEST, "bad_image", error.to_string()),
+            RangeError::Image(error) => Self::new(StatusCode::BAD_REQUEST, "bad_image", error.to_string()),
             // Here and with the model the text may name files of this machine.
-            LookError::Camera(
+            RangeError::Camera(
                 CameraSourceError::NoCalibration { .. }
                 | CameraSourceError::Kind { .. }
                 | CameraSourceError::Calibration(_),
             ) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "calibration", "the camera's calibration cannot be read"),
-            LookError::Camera(error) => {
+            RangeError::Camera(error @ CameraSourceError::Lens { .. }) => {
+                Self::new(StatusCode::BAD_REQUEST, "bad_lens", error.to_string())
+            }
+            RangeError::Camera(error) => {
                 let message = format!("{error}; give one of hfov=DEGREES, fx=PIXELS or camera=NAME");
                 Self::new(StatusCode::BAD_REQUEST, "no_camera", message)
             }
-            LookError::Detect(_) => {
+            RangeError::Detect(_) => {
                 Self::new(StatusCode::INTERNAL_SERVER_ERROR, "model", "the model failed at this image")
             }
         }

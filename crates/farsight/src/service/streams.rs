@@ -124,7 +124,10 @@ impl Watcher {
     fn event(&mut self, shown: &Shown) -> String {
         let record = &shown.seen.record;
         let (width, height) = shown.seen.image.dimensions();
-        let camera = json!({"width": width, "height": height, "projection": shown.seen.camera.projection}).to_string();
+        let view = &shown.seen.view;
+        let lens = view.lens().map(|lens| lens.to_string());
+        let projection = view.camera().projection;
+        let camera = json!({"width": width, "height": height, "projection": projection, "lens": lens}).to_string();
         let mut event = String::new();
         if camera != self.camera {
             event = format!("event: camera\ndata: {camera}\n\n");

@@ -18,7 +18,7 @@ use tokio::sync::watch;
 use super::PAUSE;
 use super::log::{Log, LogRecord, now_s};
 use super::metrics::Metrics;
-use crate::Camera;
+use crate::View;
 use crate::draw::draw_tracks;
 use crate::json::FrameRecord;
 
@@ -32,8 +32,8 @@ pub struct SeenFrame {
     pub record: FrameRecord,
     /// The same as detections, in the same order.
     pub detections: Vec<Detection>,
-    /// Who took it.
-    pub camera: Camera,
+    /// How it was taken.
+    pub view: View,
     /// Its pixels.
     pub image: RgbImage,
 }
@@ -114,9 +114,10 @@ pub(super) struct Shown {
 impl Shown {
     /// The frame as JPEG, with what was found drawn into it or without. It is made when somebody first asks.
     pub(super) fn jpeg(&self, is_drawn: bool) -> Bytes {
-        let SeenFrame { record, detections, camera, image } = &self.seen;
+        let SeenFrame { record, detections, view, image } = &self.seen;
         if is_drawn {
-            return self.drawn.get_or_init(|| jpeg(&draw_tracks(image, camera, detections, &record.tracks))).clone();
+            let draw = || jpeg(&draw_tracks(image, view.camera(), view.lens(), detections, &record.tracks));
+            return self.drawn.get_or_init(draw).clone();
         }
         self.plain.get_or_init(|| jpeg(image)).clone()
     }

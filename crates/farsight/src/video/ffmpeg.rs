@@ -3,8 +3,8 @@
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread;
 use std::time::Duration;
 
@@ -15,6 +15,10 @@ use super::error::VideoError;
 
 /// Complaints of ffmpeg that are told, at most.
 const TOLD_COMPLAINTS: usize = 3;
+
+/// Bytes of pixels that are read at once, and how many such pieces may wait.
+const PIECE: usize = 1 << 16;
+const WAITING_PIECES: usize = 16;
 
 /// What ffmpeg's log says.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +38,9 @@ pub(super) type Decoded = (u64, f64, RgbImage);
 pub(super) struct Decoder {
     path: PathBuf,
     child: Child,
-    pixels: ChildStdout,
+    pixels: Receiver<Vec<u8>>,
+    /// Those of the next frame that came with the last ones.
+    rest: Vec<u8>,
     log: Receiver<Said>,
     fps: Option<f64>,
     next: u64,
@@ -49,7 +55,8 @@ impl Decoder {
         command.args(["-nostdin", "-hide_banner", "-loglevel", "level+info"]).args(input(video));
         // Its first video stream, as viewers show it: ffmpeg turns it upright before its filters.
         command.args(["-map", "0:v:0", "-vf", "showinfo", "-fps_mode", "passthrough"]);
-        command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "pipe:1"]);
+        // The end of a frame is not to wait for the next one.
+        command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "-flush_packets", "1", "pipe:1"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| unstarted(ffmpeg, error))?;
         let (Some(pixels), Some(log)) = (child.stdout.take(), child.stderr.take()) else {
@@ -57,10 +64,13 @@ impl Decoder {
         };
         let (say, said) = channel();
         thread::spawn(move || listen(log, &say));
+        let (give, given) = sync_channel(WAITING_PIECES);
+        thread::spawn(move || hand_on(pixels, &give));
         Ok(Self {
             path: video.to_owned(),
             child,
-            pixels,
+            pixels: given,
+            rest: Vec::new(),
             log: said,
             fps: None,
             next: 0,
@@ -85,23 +95,18 @@ impl Decoder {
             return None;
         }
         loop {
-            let said = match patience {
-                Some(patience) => self.log.recv_timeout(patience),
-                None => self.log.recv().map_err(|_| RecvTimeoutError::Disconnected),
-            };
-            match said {
+            match received(&self.log, patience) {
                 Ok(Said::Fps(fps)) => self.fps = self.fps.or(Some(fps)),
                 Ok(Said::Complaint(text)) if self.complaints.len() < TOLD_COMPLAINTS => self.complaints.push(text),
                 Ok(Said::Complaint(_)) => {}
                 Ok(Said::Frame(time_s, size)) => {
-                    let frame = self.frame(time_s, size);
+                    let frame = self.frame(time_s, size, patience);
                     self.is_over = frame.is_err();
                     return Some(frame);
                 }
                 Err(RecvTimeoutError::Timeout) => {
                     self.is_over = true;
-                    let waited_s = patience.unwrap_or_default().as_secs_f64();
-                    return Some(Err(VideoError::Stalled { path: self.path.clone(), waited_s }));
+                    return Some(Err(self.stalled(patience)));
                 }
                 Err(RecvTimeoutError::Disconnected) => {
                     self.is_over = true;
@@ -111,19 +116,36 @@ impl Decoder {
         }
     }
 
-    fn frame(&mut self, time_s: Option<f64>, size: [u32; 2]) -> Result<Decoded, VideoError> {
+    fn stalled(&self, patience: Option<Duration>) -> VideoError {
+        VideoError::Stalled { path: self.path.clone(), waited_s: patience.unwrap_or_default().as_secs_f64() }
+    }
+
+    fn frame(
+        &mut self,
+        time_s: Option<f64>,
+        size: [u32; 2],
+        patience: Option<Duration>,
+    ) -> Result<Decoded, VideoError> {
         let place = format!("{}: frame {}", self.path.display(), self.next);
         let ([width, height], most) = (size, ImageLimits::default().max_pixels);
         let count = u64::from(width) * u64::from(height);
         if count > most {
             return Err(VideoError::TooLarge { place, size, most });
         }
-        let mut pixels = vec![0; 3 * count as usize];
-        if let Err(error) = self.pixels.read_exact(&mut pixels) {
-            let told = self.complaints.join("; ");
-            let told = if told.is_empty() { error.to_string() } else { told };
-            return Err(VideoError::BrokeOff { place, told });
+        let length = 3 * count as usize;
+        let mut pixels = std::mem::take(&mut self.rest);
+        while pixels.len() < length {
+            match received(&self.pixels, patience) {
+                Ok(piece) => pixels.extend(piece),
+                Err(RecvTimeoutError::Timeout) => return Err(self.stalled(patience)),
+                Err(RecvTimeoutError::Disconnected) => {
+                    let told = self.complaints.join("; ");
+                    let told = if told.is_empty() { "its pixels end early".to_owned() } else { told };
+                    return Err(VideoError::BrokeOff { place, told });
+                }
+            }
         }
+        self.rest = pixels.split_off(length);
         let Some(time_s) = time_s else { return Err(VideoError::NoTime { place }) };
         let Some(image) = RgbImage::from_raw(width, height, pixels) else {
             return Err(VideoError::BrokeOff { place, told: "no pixels".to_owned() });
@@ -186,6 +208,26 @@ fn input(video: &Path) -> Vec<OsString> {
         name
     };
     before.into_iter().chain([name]).collect()
+}
+
+/// The next one, if it comes in time.
+fn received<T>(from: &Receiver<T>, patience: Option<Duration>) -> Result<T, RecvTimeoutError> {
+    match patience {
+        Some(patience) => from.recv_timeout(patience),
+        None => from.recv().map_err(|_| RecvTimeoutError::Disconnected),
+    }
+}
+
+/// Hands on pixels as they come, until they end or nobody wants them.
+fn hand_on(mut pixels: impl Read, give: &SyncSender<Vec<u8>>) {
+    loop {
+        let mut piece = vec![0; PIECE];
+        let Ok(read @ 1..) = pixels.read(&mut piece) else { return };
+        piece.truncate(read);
+        if give.send(piece).is_err() {
+            return;
+        }
+    }
 }
 
 /// Hands on what is of use in ffmpeg's log, until it ends.

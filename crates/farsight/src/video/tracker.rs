@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use farsight_core::{Camera, Detection};
+use farsight_core::Detection;
 use farsight_track::{Frame, Track, Tracker, TrackerOptions};
 use image::RgbImage;
 
@@ -14,6 +14,7 @@ use crate::camera_source::CameraSource;
 use crate::json::FrameRecord;
 use crate::object::{DetectedObject, detections};
 use crate::pipeline::Pipeline;
+use crate::view::{View, ViewSource};
 
 /// Detections of this share of the score that begins a track may continue one.
 const LOW_SHARE: f64 = 0.4;
@@ -30,7 +31,7 @@ pub fn low_score(birth_score: f64) -> f64 {
 /// Follows what a pipeline finds in the frames of one video. It knows nothing of files, and keeps no frame.
 pub struct VideoTracker {
     pipeline: Pipeline,
-    cameras: CameraSource,
+    views: ViewSource,
     ego: Option<EgoFile>,
     tracker: Tracker,
     scene_cut: SceneCut,
@@ -39,15 +40,15 @@ pub struct VideoTracker {
 }
 
 /// What is known after a frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Followed {
     /// What `farsight track --json` writes of it.
     pub record: FrameRecord,
     /// The tracks of the record, in its order.
     pub tracks: Vec<Track>,
-    /// The camera that distances were computed with.
-    pub camera: Camera,
+    /// How the frame was taken.
+    pub view: View,
     /// What the user should hear.
     pub remarks: Vec<Remark>,
 }
@@ -103,12 +104,12 @@ impl fmt::Display for Remark {
 impl VideoTracker {
     /// A tracker that has seen nothing. Detections begin tracks from the pipeline's usual score on
     /// ([`Pipeline::default_min_score`]).
-    pub fn new(pipeline: Pipeline, cameras: CameraSource) -> Self {
+    pub fn new(pipeline: Pipeline, views: impl Into<ViewSource>) -> Self {
         let birth_score = pipeline.default_min_score();
         let options = TrackerOptions { birth_score, low_score: low_score(birth_score), ..TrackerOptions::default() };
         Self {
             pipeline,
-            cameras,
+            views: views.into(),
             ego: None,
             tracker: Tracker::new(options),
             scene_cut: SceneCut::default(),
@@ -142,35 +143,36 @@ impl VideoTracker {
     /// When its camera is not known, the pipeline fails, or it is not later than the one before. The tracks are then as
     /// before, and the next frame may follow.
     pub fn look(&mut self, frame: &VideoFrame) -> Result<Followed, VideoError> {
-        let camera = self.camera(frame)?;
-        let objects = self.pipeline.detect(&frame.image, &camera);
-        let objects =
+        let view = self.view(frame)?;
+        let objects = self.pipeline.detect_straightened(&frame.image, &view);
+        let (objects, _) =
             objects.map_err(|source| VideoError::Detect { place: frame.place(), source: Box::new(source) })?;
-        self.follow(frame, &camera, &objects)
+        self.follow(frame, view, &objects)
     }
 
-    /// The camera of a frame.
+    /// How a frame was taken.
     ///
     /// # Errors
-    /// When it is not known.
-    pub fn camera(&self, frame: &VideoFrame) -> Result<Camera, VideoError> {
-        Ok(self.cameras.camera(&frame.path, size(&frame.image), &frame.exif)?)
+    /// When its camera is not known, or the lens folds it.
+    pub fn view(&self, frame: &VideoFrame) -> Result<View, VideoError> {
+        Ok(self.views.view(&frame.path, size(&frame.image), &frame.exif)?)
     }
 
-    /// As [`VideoTracker::look`], for a frame in which these objects were found already.
+    /// As [`VideoTracker::look`], for a frame in which these objects were found already; their boxes are those that the
+    /// pinhole of `view` sees ([`View::straightened`]).
     ///
     /// # Errors
     /// When it is not later than the one before. The tracks are then as before.
     pub fn follow(
         &mut self,
         frame: &VideoFrame,
-        camera: &Camera,
+        view: View,
         objects: &[DetectedObject],
     ) -> Result<Followed, VideoError> {
         let VideoFrame { number, time_s, image, .. } = frame;
         let (mut remarks, image_size) = (Vec::new(), size(image));
         if let Some(before) = self.image_size.replace(image_size).filter(|before| *before != image_size) {
-            let same_camera = matches!(self.cameras, CameraSource::Same(_));
+            let same_camera = matches!(self.views.cameras(), CameraSource::Same(_) | CameraSource::OverRoad(..));
             remarks.push(Remark::Size { place: frame.place(), before, now: image_size, same_camera });
         }
         let looks_cut = self.scene_cut.looks_cut(image);
@@ -178,15 +180,19 @@ impl VideoTracker {
         // What is all outside the image has no box in it.
         detections.retain(|one| one.box2d.width() > 0.0 && one.box2d.height() > 0.0 && one.box3d.depth_m() > 0.0);
         let motion = self.ego.as_ref().and_then(|ego| ego.motion(*number, *time_s));
-        let seen = Frame { time_s: *time_s, image_size, camera, detections: &detections, ego: motion, looks_cut };
+        let (camera, detections) = (view.camera(), &detections);
+        let seen = Frame { time_s: *time_s, image_size, camera, detections, ego: motion, looks_cut };
         let tracks = self.tracker.update(&seen);
-        let tracks = tracks.map_err(|source| VideoError::Track { place: frame.place(), source })?;
+        let mut tracks = tracks.map_err(|source| VideoError::Track { place: frame.place(), source })?;
+        for track in &mut tracks {
+            track.box2d = view.shown(&track.box2d);
+        }
         if self.ego.is_some() && motion.is_none() && !self.told_ego {
             self.told_ego = true;
             remarks.push(Remark::NoEgo { place: frame.place(), time_s: *time_s });
         }
         let record = FrameRecord::new(*number, *time_s, &tracks, motion.as_ref());
-        Ok(Followed { record, tracks, camera: *camera, remarks })
+        Ok(Followed { record, tracks, view, remarks })
     }
 }
 

@@ -10,8 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use farsight::json::ImageRecord;
-use farsight::service::{Config, Look, LookError, Looked, ModelCard, Server};
-use farsight::{CameraSource, StageTimes};
+use farsight::service::{Config, Look, Looked, ModelCard, Server};
+use farsight::{RangeError, StageTimes, ViewSource};
 use serde_json::Value;
 
 /// An answer of the service.
@@ -69,15 +69,15 @@ pub(crate) fn get(address: SocketAddr, path: &str) -> Response {
 pub(crate) struct StandIn {
     pub(crate) looks: AtomicUsize,
     pub(crate) images: Mutex<Vec<Vec<u8>>>,
-    pub(crate) seen: Mutex<Vec<CameraSource>>,
+    pub(crate) seen: Mutex<Vec<ViewSource>>,
     begun: Mutex<Sender<()>>,
     go_on: Mutex<Receiver<()>>,
 }
 
 impl Look for StandIn {
-    fn look(&self, bytes: &[u8], name: &Path, cameras: &CameraSource) -> Result<Looked, LookError> {
+    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
         self.looks.fetch_add(1, Ordering::SeqCst);
-        self.seen.lock().unwrap().push(cameras.clone());
+        self.seen.lock().unwrap().push(views.clone());
         self.images.lock().unwrap().push(bytes.to_vec());
         match bytes {
             b"panic" => panic!("a panic that the test asked for"),

@@ -132,8 +132,12 @@ async function cornersCalibrate() {
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#corners-save")]);
   assert.equal(download.suggestedFilename(), "camera.txt");
   const calibration = readFileSync(await download.path(), "utf8");
-  assert.match(calibration, /^P2:( -?\d\.\d+e[+-]\d+){12}\n/);
+  assert.match(calibration, /^P2:( -?\d\.\d+e[+-]\d+){12}\nroad:( -?\d\.\d+e[+-]\d+){6}\n/);
+  const asked = page.waitForRequest((request) => new URL(request.url()).searchParams.has("projection"));
   await page.click("#corners-use");
+  const road = new URL((await asked).url()).searchParams.get("road").split(",").map(Number);
+  const saved = calibration.match(/road:(.*)/)[1].trim().split(" ").map(Number);
+  assert.ok(road.length === 6 && road.every((value, i) => Math.abs(value - saved[i]) < 1e-9), `${road}, ${saved} in the file`);
   await page.waitForFunction(() => document.getElementById("camera").selectedOptions[0].text === "by four points");
   await until(page, /found/);
   await page.screenshot({ path: "pictures/corners.png", fullPage: true });

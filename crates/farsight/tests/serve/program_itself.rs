@@ -39,7 +39,16 @@ impl Drop for Service {
 fn the_program_answers_as_range_does_and_ends_when_it_is_asked_to() {
     let images = program::root().join("assets/scenes/image_2");
     let image = std::fs::read(images.join("000000.jpg")).unwrap();
-    let mut service = Service::start(&images, &["--camera", "wide=81.4"]);
+    let calib = program::root().join("assets/scenes/calib/000000.txt");
+    let (calib, lens) = (calib.to_string_lossy(), "brown:-0.05,0,0,0,0");
+    let folder = tempfile::tempdir().unwrap();
+    let over_road = folder.path().join("road.txt");
+    let road = "road: 0.01 0.0 1.5 0.01 0.01 0.1\n";
+    std::fs::write(&over_road, std::fs::read_to_string(&*calib).unwrap() + road).unwrap();
+    let over_road = over_road.to_string_lossy();
+    let bent = [format!("bent={over_road}"), format!("bent={lens}")];
+    let arguments = ["--camera", "wide=81.4", "--camera", &bent[0], "--lens", &bent[1]];
+    let mut service = Service::start(&images, &arguments);
     let line = program::done(&images, &["range", "000000.jpg", "--hfov", "81.4", "--format", "jsonl"]);
     let mut form = b"--B\r\nContent-Disposition: form-data; name=\"image\"; filename=\"C/000000.jpg\"\r\n\r\n".to_vec();
     form.extend_from_slice(&image);
@@ -49,6 +58,13 @@ fn the_program_answers_as_range_does_and_ends_when_it_is_asked_to() {
     assert_eq!((in_a_form.status, in_a_form.body.as_str()), (200, line.trim_end()));
     let raw = post(service.address, "?camera=wide", &image);
     assert_eq!(raw.body, line.trim_end().replace("\"image\":\"000000.jpg\"", "\"image\":\"image\""));
+    // A calibrated camera with its road, and a lens.
+    let asked = ["range", "000000.jpg", "--calib", &over_road, "--lens", lens, "--format", "jsonl"];
+    let line = program::done(&images, &asked).trim_end().replace("\"image\":\"000000.jpg\"", "\"image\":\"image\"");
+    assert!(line.contains(&format!("\"lens\":\"{lens}\"")), "{line}");
+    assert_eq!(post(service.address, "?camera=bent", &image).body, line);
+    let folds = post(service.address, "?hfov=81.4&lens=brown:-0.9,0,0,0", &image);
+    assert_eq!((folds.status, folds.error().0.as_str()), (400, "bad_lens"), "{folds:?}");
     let unknown = post(service.address, "", &image);
     assert_eq!((unknown.status, unknown.error().0.as_str()), (400, "no_camera"));
     let text = post(service.address, "?hfov=65", b"no image");
@@ -96,6 +112,8 @@ fn the_program_listens_elsewhere_with_a_token_only() {
             "--video front: no camera of this name; expected --camera front",
         ),
         (vec!["--camera", "a=60", "--camera", "a=70"], "--camera a: named twice"),
+        (vec!["--camera", "a=60", "--lens", "a=fisheye:1"], "is no lens; expected brown:"),
+        (vec!["--camera", "a=60", "--lens", "b=kb4:0,0,0,0"], "--lens b: no camera of this name; expected --camera b="),
     ] {
         let output = program::farsight(folder.path(), &[&["serve"], arguments.as_slice()].concat());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
@@ -116,7 +134,12 @@ fn a_film_is_shown_with_the_tracks_that_track_finds() {
     let image = farsight::read_image(program::root().join("assets/scenes/image_2/000000.jpg")).unwrap();
     fs::create_dir(folder.join("frames")).unwrap();
     (0..3).for_each(|frame| image.save(folder.join(format!("frames/{frame}.png"))).unwrap());
-    let found = program::done(folder, &["track", "frames", "--fps", "10", "--hfov", "81.4", "--json", "-", "-q"]);
+    let (calib, lens) = (program::root().join("assets/scenes/calib/000000.txt"), "brown:-0.05,0,0,0,0");
+    let road = "road: 0.01 0.0 1.5 0.01 0.01 0.1\n";
+    fs::write(folder.join("front.txt"), fs::read_to_string(calib).unwrap() + road).unwrap();
+    let view = ["--calib", "front.txt", "--lens", lens];
+    let track = [&["track", "frames", "--fps", "10", "--json", "-", "-q"], &view[..]].concat();
+    let found = program::done(folder, &track);
     // A program that says and sends what ffmpeg would.
     fs::write(folder.join("film.mp4"), "").unwrap();
     fs::write(folder.join("pixels"), image.as_raw()).unwrap();
@@ -128,8 +151,10 @@ fn a_film_is_shown_with_the_tracks_that_track_finds() {
     }
     fs::write(folder.join("ffmpeg.sh"), script).unwrap();
     fs::set_permissions(folder.join("ffmpeg.sh"), fs::Permissions::from_mode(0o755)).unwrap();
-    let arguments = ["--camera", "front=81.4", "--video", "front=film.mp4", "--ffmpeg", "./ffmpeg.sh", "--log", "log"];
-    let service = Service::start(folder, &arguments);
+    let lens = format!("front={lens}");
+    let camera = ["--camera", "front=front.txt", "--lens", &lens];
+    let film = ["--video", "front=film.mp4", "--ffmpeg", "./ffmpeg.sh", "--log", "log"];
+    let service = Service::start(folder, &[&camera[..], &film].concat());
     let text = sent(service.address, "GET /v1/videos/front/tracks", &[], b"").body;
     let shown: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("data: {\"frame\"")).collect();
     let found: Vec<&str> = found.lines().filter_map(|line| line.strip_prefix("{\"frame\"")).collect();
@@ -137,6 +162,7 @@ fn a_film_is_shown_with_the_tracks_that_track_finds() {
     // Some may have been missed, but never the last.
     assert!(shown.iter().all(|line| found.contains(line)) && shown.last() == found.last(), "{shown:?} of {found:?}");
     assert!(text.contains("event: end\n"), "{text}");
+    assert!(text.contains("\"lens\":\"brown:-0.05,0,0,0,0\""), "{text}");
     let log = fs::read_to_string(folder.join("log")).unwrap();
     assert!(log.contains("\"message\":\"ended after 3 frames\""), "{log}");
     assert!(log.contains("\"route\":\"/v1/videos/{video}/tracks\",\"status\":200"), "{log}");

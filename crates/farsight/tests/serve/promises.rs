@@ -9,8 +9,8 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use farsight::CameraSource;
-use farsight::service::{Config, Look, LookError, Looked, MAX_BODY_BYTES, ModelCard, Server, Token};
+use farsight::service::{Config, Look, Looked, MAX_BODY_BYTES, ModelCard, Server, Token};
+use farsight::{CameraSource, RangeError, ViewSource};
 
 use crate::client::{Stage, get, post, sent};
 
@@ -111,7 +111,7 @@ fn a_token_is_asked_for_where_there_is_one() {
 
 #[test]
 fn wrong_requests_are_told_what_was_expected() {
-    let cameras = BTreeMap::from([("front".to_owned(), CameraSource::FieldOfView(50.0))]);
+    let cameras = BTreeMap::from([("front".to_owned(), CameraSource::FieldOfView(50.0).into())]);
     let stage = Stage::new(Config { cameras, ..Config::default() });
     let address = stage.server.address();
     for (query, status, told) in [
@@ -119,6 +119,10 @@ fn wrong_requests_are_told_what_was_expected() {
         ("?fov=65", 400, "unknown field `fov`, expected one of `camera`, `hfov`"),
         ("?hfov=65&fx=700", 400, "expected one of camera=, hfov=, fx= and projection="),
         ("?cx=700", 400, "need fx="),
+        ("?projection=1,2,3", 400, "row \"P2:\" has 3 numbers; expected 12; projection= takes twelve numbers"),
+        ("?road=0,0,1.6,0,0,0.1", 400, "road= needs projection="),
+        ("?hfov=65&lens=fisheye:1", 400, "is no lens; expected brown:k1,k2,p1,p2,k3 or kb4:k1,k2,k3,k4"),
+        ("?camera=front&lens=kb4:0,0,0,0", 400, "lens= beside camera=; expected one"),
         ("?camera=rear", 404, "no camera \"rear\"; expected one of these: front"),
     ] {
         let response = post(address, query, b"an image");
@@ -140,7 +144,7 @@ fn wrong_requests_are_told_what_was_expected() {
 
 #[test]
 fn cameras_are_those_of_the_request() {
-    let cameras = BTreeMap::from([("front".to_owned(), CameraSource::FieldOfView(50.0))]);
+    let cameras = BTreeMap::from([("front".to_owned(), CameraSource::FieldOfView(50.0).into())]);
     let stage = Stage::new(Config { cameras, ..Config::default() });
     let address = stage.server.address();
     for query in ["?camera=front", "?hfov=65.5", "?fx=700&cy=180", ""] {
@@ -152,7 +156,8 @@ fn cameras_are_those_of_the_request() {
         CameraSource::Intrinsics { fx: 700.0, fy: 700.0, cx: None, cy: Some(180.0) },
         CameraSource::Exif,
     ];
-    assert_eq!(*stage.stand_in.seen.lock().unwrap(), expected);
+    let seen = stage.stand_in.seen.lock().unwrap();
+    assert!(seen.iter().map(ViewSource::cameras).eq(&expected), "{seen:?}");
     assert_eq!(get(address, "/v1/cameras").body, r#"{"cameras":["front"],"videos":[]}"#);
 }
 
@@ -160,8 +165,8 @@ fn cameras_are_those_of_the_request() {
 struct Calibrated;
 
 impl Look for Calibrated {
-    fn look(&self, _: &[u8], name: &Path, cameras: &CameraSource) -> Result<Looked, LookError> {
-        let camera = cameras.camera(name, [640, 480], &farsight_data::Exif::default())?;
+    fn look(&self, _: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
+        let camera = views.view(name, [640, 480], &farsight_data::Exif::default())?;
         panic!("there is no such camera: {camera:?}");
     }
 
@@ -175,8 +180,8 @@ fn no_error_names_a_file_of_the_machine() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("image.txt"), "no calibration").unwrap();
     let cameras = BTreeMap::from([
-        ("none".to_owned(), CameraSource::Folder(folder.path().join("none"))),
-        ("broken".to_owned(), CameraSource::Folder(folder.path().to_owned())),
+        ("none".to_owned(), CameraSource::Folder(folder.path().join("none")).into()),
+        ("broken".to_owned(), CameraSource::Folder(folder.path().to_owned()).into()),
     ]);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let look: Arc<dyn Look> = Arc::new(Calibrated);

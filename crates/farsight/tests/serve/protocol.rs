@@ -2,8 +2,8 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use farsight::CameraSource;
 use farsight::service::Config;
+use farsight::{CameraSource, Lens, RoadPlane, ViewSource};
 use serde_json::{Value, json};
 
 use crate::client::{Response, Stage, get, sent};
@@ -42,7 +42,8 @@ fn clients_of_the_protocol_find_the_model_and_get_tensors() {
     assert_eq!(names, described);
     assert_eq!(answer["outputs"][2], json!({"name": "box2d", "datatype": "FP64", "shape": [0, 4], "data": []}));
     assert_eq!(*stage.stand_in.images.lock().unwrap(), [b"an image"]);
-    assert_eq!(*stage.stand_in.seen.lock().unwrap(), [CameraSource::FieldOfView(65.5)]);
+    let seen = stage.stand_in.seen.lock().unwrap();
+    assert_eq!(seen.iter().map(ViewSource::cameras).collect::<Vec<_>>(), [&CameraSource::FieldOfView(65.5)]);
 }
 
 #[test]
@@ -173,12 +174,20 @@ fn four_points_make_a_camera_that_requests_and_files_take() {
         .iter()
         .map(|row| row.as_array().unwrap().iter().map(Value::to_string).collect::<Vec<_>>().join(","))
         .collect();
-    let answer = crate::client::post(stage.server.address(), &format!("?projection={}", rows.join(",")), b"an image");
+    let road: Vec<String> = answer["road"].as_array().unwrap().iter().map(Value::to_string).collect();
+    let query = format!("?projection={}&road={}&lens=brown:-0.1,0,0,0", rows.join(","), road.join(","));
+    let answer = crate::client::post(stage.server.address(), &query, b"an image");
     assert_eq!(answer.status, 200, "{answer:?}");
     let seen = stage.stand_in.seen.lock().unwrap();
-    let [CameraSource::Same(of_request)] = seen[..] else { panic!("{seen:?}") };
-    let CameraSource::Same(of_file) = CameraSource::from_calibration(&file).unwrap() else { panic!("a folder") };
-    for (a, b) in of_request.projection.iter().flatten().zip(of_file.projection.iter().flatten()) {
+    assert_eq!(seen[0].lens(), Some(Lens::Brown([-0.1, 0.0, 0.0, 0.0, 0.0])));
+    let over_road = |source: &CameraSource| {
+        let CameraSource::OverRoad(camera, road) = source else { panic!("{source:?}") };
+        let RoadPlane { slope, tilt, height_m, sigmas } = road;
+        assert!((height_m - 5.0).abs() < 0.02 && sigmas.iter().all(|sigma| *sigma > 0.0 && *sigma < 0.5), "{road:?}");
+        [camera.projection.as_flattened(), &[*slope, *tilt, *height_m], sigmas].concat()
+    };
+    let of_file = over_road(&CameraSource::from_calibration(&file).unwrap());
+    for (a, b) in over_road(seen[0].cameras()).iter().zip(of_file) {
         assert!((a - b).abs() < 1e-9 * a.abs().max(1.0), "{a} in the request, {b} in the file");
     }
 }

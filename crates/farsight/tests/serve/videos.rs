@@ -47,7 +47,12 @@ fn car(frame: u64, time_s: f64, z: f64) -> (Value, Detection) {
 pub(crate) fn frame(number: u64, time_s: f64, image: RgbImage, hfov_deg: f64) -> SeenFrame {
     let camera = Camera::from_hfov(hfov_deg, image.width(), image.height()).unwrap();
     let (record, detection) = car(number, time_s, 30.0 - 5.0 * time_s);
-    SeenFrame { record: serde_json::from_value(record).unwrap(), detections: vec![detection], camera, image }
+    SeenFrame {
+        record: serde_json::from_value(record).unwrap(),
+        detections: vec![detection],
+        view: camera.into(),
+        image,
+    }
 }
 
 /// Says that it is read until it is dropped.

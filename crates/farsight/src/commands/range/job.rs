@@ -4,15 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Error, Result, bail, ensure};
 use farsight::camera_source::file_stem;
 use farsight::json::{ImageRecord, ModelRecord};
 use farsight::object::detections;
 use farsight::{
-    Camera, CameraSource, DetectedObject, ImageLimits, LensError, LoadedImage, Pipeline, Undistorter, UnfamiliarCamera,
-    draw, draw_through_lens, load_image,
+    CameraSource, DetectedObject, ImageLimits, LoadedImage, Pipeline, RangeError, RangedImage, UnfamiliarCamera, View,
+    ViewSource, draw_through_lens, load_image,
 };
 use farsight_data::ImageWarning;
 use farsight_data::kitti::write_results;
@@ -39,7 +38,7 @@ const MANY_IMAGES: usize = 5;
 /// What came of one image.
 struct Looked {
     image: RgbImage,
-    camera: Camera,
+    view: View,
     record: ImageRecord,
     objects: Vec<DetectedObject>,
     /// A camera that the model does not know.
@@ -58,24 +57,22 @@ pub(super) struct Job<'a> {
     images: Vec<PathBuf>,
     /// Names of the outputs, one for each image, all different.
     names: Vec<String>,
-    cameras: CameraSource,
+    views: ViewSource,
     format: Format,
     /// The images to look at, where others look at the rest.
     block: Option<Range<usize>>,
-    /// Of the latest camera with a lens.
-    undistorter: Mutex<Option<Arc<Undistorter>>>,
 }
 
 impl<'a> Job<'a> {
     /// Checks what can be checked before the first image, and makes the folders of the outputs.
     pub(super) fn new(args: &'a RangeArgs, images: Vec<PathBuf>, printer: &mut Printer) -> Result<Self> {
-        let cameras = args.camera.source(&images)?;
-        if matches!(cameras, CameraSource::Kitti) {
+        let views = args.view.source(&images)?;
+        if matches!(views.cameras(), CameraSource::Kitti) {
             printer.note("cameras from the calibration files of KITTI's layout (folder calib beside image_2)");
         }
         let names = output_names(&images);
         let format = args.format()?;
-        let job = Self { args, images, names, cameras, format, block: None, undistorter: Mutex::default() };
+        let job = Self { args, images, names, views, format, block: None };
         let inputs: Vec<PathBuf> = job.images.iter().map(|image| identity(image)).collect();
         job.check_folders(&inputs)?;
         job.check_json(&inputs)?;
@@ -99,7 +96,7 @@ impl<'a> Job<'a> {
         let folders: BTreeSet<&Path> = inputs.iter().filter_map(|image| image.parent()).collect();
         let layouts = folders.into_iter().filter(|folder| folder.ends_with("image_2"));
         let mut folders: Vec<PathBuf> = layouts.flat_map(outputs::layout_folders).collect();
-        folders.extend(self.args.camera.calib.clone());
+        folders.extend(self.args.view.camera.calib.clone());
         if let Some(out) = &self.args.out {
             outputs::check_no_input(out, &folders)?;
         }
@@ -107,9 +104,9 @@ impl<'a> Job<'a> {
     }
 
     fn check_json(&self, inputs: &[PathBuf]) -> Result<()> {
-        let RangeArgs { pipeline, camera, .. } = self.args;
+        let RangeArgs { pipeline, view, .. } = self.args;
         let Some(json) = self.args.json_file() else { return Ok(()) };
-        let others = camera.calib.clone().into_iter().chain(pipeline.files());
+        let others = view.camera.calib.clone().into_iter().chain(pipeline.files());
         outputs::check_json(json, inputs.iter().cloned().chain(others))
     }
 
@@ -208,8 +205,8 @@ impl<'a> Job<'a> {
     }
 
     fn begin_recordings(&self) -> Result<Recordings> {
-        let RangeArgs { recordings, camera, pipeline, .. } = self.args;
-        Recordings::begin(recordings, self.images.iter().chain(&camera.calib).cloned().chain(pipeline.files()))
+        let RangeArgs { recordings, view, pipeline, .. } = self.args;
+        Recordings::begin(recordings, self.images.iter().chain(&view.camera.calib).cloned().chain(pipeline.files()))
     }
 
     /// The answers of an earlier run, where this one goes on with it.
@@ -285,17 +282,14 @@ impl<'a> Job<'a> {
     fn image(&self, path: &Path, name: &str, pipeline: &Pipeline) -> Result<Looked> {
         let loaded = load_image(path, ImageLimits::default())?;
         let image = &loaded.pixels;
-        let size = [image.width() as usize, image.height() as usize];
-        let camera = self.cameras.camera(path, size, &loaded.exif).map_err(with_hint)?;
-        let undistorter =
-            self.undistorter(&camera, [image.width(), image.height()]).with_context(|| path.display().to_string())?;
-        let objects = match &undistorter {
-            Some(undistorter) => pipeline.detect_through_lens(image, undistorter),
-            None => pipeline.detect(image, &camera),
-        };
-        let objects = objects.with_context(|| path.display().to_string())?;
+        let ranged = pipeline.range_image(path, &loaded, &self.views).map_err(|error| match error {
+            RangeError::Camera(error) => with_hint(error),
+            error => Error::from(error).context(path.display().to_string()),
+        })?;
+        let RangedImage { view, objects, record, unfamiliar, .. } = ranged;
         let (mut notes, mut unwritten) = (Vec::new(), Vec::new());
-        if let Some(Ok(found)) = self.cameras.from_exif(path, size, &loaded.exif) {
+        let size = [image.width() as usize, image.height() as usize];
+        if let Some(Ok(found)) = self.views.cameras().from_exif(path, size, &loaded.exif) {
             notes.push(format!("camera from EXIF data ({}): --hfov {:.1}", found.how, found.hfov_deg));
         }
         if let Some(target) = self.picture_path(name) {
@@ -303,47 +297,17 @@ impl<'a> Job<'a> {
             if divisor > 1 {
                 notes.push(format!("a large image, drawn at 1/{divisor} of its size"));
             }
-            unwritten.extend(self.write_picture(&target, image, &camera, &objects).err().map(|error| (target, error)));
+            unwritten.extend(self.write_picture(&target, image, &view, &objects).err().map(|error| (target, error)));
         }
         if let Some(target) = self.rows_path(name) {
             unwritten.extend(write_results(&target, &detections(&objects)).err().map(|error| (target, error.into())));
         }
-        let record = ImageRecord::new(path, image, &camera, &objects, pipeline);
-        let record = record.with_camera_origin(self.cameras.origin(path));
-        let record = if let Some(lens) = self.args.lens { record.with_lens(lens) } else { record };
-        let unfamiliar = pipeline.unfamiliar(size, &camera);
         let LoadedImage { pixels: image, warnings, .. } = loaded;
-        // Recordings tell of a pinhole.
-        let image = undistorter.and_then(|undistorter| undistorter.undistorted(&image)).unwrap_or(image);
-        Ok(Looked { image, camera, record, objects, unfamiliar, warnings, notes, unwritten })
+        Ok(Looked { image, view, record, objects, unfamiliar, warnings, notes, unwritten })
     }
 
-    /// What makes a pinhole's image of one of this camera and size, where there is a lens. One camera's images share
-    /// it.
-    fn undistorter(&self, camera: &Camera, size: [u32; 2]) -> Result<Option<Arc<Undistorter>>, LensError> {
-        let Some(lens) = self.args.lens else { return Ok(None) };
-        let mut latest = self.undistorter.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = |known: &&Arc<Undistorter>| known.camera() == camera && known.size() == size;
-        if let Some(known) = latest.as_ref().filter(fits) {
-            return Ok(Some(Arc::clone(known)));
-        }
-        let made = Arc::new(Undistorter::new(camera, lens, size)?);
-        *latest = Some(Arc::clone(&made));
-        Ok(Some(made))
-    }
-
-    fn write_picture(
-        &self,
-        target: &Path,
-        image: &RgbImage,
-        camera: &Camera,
-        objects: &[DetectedObject],
-    ) -> Result<()> {
-        let range = self.args.range.kind();
-        let drawn = match self.args.lens {
-            Some(lens) => draw_through_lens(image, camera, lens, objects, range),
-            None => draw(image, camera, objects, range),
-        };
+    fn write_picture(&self, target: &Path, image: &RgbImage, view: &View, objects: &[DetectedObject]) -> Result<()> {
+        let drawn = draw_through_lens(image, view.camera(), view.lens(), objects, self.args.range.kind());
         Ok(write_atomically(target, |out| self.args.picture_format.write(&drawn, out))?)
     }
 }
@@ -354,7 +318,9 @@ fn record(recordings: &mut Recordings, looked: &Looked, place: usize) -> Result<
         return Ok(());
     }
     let found = Found::from_detections(&detections(&looked.objects));
-    recordings.add(&Moment { time_s: place as f64, image: &looked.image, camera: &looked.camera, found: &found })
+    // Recordings tell of a pinhole.
+    let image = looked.view.straightened(&looked.image)?;
+    recordings.add(&Moment { time_s: place as f64, image: &image, camera: looked.view.camera(), found: &found })
 }
 
 /// What is counted over all images.

@@ -26,7 +26,7 @@ pub(super) fn run(args: &RangeArgs, found: Inputs, printer: &mut Printer) -> Res
     outputs.iter().try_for_each(|(option, path)| check_relative(option, path))?;
     let pipeline = args.open(found.images.len() / shard.count.max(1) + 1, printer)?;
     let items: Vec<String> = found.images.iter().map(|image| shown(image)).collect();
-    let shared: Vec<PathBuf> = args.camera.calib.iter().cloned().collect();
+    let shared: Vec<PathBuf> = args.view.camera.calib.iter().cloned().collect();
     let run = Run::new(&items, &shared, Some(ModelRecord::from(pipeline.info())), shard.count);
     let Some(part) = Part::begin(asked, run, &items, |item| vec![found.images[item].clone()])? else {
         printer.note(&format!("part {shard} is there already"));

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use farsight::service::{SeenFrame, SeenFrames, Video, VideoFailure};
 use farsight::video::{DEFAULT_LOW_SCORE, VideoOptions, VideoSource, VideoTracker};
-use farsight::{CameraSource, Pipeline, PipelineBuilder};
+use farsight::{Pipeline, PipelineBuilder, ViewSource};
 
 use super::ServeArgs;
 
@@ -17,7 +17,7 @@ use super::ServeArgs;
 pub(super) fn open(
     args: &ServeArgs,
     builder: &PipelineBuilder,
-    cameras: &BTreeMap<String, CameraSource>,
+    cameras: &BTreeMap<String, ViewSource>,
 ) -> Result<BTreeMap<String, Arc<dyn Video>>> {
     let mut videos: BTreeMap<String, Arc<dyn Video>> = BTreeMap::new();
     if args.videos.is_empty() {
@@ -42,7 +42,7 @@ pub(super) fn open(
 /// A video with its camera.
 struct Source {
     input: PathBuf,
-    camera: CameraSource,
+    camera: ViewSource,
     ffmpeg: PathBuf,
     pipeline: Pipeline,
 }
@@ -58,7 +58,7 @@ impl Video for Source {
             let frame = frame?;
             let followed = tracker.look(&frame)?;
             let detections = followed.detections();
-            Ok(SeenFrame { record: followed.record, detections, camera: followed.camera, image: frame.image })
+            Ok(SeenFrame { record: followed.record, detections, view: followed.view, image: frame.image })
         })))
     }
 }

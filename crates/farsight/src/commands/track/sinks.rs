@@ -66,7 +66,7 @@ impl Sinks {
     pub(super) fn check(args: &TrackArgs, source: &VideoSource) -> Result<Self> {
         let TrackArgs { json, events, ttc_limit, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
         let inputs = || {
-            let camera = args.camera.calib.iter().chain(&args.ego).cloned();
+            let camera = args.view.camera.calib.iter().chain(&args.ego).cloned();
             source.files().iter().cloned().chain(camera).chain(args.pipeline.files())
         };
         let prints_json = json.as_deref() == Some(Path::new("-"));
@@ -157,7 +157,10 @@ impl Sinks {
         }
         if !self.recordings.is_empty() {
             let found = found(followed);
-            let moment = Moment { time_s: record.time_s, image: &frame.image, camera: &followed.camera, found: &found };
+            // Recordings tell of a pinhole.
+            let image = followed.view.straightened(&frame.image)?;
+            let camera = followed.view.camera();
+            let moment = Moment { time_s: record.time_s, image: &image, camera, found: &found };
             self.recordings.add(&moment)?;
         }
         match &mut self.pictures {
@@ -313,5 +316,6 @@ fn found(followed: &Followed) -> Vec<Found> {
 
 /// The frame with its tracks.
 fn drawn(frame: &VideoFrame, followed: &Followed) -> RgbImage {
-    draw_tracks(&frame.image, &followed.camera, &followed.detections(), &followed.record.tracks)
+    let view = &followed.view;
+    draw_tracks(&frame.image, view.camera(), view.lens(), &followed.detections(), &followed.record.tracks)
 }

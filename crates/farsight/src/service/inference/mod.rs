@@ -97,9 +97,9 @@ pub(super) async fn infer(
     let bytes: Bytes = read(body, deadline).await?;
     let question = Question::read(&headers, &bytes)?;
     let query = CameraQuery::from_parameters(question.camera_parameters())?;
-    let cameras = query.source(&shared.config)?;
+    let views = query.views(&shared.config)?;
     let wanted = question.wanted()?;
-    let task = Task { bytes: question.image()?, name: PathBuf::from(UNNAMED), cameras };
+    let task = Task { bytes: question.image()?, name: PathBuf::from(UNNAMED), views };
     let record = shared.queue.answer(task, place, deadline).await?;
     Ok(message::answer(&shared.card, question.id(), &outputs(&record), wanted.as_deref()))
 }

@@ -1,6 +1,6 @@
 // The picture with what was found in it, and the same from above.
 
-import { EDGES, boxCorners, horizon, pixel, roadLine } from "./geometry.js";
+import { EDGES, boxCorners, horizon, pixel, places, roadLine, shown } from "./geometry.js";
 
 const COLORS = { Car: "#4da3ff", Van: "#37c2b4", Truck: "#ff9f40", Pedestrian: "#ff5f7e", Cyclist: "#c98bff" };
 const OTHER_COLOR = "#9bd14b";
@@ -38,6 +38,8 @@ export function drawPicture(canvas, view) {
   // Near ones last, over what is behind them.
   const order = [...view.objects].sort((a, b) => b.range_m - a.range_m);
   order.forEach((object) => drawBox(pen, view, object));
+  // And their labels first, where there is no room for all.
+  order.reverse().forEach((object) => drawTitle(pen, object));
   view.corners.forEach((corner, place) => drawCorner(pen, corner, place, view.corners));
   if (view.cursor) drawCursor(pen, view.cursor);
   const list = view.objects.map((object) => `${title(object)} ${distance(object)}`).join(", ");
@@ -45,12 +47,13 @@ export function drawPicture(canvas, view) {
 }
 
 /** The horizon, and distances on the road below it. */
-function drawRoad(pen, { projection, heightM, image }) {
-  drawRoadLine(pen, horizon(projection), [10, 6], "horizon", image);
-  for (const depth of MARKS_M) drawRoadLine(pen, roadLine(projection, heightM, depth), [2, 6], `${depth} m`, image);
+function drawRoad(pen, view) {
+  const { projection, heightM } = view;
+  drawRoadLine(pen, view, horizon(projection), [10, 6], "horizon");
+  for (const depth of MARKS_M) drawRoadLine(pen, view, roadLine(projection, heightM, depth), [2, 6], `${depth} m`);
 }
 
-function drawRoadLine(pen, [from, to], dash, text, image) {
+function drawRoadLine(pen, { image, lens, projection }, [from, to], dash, text) {
   if (!from || !to) return;
   const { context, unit } = pen;
   // As far as the picture reaches, whatever the line's ends are.
@@ -60,9 +63,10 @@ function drawRoadLine(pen, [from, to], dash, text, image) {
   context.setLineDash(dash.map((length) => length * unit));
   context.lineWidth = 1.5 * unit;
   context.strokeStyle = ROAD_COLOR;
-  stroke(context, [[left, row(left)], [right, row(right)]]);
+  const points = places(lens, [left, row(left)], [right, row(right)]).map((at) => shown(lens, projection, at));
+  stroke(context, points);
   context.setLineDash([]);
-  drawLabel(pen, text, left + 4 * unit, row(left), ROAD_COLOR, false);
+  drawLabel(pen, text, points[0][0] + 4 * unit, points[0][1], ROAD_COLOR, false);
 }
 
 function stroke(context, points) {
@@ -71,7 +75,7 @@ function stroke(context, points) {
   context.stroke();
 }
 
-/** A label above a point; where there is one already, farther up, or none if it may not move. */
+/** A label above a point; where there is one already, farther up. There is none where there is no room, or if it may not move. */
 function drawLabel(pen, text, x, y, background, mayMove = true) {
   const { context, unit, labels } = pen;
   context.font = `${Math.round(13 * unit)}px system-ui, sans-serif`;
@@ -79,9 +83,9 @@ function drawLabel(pen, text, x, y, background, mayMove = true) {
   const left = Math.max(0, Math.min(x, pen.width - width));
   let top = y - height;
   const isTaken = ([l, t, r, b]) => left < r && left + width > l && top < b && top + height > t;
-  if (!mayMove && labels.some(isTaken)) return;
-  while (top > 0 && labels.some(isTaken)) top -= height / 2;
+  while (mayMove && top > 0 && labels.some(isTaken)) top -= height / 2;
   top = Math.max(0, top);
+  if (labels.some(isTaken)) return;
   labels.push([left, top, left + width, top + height]);
   context.fillStyle = background;
   context.fillRect(left, top, width, height);
@@ -91,14 +95,18 @@ function drawLabel(pen, text, x, y, background, mayMove = true) {
 
 function drawBox(pen, view, object) {
   const { context, unit } = pen;
-  const points = boxCorners(object).map((corner) => pixel(view.answered, corner));
+  const corners = boxCorners(object);
   context.strokeStyle = color(object);
   context.setLineDash(object.coasting ? [4 * unit, 4 * unit] : []);
   context.lineWidth = (view.isChosen(object) ? 4 : 2) * unit;
   for (const [a, b] of EDGES) {
-    if (points[a] && points[b]) stroke(context, [points[a], points[b]]);
+    const points = places(view.lens, corners[a], corners[b]).map((place) => pixel(view.answered, place));
+    if (points.every(Boolean)) stroke(context, points.map((at) => shown(view.lens, view.answered, at)));
   }
   context.setLineDash([]);
+}
+
+function drawTitle(pen, object) {
   const number = object.id === undefined ? "" : `#${object.id} `;
   const text = pen.isSmall ? object.range_m.toFixed(1) : number + distance(object);
   drawLabel(pen, text, object.box2d[0], object.box2d[1], color(object));

@@ -17,8 +17,9 @@ const state = {
   file: null,
   image: null,
   objects: [],
-  /** Projection of the answer, and the field of view that was asked for. */
+  /** Projection and lens of the answer, and the field of view that was asked for. */
   answered: null,
+  lens: null,
   askedHfov: null,
   chosen: null,
   trails: new Map(),
@@ -57,6 +58,7 @@ function view() {
     objects: state.objects,
     projection: state.image ? projection() : null,
     answered: state.answered,
+    lens: state.lens,
     heightM: Number(find("height").value),
     corners: corners.points,
     cursor: corners.cursor,
@@ -136,7 +138,7 @@ function showObjects(objects) {
 function begin(isFilm) {
   state.request?.abort();
   clearTimeout(state.timer);
-  Object.assign(state, { isFilm, objects: [], answered: null, chosen: null, reach: { farthest: 30, widest: 10 } });
+  Object.assign(state, { isFilm, objects: [], answered: null, lens: null, chosen: null, reach: { farthest: 30, widest: 10 } });
   state.trails.clear();
   rows.replaceChildren();
   find("stop").hidden = !isFilm;
@@ -179,7 +181,10 @@ async function openPhoto(file) {
 }
 
 function cameraQuery() {
-  if (chosenCamera() === MARKED) return { projection: state.marked.projection.flat().join(",") };
+  if (chosenCamera() === MARKED) {
+    const { projection, road } = state.marked;
+    return { projection: projection.flat().join(","), ...(road && { road: road.join(",") }) };
+  }
   return chosenCamera() ? { camera: chosenCamera() } : { hfov: degrees() };
 }
 
@@ -193,13 +198,14 @@ async function look() {
   try {
     const options = { method: "POST", body: state.file, signal: request.signal };
     const answer = await asked(`v1/range?${new URLSearchParams(cameraQuery())}`, options);
-    Object.assign(state, { answered: answer.camera.projection, askedHfov: hfov, chosen: null });
+    const { projection: answered, lens = null } = answer.camera;
+    Object.assign(state, { answered, lens, askedHfov: hfov, chosen: null });
     const count = answer.detections.length;
     tell(count ? `${count} ${count === 1 ? "object" : "objects"} found.` : "Nothing found.");
     showObjects(answer.detections);
   } catch (error) {
     if (request.signal.aborted) return;
-    state.answered = null;
+    Object.assign(state, { answered: null, lens: null });
     tell(failure(error), true);
     showObjects([]);
   }
@@ -220,7 +226,7 @@ async function openFilm(name) {
     const end = await watch(name, {
       headers: headers(),
       signal: request.signal,
-      camera: (camera) => { state.answered = camera.projection; },
+      camera: ({ projection: answered, lens }) => Object.assign(state, { answered, lens }),
       show: (image, record) => {
         if (!request.signal.aborted) showFrame(name, image, record);
       },

@@ -1,0 +1,118 @@
+//! How an image was taken: its camera, the lens before it, the road under it.
+
+use std::borrow::Cow;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use farsight_core::road::RoadPlane;
+use farsight_core::{Box2d, Camera, Lens};
+use farsight_data::{Exif, Undistorter};
+use farsight_methods::DetectError;
+use image::RgbImage;
+
+use crate::camera_source::{CameraSource, CameraSourceError};
+use farsight_core::lens::LensError;
+
+/// What is known of how an image was taken.
+#[derive(Debug, Clone)]
+pub struct View {
+    camera: Camera,
+    road: Option<RoadPlane>,
+    undistorter: Option<Arc<Undistorter>>,
+}
+
+impl From<Camera> for View {
+    /// A pinhole, and nothing known of its road.
+    fn from(camera: Camera) -> Self {
+        Self { camera, road: None, undistorter: None }
+    }
+}
+
+impl View {
+    /// The camera; behind a lens the pinhole that would see the same without it.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The road under a camera that was calibrated.
+    pub fn road(&self) -> Option<RoadPlane> {
+        self.road
+    }
+
+    /// What distorts the image.
+    pub fn lens(&self) -> Option<Lens> {
+        self.undistorter.as_ref().map(|undistorter| undistorter.lens())
+    }
+
+    /// `image` as the pinhole would have taken it, of the same size.
+    ///
+    /// # Errors
+    /// When it has another size than the one that the view was made for.
+    pub fn straightened<'a>(&self, image: &'a RgbImage) -> Result<Cow<'a, RgbImage>, DetectError> {
+        let Some(undistorter) = &self.undistorter else { return Ok(Cow::Borrowed(image)) };
+        undistorter.undistorted(image).map(Cow::Owned).ok_or_else(|| DetectError::ImageSize {
+            found: [image.width(), image.height()],
+            expected: undistorter.size(),
+        })
+    }
+
+    /// Where the image shows what the pinhole sees in `found`, pixels.
+    pub fn shown(&self, found: &Box2d) -> Box2d {
+        self.undistorter.as_ref().map_or(*found, |undistorter| undistorter.distorted_box(found))
+    }
+}
+
+/// Knows how each image was taken: its camera by a [`CameraSource`], and one lens for all.
+#[derive(Debug, Clone)]
+pub struct ViewSource {
+    cameras: CameraSource,
+    lens: Option<Lens>,
+    /// Of the latest camera with a lens: the images of one camera share it.
+    latest: Arc<Mutex<Option<Arc<Undistorter>>>>,
+}
+
+impl From<CameraSource> for ViewSource {
+    fn from(cameras: CameraSource) -> Self {
+        Self { cameras, lens: None, latest: Arc::default() }
+    }
+}
+
+impl ViewSource {
+    /// As it is, with a lens that distorts all images; `None` for pinholes.
+    #[must_use]
+    pub fn with_lens(self, lens: Option<Lens>) -> Self {
+        Self { lens, ..self }
+    }
+
+    /// Where the cameras come from.
+    pub fn cameras(&self) -> &CameraSource {
+        &self.cameras
+    }
+
+    /// What distorts all images.
+    pub fn lens(&self) -> Option<Lens> {
+        self.lens
+    }
+
+    /// How the image at `path` was taken, which has `size` (width and height, pixels) and `exif` data.
+    ///
+    /// # Errors
+    /// When its camera is not known, or the lens folds its image.
+    pub fn view(&self, path: &Path, size: [usize; 2], exif: &Exif) -> Result<View, CameraSourceError> {
+        let (camera, road) = self.cameras.known(path, size, exif)?;
+        let undistorter = self.lens.map(|lens| self.undistorter(&camera, lens, size.map(|side| side as u32)));
+        let folds = |source| CameraSourceError::Lens { image: path.to_owned(), source };
+        Ok(View { camera, road, undistorter: undistorter.transpose().map_err(folds)? })
+    }
+
+    fn undistorter(&self, camera: &Camera, lens: Lens, size: [u32; 2]) -> Result<Arc<Undistorter>, LensError> {
+        let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = |known: &&Arc<Undistorter>| (*known.camera(), known.lens(), known.size()) == (*camera, lens, size);
+        if let Some(known) = latest.as_ref().filter(fits) {
+            return Ok(Arc::clone(known));
+        }
+        let made = Arc::new(Undistorter::new(camera, lens, size)?);
+        *latest = Some(Arc::clone(&made));
+        Ok(made)
+    }
+}
