@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use farsight::service::{Config, Look, Looked, MAX_PIXELS, ModelCard, Server};
+use farsight::service::{Config, Infer, Inference, MAX_PIXELS, ModelCard, Server};
 use farsight::{ImageLimits, RangeError, StageTimes, ViewSource};
 use farsight_data::decode_image;
 
@@ -16,13 +16,13 @@ const PATIENCE: Duration = Duration::from_secs(4);
 /// Reads the image as the pipeline would, and finds nothing.
 struct Reader;
 
-impl Look for Reader {
-    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
+impl Infer for Reader {
+    fn infer(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError> {
         let image = decode_image(bytes, name, ImageLimits { max_pixels: MAX_PIXELS })?;
         let size = [image.pixels.width() as usize, image.pixels.height() as usize];
         views.view(name, size, &image.exif)?;
         let record = r#"{"image": "image", "width": 1, "height": 1, "detections": []}"#;
-        Ok(Looked { record: serde_json::from_str(record).expect("a record"), times: StageTimes::default() })
+        Ok(Inference { record: serde_json::from_str(record).expect("a record"), times: StageTimes::default() })
     }
 
     fn card(&self) -> ModelCard {
@@ -34,10 +34,10 @@ impl Look for Reader {
 fn address() -> SocketAddr {
     static SERVER: OnceLock<Server> = OnceLock::new();
     let server = SERVER.get_or_init(|| {
-        let look: Arc<dyn Look> = Arc::new(Reader);
+        let infer: Arc<dyn Infer> = Arc::new(Reader);
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port of the loopback");
         let config = Config { deadline: Duration::from_millis(200), ..Config::default() };
-        Server::start(listener, &look, config).expect("a service")
+        Server::start(listener, &infer, config).expect("a service")
     });
     server.address()
 }

@@ -72,7 +72,7 @@ impl Video {
             let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
             state.next()
         })?;
-        let answer = |one: Followed| (one.json, PyBytes::new(py, &one.pixels), one.size, one.projection);
+        let answer = |one: TrackingResult| (one.json, PyBytes::new(py, &one.pixels), one.size, one.projection);
         Ok((followed.map(answer), warnings))
     }
 
@@ -83,7 +83,7 @@ impl Video {
     }
 }
 
-struct Followed {
+struct TrackingResult {
     json: String,
     pixels: Vec<u8>,
     size: [u32; 2],
@@ -92,10 +92,10 @@ struct Followed {
 
 impl State {
     /// A frame that fails before any was followed ends it; later ones are warned of and left out.
-    fn next(&mut self) -> PyResult<(Option<Followed>, Vec<String>)> {
+    fn next(&mut self) -> PyResult<(Option<TrackingResult>, Vec<String>)> {
         let mut warnings = Vec::new();
         while let Some(frame) = self.frames.next() {
-            let followed = frame.and_then(|frame| Ok((self.tracker.look(&frame)?, frame.image)));
+            let followed = frame.and_then(|frame| Ok((self.tracker.update(&frame)?, frame.image)));
             let (followed, image) = match followed {
                 Ok(followed) => followed,
                 Err(error) if self.done > 0 => {
@@ -105,11 +105,11 @@ impl State {
                 Err(error) => return Err(video_error(&error)),
             };
             self.done += 1;
-            warnings.extend(followed.remarks.iter().map(ToString::to_string));
+            warnings.extend(followed.warnings.iter().map(ToString::to_string));
             let json = serde_json::to_string(&followed.record);
             let json = json.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
             let (size, projection) = ([image.width(), image.height()], followed.view.camera().projection);
-            return Ok((Some(Followed { json, pixels: image.into_raw(), size, projection }), warnings));
+            return Ok((Some(TrackingResult { json, pixels: image.into_raw(), size, projection }), warnings));
         }
         Ok((None, warnings))
     }

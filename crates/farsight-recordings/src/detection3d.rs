@@ -2,7 +2,7 @@
 
 use crate::boxes::{Placed, covariance_m2};
 use crate::cdr::Cdr;
-use crate::moment::Found;
+use crate::recorded_frame::RecordedObject;
 
 /// The name of the type.
 pub(crate) const NAME: &str = "vision_msgs/msg/Detection3DArray";
@@ -17,11 +17,11 @@ pub(crate) type Stamp = (u32, u32);
 ///
 /// The centre is that of the box. The box's own axes are x forward, y left, z up, and its size is along these: length,
 /// width, height. The covariance is that of the position; rotations are not estimated and have 0.
-pub(crate) fn message(stamp: Stamp, frame: &str, found: &[Found]) -> Vec<u8> {
+pub(crate) fn message(stamp: Stamp, frame: &str, found: &[RecordedObject]) -> Vec<u8> {
     let mut cdr = Cdr::new();
     header(&mut cdr, stamp, frame);
     cdr.u32(found.len() as u32);
-    for Found { id, detection, .. } in found {
+    for RecordedObject { id, detection, .. } in found {
         let placed = Placed::of(&detection.box3d);
         header(&mut cdr, stamp, frame);
         // One hypothesis: its class, score and pose with covariance.

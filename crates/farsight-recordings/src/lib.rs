@@ -1,7 +1,7 @@
 //! What was found, as recordings that other programs play: MCAP for Foxglove and ROS 2 ([`McapRecording`]), and rerun's
 //! own (`RerunRecording`, with the feature `rerun`).
 //!
-//! A recording is a list of [`Moment`]s. Frames of reference, as all messages name them:
+//! A recording is a list of [`RecordedFrame`]s. Frames of reference, as all messages name them:
 //!
 //! | frame | what it is |
 //! |---|---|
@@ -17,10 +17,10 @@ mod detection3d;
 mod error;
 mod geometry;
 mod mcap_file;
-mod moment;
+mod recorded_frame;
 mod rerun_file;
 
 pub use error::RecordingError;
 pub use mcap_file::McapRecording;
-pub use moment::{Found, Moment};
+pub use recorded_frame::{RecordedFrame, RecordedObject};
 pub use rerun_file::RerunRecording;

@@ -15,7 +15,7 @@ use crate::boxes::Placed;
 use crate::detection3d;
 use crate::error::RecordingError;
 use crate::geometry::{OPTICAL_FROM_LINK, Parts};
-use crate::moment::{Found, Moment};
+use crate::recorded_frame::{RecordedFrame, RecordedObject};
 
 /// Letters of labels, metres high.
 const FONT_M: f64 = 0.6;
@@ -79,28 +79,28 @@ impl<W: Write + Seek> McapRecording<W> {
     ///
     /// # Errors
     /// When it cannot be written, or its time is negative.
-    pub fn add(&mut self, moment: &Moment<'_>) -> Result<(), RecordingError> {
-        let time_ns = (moment.time_s * 1e9).round();
+    pub fn add(&mut self, frame: &RecordedFrame<'_>) -> Result<(), RecordingError> {
+        let time_ns = (frame.time_s * 1e9).round();
         if !(0.0..=f64::from(u32::MAX) * 1e9).contains(&time_ns) {
-            return Err(RecordingError::Time(moment.time_s));
+            return Err(RecordingError::Time(frame.time_s));
         }
         let time_ns = time_ns as u64;
         let stamp = ((time_ns / 1_000_000_000) as u32, (time_ns % 1_000_000_000) as u32);
         let timestamp = Some(Timestamp::new(stamp.0, stamp.1));
-        let parts = Parts::of(moment.camera);
+        let parts = Parts::of(frame.camera);
         for transform in transforms(timestamp, &parts) {
             self.log(self.transform, time_ns, &transform)?;
         }
-        self.log(self.calibration, time_ns, &calibration(timestamp, moment, &parts))?;
-        let data = moment.jpeg()?;
+        self.log(self.calibration, time_ns, &calibration(timestamp, frame, &parts))?;
+        let data = frame.jpeg()?;
         let frame_id = OPTICAL.to_owned();
         self.log(
             self.image,
             time_ns,
             &CompressedImage { timestamp, frame_id, data: data.into(), format: "jpeg".to_owned() },
         )?;
-        self.log(self.scene, time_ns, &scene(timestamp, moment.found))?;
-        self.write(self.detections, time_ns, &detection3d::message(stamp, CAMERA, moment.found))
+        self.log(self.scene, time_ns, &scene(timestamp, frame.found))?;
+        self.write(self.detections, time_ns, &detection3d::message(stamp, CAMERA, frame.found))
     }
 
     /// Ends the recording, and hands the writer back.
@@ -146,14 +146,14 @@ fn transforms(timestamp: Option<Timestamp>, parts: &Parts) -> [FrameTransform; 2
     [transform(LINK, CAMERA, [0.0; 3], OPTICAL_FROM_LINK), transform(CAMERA, OPTICAL, parts.origin_m, parts.rotation)]
 }
 
-fn calibration(timestamp: Option<Timestamp>, moment: &Moment<'_>, parts: &Parts) -> CameraCalibration {
+fn calibration(timestamp: Option<Timestamp>, frame: &RecordedFrame<'_>, parts: &Parts) -> CameraCalibration {
     let k = parts.k;
     let with_column = k.chunks(3).flat_map(|row| [row[0], row[1], row[2], 0.0]).collect();
     CameraCalibration {
         timestamp,
         frame_id: OPTICAL.to_owned(),
-        width: moment.image.width(),
-        height: moment.image.height(),
+        width: frame.image.width(),
+        height: frame.image.height(),
         // Images are taken for those of an ideal camera.
         distortion_model: "plumb_bob".to_owned(),
         d: vec![0.0; 5],
@@ -164,14 +164,14 @@ fn calibration(timestamp: Option<Timestamp>, moment: &Moment<'_>, parts: &Parts)
 }
 
 /// All boxes of an image; those of the one before go.
-fn scene(timestamp: Option<Timestamp>, found: &[Found]) -> SceneUpdate {
+fn scene(timestamp: Option<Timestamp>, found: &[RecordedObject]) -> SceneUpdate {
     let all = scene_entity_deletion::Type::All as i32;
     let deletion = SceneEntityDeletion { timestamp, r#type: all, id: String::new() };
     SceneUpdate { deletions: vec![deletion], entities: found.iter().map(|one| entity(timestamp, one)).collect() }
 }
 
-fn entity(timestamp: Option<Timestamp>, found: &Found) -> SceneEntity {
-    let Found { id, detection, label } = found;
+fn entity(timestamp: Option<Timestamp>, found: &RecordedObject) -> SceneEntity {
+    let RecordedObject { id, detection, label } = found;
     let placed = Placed::of(&detection.box3d);
     let [x, y, z] = placed.center_m;
     let orientation = Some(quaternion(placed.rotation));

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::error::RecordingError;
-use crate::moment::Moment;
+use crate::recorded_frame::RecordedFrame;
 
 #[cfg(feature = "rerun")]
 pub use with_rerun::RerunRecording;
@@ -18,7 +18,7 @@ mod with_rerun {
     use re_sdk_types::components::{PinholeProjection, Resolution};
     use re_sdk_types::datatypes::Quaternion;
 
-    use super::{Moment, Path, RecordingError};
+    use super::{Path, RecordedFrame, RecordingError};
     use crate::boxes::Placed;
     use crate::geometry::Parts;
 
@@ -56,12 +56,12 @@ mod with_rerun {
         ///
         /// # Errors
         /// When it cannot be written, or its time is negative.
-        pub fn add(&mut self, moment: &Moment<'_>) -> Result<(), RecordingError> {
-            if !(moment.time_s >= 0.0 && moment.time_s.is_finite()) {
-                return Err(RecordingError::Time(moment.time_s));
+        pub fn add(&mut self, frame: &RecordedFrame<'_>) -> Result<(), RecordingError> {
+            if !(frame.time_s >= 0.0 && frame.time_s.is_finite()) {
+                return Err(RecordingError::Time(frame.time_s));
             }
-            self.stream.set_duration_secs(TIMELINE, moment.time_s);
-            let parts = Parts::of(moment.camera);
+            self.stream.set_duration_secs(TIMELINE, frame.time_s);
+            let parts = Parts::of(frame.camera);
             let pose = Transform3D::from_translation_rotation(
                 single(parts.origin_m),
                 Quaternion::from_xyzw(single(parts.rotation)),
@@ -70,12 +70,12 @@ mod with_rerun {
             let [a, b, c, d, e, f, g, h, i] = single(parts.k);
             // Column by column.
             let projection = PinholeProjection::from([[a, d, g], [b, e, h], [c, f, i]]);
-            let resolution = Resolution::new(moment.image.width() as f32, moment.image.height() as f32);
+            let resolution = Resolution::new(frame.image.width() as f32, frame.image.height() as f32);
             let pinhole = Pinhole::new(projection).with_resolution(resolution);
             self.stream.log("world/camera", &pinhole).map_err(failed)?;
-            let image = EncodedImage::from_file_contents(moment.jpeg()?).with_media_type("image/jpeg");
+            let image = EncodedImage::from_file_contents(frame.jpeg()?).with_media_type("image/jpeg");
             self.stream.log("world/camera/image", &image).map_err(failed)?;
-            self.stream.log("world/objects", &boxes(moment)).map_err(failed)
+            self.stream.log("world/objects", &boxes(frame)).map_err(failed)
         }
 
         /// Ends the recording.
@@ -89,20 +89,20 @@ mod with_rerun {
         }
     }
 
-    fn boxes(moment: &Moment<'_>) -> Boxes3D {
-        let placed: Vec<Placed> = moment.found.iter().map(|found| Placed::of(&found.detection.box3d)).collect();
+    fn boxes(frame: &RecordedFrame<'_>) -> Boxes3D {
+        let placed: Vec<Placed> = frame.found.iter().map(|found| Placed::of(&found.detection.box3d)).collect();
         Boxes3D::from_centers_and_sizes(
             placed.iter().map(|placed| single(placed.center_m)),
             placed.iter().map(|placed| single(placed.size_m)),
         )
         .with_quaternions(placed.iter().map(|placed| Quaternion::from_xyzw(single(placed.rotation))))
-        .with_labels(moment.found.iter().map(|found| found.label.as_str()))
+        .with_labels(frame.found.iter().map(|found| found.label.as_str()))
     }
 }
 
 #[cfg(not(feature = "rerun"))]
 mod without_rerun {
-    use super::{Moment, Path, RecordingError};
+    use super::{Path, RecordedFrame, RecordingError};
 
     /// A recording for rerun's viewer; there are none in this build.
     pub enum RerunRecording {}
@@ -120,7 +120,7 @@ mod without_rerun {
         ///
         /// # Errors
         /// Never, as there is no such recording.
-        pub fn add(&mut self, _moment: &Moment<'_>) -> Result<(), RecordingError> {
+        pub fn add(&mut self, _frame: &RecordedFrame<'_>) -> Result<(), RecordingError> {
             match *self {}
         }
 

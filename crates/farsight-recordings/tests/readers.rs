@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::process::Command;
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
-use farsight_recordings::{Found, McapRecording, Moment};
+use farsight_recordings::{McapRecording, RecordedFrame, RecordedObject};
 use image::{Rgb, RgbImage};
 use serde_json::Value;
 
@@ -35,17 +35,17 @@ fn car() -> Detection {
 fn recording() -> Vec<u8> {
     let image = RgbImage::from_pixel(320, 96, Rgb([200, 30, 30]));
     let camera = Camera::from_projection(PROJECTION).unwrap();
-    let found = Found::from_detections(&[car()]);
+    let found = RecordedObject::from_detections(&[car()]);
     let mut recording = McapRecording::new(Cursor::new(Vec::new())).unwrap();
-    recording.add(&Moment { time_s: 0.0, image: &image, camera: &camera, found: &found }).unwrap();
-    recording.add(&Moment { time_s: 1.25, image: &image, camera: &camera, found: &[] }).unwrap();
-    let early = Moment { time_s: -0.1, image: &image, camera: &camera, found: &[] };
+    recording.add(&RecordedFrame { time_s: 0.0, image: &image, camera: &camera, found: &found }).unwrap();
+    recording.add(&RecordedFrame { time_s: 1.25, image: &image, camera: &camera, found: &[] }).unwrap();
+    let early = RecordedFrame { time_s: -0.1, image: &image, camera: &camera, found: &[] };
     assert!(recording.add(&early).unwrap_err().to_string().contains("time of -0.1 seconds"));
     recording.finish().unwrap().into_inner()
 }
 
 #[test]
-fn the_same_moments_give_the_same_bytes() {
+fn the_same_frames_give_the_same_bytes() {
     assert!(recording() == recording());
 }
 

@@ -5,7 +5,7 @@
 use std::process::Command;
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
-use farsight_recordings::{Found, Moment, RerunRecording};
+use farsight_recordings::{RecordedFrame, RecordedObject, RerunRecording};
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 
@@ -28,9 +28,9 @@ fn the_official_reader_finds_what_was_recorded() {
         },
         range_sigma_m: Some(2.0),
     };
-    let found = Found::from_detections(&[car]);
+    let found = RecordedObject::from_detections(&[car]);
     let mut recording = RerunRecording::create(&file).unwrap();
-    recording.add(&Moment { time_s: 1.25, image: &image, camera: &camera, found: &found }).unwrap();
+    recording.add(&RecordedFrame { time_s: 1.25, image: &image, camera: &camera, found: &found }).unwrap();
     recording.finish().unwrap();
     if !Command::new("python3").args(["-c", "import rerun.experimental"]).output().is_ok_and(|it| it.status.success()) {
         println!("skipped: no python3 with rerun-sdk");

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, ensure};
 use clap::Args;
-use farsight_recordings::{McapRecording, Moment, RerunRecording};
+use farsight_recordings::{McapRecording, RecordedFrame, RerunRecording};
 use tempfile::{NamedTempFile, TempPath};
 
 use crate::inputs::identity;
@@ -48,8 +48,8 @@ impl Recordings {
     }
 
     /// Adds an image and what was found in it to each.
-    pub(crate) fn add(&mut self, moment: &Moment<'_>) -> Result<()> {
-        self.0.iter_mut().try_for_each(|file| file.add(moment))
+    pub(crate) fn add(&mut self, frame: &RecordedFrame<'_>) -> Result<()> {
+        self.0.iter_mut().try_for_each(|file| file.add(frame))
     }
 
     /// Makes the files appear.
@@ -83,10 +83,10 @@ impl RecordingFile {
         Ok(Self { path: path.to_owned(), scratch, recording: Recording::Rerun(recording) })
     }
 
-    fn add(&mut self, moment: &Moment<'_>) -> Result<()> {
+    fn add(&mut self, frame: &RecordedFrame<'_>) -> Result<()> {
         let added = match &mut self.recording {
-            Recording::Mcap(recording) => recording.add(moment),
-            Recording::Rerun(recording) => recording.add(moment),
+            Recording::Mcap(recording) => recording.add(frame),
+            Recording::Rerun(recording) => recording.add(frame),
         };
         added.with_context(|| unwritable(&self.path))
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::thread::sleep;
 use std::time::Duration;
 
-use farsight::service::{Config, Look, Looked, ModelCard, Server};
+use farsight::service::{Config, Infer, Inference, ModelCard, Server};
 use farsight::{ImageLimits, RangeError, StageTimes, ViewSource};
 use farsight_data::decode_image;
 
@@ -19,8 +19,8 @@ pub(crate) const PANIC: &[u8] = b"panic";
 /// Takes 1 ms and finds nothing.
 struct StandIn;
 
-impl Look for StandIn {
-    fn look(&self, bytes: &[u8], name: &Path, _: &ViewSource) -> Result<Looked, RangeError> {
+impl Infer for StandIn {
+    fn infer(&self, bytes: &[u8], name: &Path, _: &ViewSource) -> Result<Inference, RangeError> {
         sleep(Duration::from_millis(1));
         assert!(bytes != PANIC, "a panic that was asked for");
         if bytes == NO_IMAGE {
@@ -28,7 +28,7 @@ impl Look for StandIn {
         }
         let record = r#"{"image": "image", "width": 1, "height": 1, "detections": []}"#;
         let record = serde_json::from_str(record).unwrap_or_else(|error| panic!("{error}"));
-        Ok(Looked { record, times: StageTimes::default() })
+        Ok(Inference { record, times: StageTimes::default() })
     }
 
     fn card(&self) -> ModelCard {
@@ -40,8 +40,8 @@ impl Look for StandIn {
 pub(crate) fn serve() -> Result<(), Box<dyn Error>> {
     // Thousands of panics are asked for.
     std::panic::set_hook(Box::new(|_| {}));
-    let look: Arc<dyn Look> = Arc::new(StandIn);
-    let server = Server::start(TcpListener::bind("127.0.0.1:0")?, &look, Config::default())?;
+    let infer: Arc<dyn Infer> = Arc::new(StandIn);
+    let server = Server::start(TcpListener::bind("127.0.0.1:0")?, &infer, Config::default())?;
     println!("{}", server.address());
     std::io::stdin().read_to_end(&mut Vec::new())?;
     server.stop();

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight::service::{Config, Log, Look, Server, Tls, Token};
+use farsight::service::{Config, Infer, Log, Server, Tls, Token};
 use farsight::video::is_video;
 use farsight::{CameraSource, Lens, LensError, ViewSource};
 use farsight_files::read_text;
@@ -161,8 +161,8 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
         log,
         ..Config::default()
     };
-    let look: Arc<dyn Look> = Arc::new(pipeline);
-    let server = Server::start(listener, &look, config).context("the service cannot begin")?;
+    let infer: Arc<dyn Infer> = Arc::new(pipeline);
+    let server = Server::start(listener, &infer, config).context("the service cannot begin")?;
     printer.line(&format!("listening on {scheme}://{}", server.address()));
     printer.flush();
     server.run_until_signal().context("the system tells of no signals")?;

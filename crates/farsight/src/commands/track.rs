@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use anyhow::{Error, Result, bail, ensure};
 use clap::Args;
 use farsight::video::{
-    EgoFile, Followed, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score,
+    EgoFile, TrackingResult, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score,
 };
 use farsight::{Pipeline, TrackerOptions};
 use indicatif::ProgressBar;
@@ -147,7 +147,7 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
             Ok((frame, followed)) => {
                 done += 1;
                 bar.suspend(|| {
-                    followed.remarks.iter().for_each(|remark| printer.warning(&remark.to_string()));
+                    followed.warnings.iter().for_each(|warning| printer.warning(&warning.to_string()));
                     sinks.add(&frame, &followed, frames.fps(), printer)
                 })?;
             }
@@ -172,9 +172,9 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }
 
-fn look(tracker: &mut VideoTracker, frame: Result<VideoFrame, VideoError>) -> Result<(VideoFrame, Followed)> {
+fn look(tracker: &mut VideoTracker, frame: Result<VideoFrame, VideoError>) -> Result<(VideoFrame, TrackingResult)> {
     let frame = frame?;
-    let followed = tracker.look(&frame).map_err(|error| match error {
+    let followed = tracker.update(&frame).map_err(|error| match error {
         VideoError::CameraSource(error) => with_hint(error),
         error => Error::from(error),
     })?;

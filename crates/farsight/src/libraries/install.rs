@@ -4,14 +4,14 @@ use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{Found, Library, LibraryError, python};
+use super::{FoundLibrary, Library, LibraryError, python};
 
 /// Fetches the wheel of `library` with the user's pip, so that mirrors and proxies keep working, loads its shared
 /// library once to see that it works, and keeps it. An older one is replaced.
 ///
 /// # Errors
 /// When there is no Python with pip, it cannot fetch the wheel, or the library in it does not load.
-pub fn install(library: Library) -> Result<(Found, String), LibraryError> {
+pub fn install(library: Library) -> Result<(FoundLibrary, String), LibraryError> {
     let target = library.data_folder().ok_or(LibraryError::NoDataFolder)?;
     let scratch = Scratch::beside(&target)?;
     let wheel = download(library, &scratch.0)?;
@@ -25,7 +25,7 @@ pub fn install(library: Library) -> Result<(Found, String), LibraryError> {
     let version = library.version(&path).map_err(LibraryError::Broken)?;
     replace(&fresh, &target)?;
     let path = library.within(&target).ok_or_else(missing)?;
-    Ok((Found { path, through: "`farsight engine install`".to_owned() }, version))
+    Ok((FoundLibrary { path, through: "`farsight engine install`".to_owned() }, version))
 }
 
 /// The wheel, in `folder`.

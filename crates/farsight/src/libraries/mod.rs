@@ -30,7 +30,7 @@ pub enum Library {
 
 /// A library that was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Found {
+pub struct FoundLibrary {
     /// The library.
     pub path: PathBuf,
     /// How it was found, as in "found through ...".
@@ -83,7 +83,7 @@ impl Library {
     ///
     /// # Errors
     /// When it is not there.
-    pub fn find(self, given: Option<&Path>) -> Result<Found, LibraryError> {
+    pub fn find(self, given: Option<&Path>) -> Result<FoundLibrary, LibraryError> {
         if let Some(given) = given {
             return self.named(given, "--engine-path");
         }
@@ -92,19 +92,19 @@ impl Library {
         }
         let installed = self.data_folder().and_then(|folder| self.within(&folder));
         if let Some(path) = installed {
-            return Ok(Found { path, through: "`farsight engine install`".to_owned() });
+            return Ok(FoundLibrary { path, through: "`farsight engine install`".to_owned() });
         }
         if let Some(path) = python::package_folder(self.name()).and_then(|folder| self.within(folder.parent()?)) {
-            return Ok(Found { path, through: "the installed Python wheel".to_owned() });
+            return Ok(FoundLibrary { path, through: "the installed Python wheel".to_owned() });
         }
         Err(LibraryError::NotFound { name: self.name(), variable: self.variable() })
     }
 
     /// The library that the user names: the file itself, or a folder with it.
-    fn named(self, named: &Path, through: &str) -> Result<Found, LibraryError> {
+    fn named(self, named: &Path, through: &str) -> Result<FoundLibrary, LibraryError> {
         let path = if named.is_file() { Some(named.to_owned()) } else { self.within(named) };
         if let Some(path) = path {
-            return Ok(Found { path, through: through.to_owned() });
+            return Ok(FoundLibrary { path, through: through.to_owned() });
         }
         if let Some(module) = self.python_module(named) {
             return Err(LibraryError::OldWheel { folder: named.to_owned(), module, through: through.to_owned() });

@@ -11,7 +11,7 @@ use farsight_core::road_rectangle::{RoadCamera, RoadRectangle};
 use farsight_data::kitti::Calibration;
 use serde::{Deserialize, Serialize};
 
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use super::shared::Shared;
 
 /// How far a click lies from what was meant, pixels of a screen: standard deviation in each direction.
@@ -58,15 +58,15 @@ pub(super) struct Answer {
 pub(super) async fn calibrate(
     State(_): State<Arc<Shared>>,
     question: Result<Json<Question>, JsonRejection>,
-) -> Result<Json<Answer>, Refusal> {
-    let Json(question) = question.map_err(|error| Refusal::bad_request(error.body_text()))?;
+) -> Result<Json<Answer>, Rejection> {
+    let Json(question) = question.map_err(|error| Rejection::bad_request(error.body_text()))?;
     let Question { width, height, corners_px, sides_m, shown_px } = question;
     let (rectangle, size) = (RoadRectangle { corners_px, sides_m }, [width, height]);
     if width == 0 || height == 0 {
-        return Err(Refusal::bad_request("the image has no pixels; expected its width and height"));
+        return Err(Rejection::bad_request("the image has no pixels; expected its width and height"));
     }
     let unknown = |error: farsight_core::road_rectangle::RoadRectangleError| {
-        Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, "no_camera", error.to_string())
+        Rejection::new(StatusCode::UNPROCESSABLE_ENTITY, "no_camera", error.to_string())
     };
     let found = rectangle.camera(size).map_err(unknown)?;
     let shown_px = shown_px.filter(|shown| shown.is_finite() && *shown >= 1.0).unwrap_or(SCREEN_PX);

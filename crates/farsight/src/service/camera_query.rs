@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Config;
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use crate::{CameraSource, Lens, ViewSource};
 
 /// The camera of an image: one of these ways, or none where the image says it itself.
@@ -33,29 +33,29 @@ pub(super) struct CameraQuery {
 
 impl CameraQuery {
     /// From parameters of a request in JSON.
-    pub(super) fn from_parameters(parameters: Value) -> Result<Self, Refusal> {
-        serde_json::from_value(parameters).map_err(|error| Refusal::bad_request(format!("parameters: {error}")))
+    pub(super) fn from_parameters(parameters: Value) -> Result<Self, Rejection> {
+        serde_json::from_value(parameters).map_err(|error| Rejection::bad_request(format!("parameters: {error}")))
     }
 
     /// What is known of how the image was taken.
-    pub(super) fn views(&self, config: &Config) -> Result<ViewSource, Refusal> {
+    pub(super) fn views(&self, config: &Config) -> Result<ViewSource, Rejection> {
         let Self { camera, hfov, fx, fy, cx, cy, projection, road, lens } = self;
         let ways = [camera.is_some(), hfov.is_some(), fx.is_some(), projection.is_some()];
         if ways.into_iter().filter(|way| *way).count() > 1 {
             let message = "several cameras; expected one of camera=, hfov=, fx= and projection=";
-            return Err(Refusal::bad_request(message));
+            return Err(Rejection::bad_request(message));
         }
         if fx.is_none() && [fy, cx, cy].iter().any(|value| value.is_some()) {
-            return Err(Refusal::bad_request("fy, cx and cy need fx=; expected it beside them"));
+            return Err(Rejection::bad_request("fy, cx and cy need fx=; expected it beside them"));
         }
         if road.is_some() && projection.is_none() {
-            return Err(Refusal::bad_request("road= needs projection=; expected it beside it"));
+            return Err(Rejection::bad_request("road= needs projection=; expected it beside it"));
         }
         if camera.is_some() && lens.is_some() {
-            return Err(Refusal::bad_request("lens= beside camera=; expected one: a stored camera has its own lens"));
+            return Err(Rejection::bad_request("lens= beside camera=; expected one: a stored camera has its own lens"));
         }
         if let Some(name) = camera {
-            let unknown = || Refusal::not_found("no_camera", unknown("camera", name, config.cameras.keys()));
+            let unknown = || Rejection::not_found("no_camera", unknown("camera", name, config.cameras.keys()));
             return config.cameras.get(name).cloned().ok_or_else(unknown);
         }
         let cameras = match (projection, *fx, *hfov) {
@@ -65,18 +65,18 @@ impl CameraQuery {
             (None, None, None) => CameraSource::Exif,
         };
         let lens = lens.as_deref().map(str::parse::<Lens>).transpose();
-        let lens = lens.map_err(|error| Refusal::bad_request(error.to_string()))?;
+        let lens = lens.map_err(|error| Rejection::bad_request(error.to_string()))?;
         Ok(ViewSource::from(cameras).with_lens(lens))
     }
 }
 
 /// The camera of rows as a calibration file has them, with commas between their numbers.
-fn calibrated(projection: &str, road: Option<&str>) -> Result<CameraSource, Refusal> {
+fn calibrated(projection: &str, road: Option<&str>) -> Result<CameraSource, Rejection> {
     let row = |(name, numbers): (&str, &str)| format!("{name}: {}\n", numbers.replace([',', '\n'], " "));
     let rows = [Some(("P2", projection)), road.map(|road| ("road", road))].into_iter().flatten();
     let calibration = Calibration::from_text(&rows.map(row).collect::<String>(), Path::new("projection=, road="));
     let expected = "projection= takes twelve numbers with commas between them, row by row, road= six";
-    let calibration = calibration.map_err(|error| Refusal::bad_request(format!("{error}; {expected}")))?;
+    let calibration = calibration.map_err(|error| Rejection::bad_request(format!("{error}; {expected}")))?;
     Ok(CameraSource::of_calibration(&calibration))
 }
 

@@ -13,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use futures_util::FutureExt;
 
 use super::log::{LogRecord, now_s};
-use super::refusal::{Reason, Refusal};
+use super::rejection::{Reason, Rejection};
 use super::shared::{Service, Shared};
 use super::{MAX_BODY_BYTES, PAUSE};
 
@@ -36,9 +36,9 @@ pub(super) async fn observed(State(shared): Service, request: Request, next: Nex
     let mut response = match check_host(&shared, &request) {
         Ok(()) => {
             let answer = AssertUnwindSafe(next.run(request)).catch_unwind().await;
-            answer.unwrap_or_else(|_| Refusal::panicked().into_response())
+            answer.unwrap_or_else(|_| Rejection::panicked().into_response())
         }
-        Err(refusal) => refused(request.into_body(), refusal),
+        Err(rejection) => refused(request.into_body(), rejection),
     };
     let status = response.status().as_u16();
     let reason = response.extensions().get::<Reason>().map_or("ok", |Reason(reason)| reason);
@@ -79,7 +79,7 @@ fn request_id(headers: &HeaderMap) -> String {
 
 /// Refuses what was sent to another name. A page of a stranger can point its own name at this machine (DNS rebinding)
 /// and would be taken for the service's own; with a token it knows too little.
-fn check_host(shared: &Shared, request: &Request) -> Result<(), Refusal> {
+fn check_host(shared: &Shared, request: &Request) -> Result<(), Rejection> {
     if shared.config.token.is_some() {
         return Ok(());
     }
@@ -90,7 +90,7 @@ fn check_host(shared: &Shared, request: &Request) -> Result<(), Refusal> {
     }
     let message =
         "the request is for another host; expected an address, localhost, or a name that the service was told of";
-    Err(Refusal::new(StatusCode::MISDIRECTED_REQUEST, "wrong_host", message))
+    Err(Rejection::new(StatusCode::MISDIRECTED_REQUEST, "wrong_host", message))
 }
 
 /// Whether a host (with or without a port) is an address, this machine's own name for itself, or one of `names`.
@@ -112,12 +112,12 @@ pub(super) async fn check_token(State(shared): Service, request: Request, next: 
         return next.run(request).await;
     }
     let message = "no token, or another one; expected the header Authorization: Bearer TOKEN";
-    refused(request.into_body(), Refusal::new(StatusCode::UNAUTHORIZED, "unauthorized", message))
+    refused(request.into_body(), Rejection::new(StatusCode::UNAUTHORIZED, "unauthorized", message))
 }
 
-fn refused(body: Body, refusal: Refusal) -> Response {
+fn refused(body: Body, rejection: Rejection) -> Response {
     drain(body);
-    refusal.into_response()
+    rejection.into_response()
 }
 
 /// Reads what a refused client still sends, in moderation: one that is cut off while it sends sees no answer.

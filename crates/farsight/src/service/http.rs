@@ -10,7 +10,7 @@ use axum::routing::{MethodRouter, get, post};
 use axum::{Json, Router};
 use serde_json::json;
 
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use super::shared::{Service, Shared};
 use super::{calibrate, guard, inference, range, streams};
 
@@ -75,10 +75,10 @@ pub(super) fn router(shared: Arc<Shared>) -> Router {
     routes()
         .into_iter()
         .fold(Router::new(), add)
-        .fallback(|| async { Refusal::not_found("not_found", "no such path; /openapi.json has them") })
+        .fallback(|| async { Rejection::not_found("not_found", "no such path; /openapi.json has them") })
         .method_not_allowed_fallback(|| async {
             let message = "the path does not answer to this method; /openapi.json says to which";
-            Refusal::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
+            Rejection::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
         })
         .layer(observed)
         .with_state(shared)

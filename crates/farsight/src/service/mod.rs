@@ -10,13 +10,13 @@ mod calibrate;
 mod camera_query;
 mod guard;
 mod http;
+mod infer;
 mod inference;
 mod log;
-mod look;
 mod metrics;
 mod queue;
 mod range;
-mod refusal;
+mod rejection;
 mod shared;
 mod streams;
 mod tls;
@@ -42,12 +42,12 @@ use queue::Queue;
 use shared::Shared;
 use videos::Videos;
 
+pub use infer::{Infer, Inference, ModelCard};
 pub use log::{Log, LogRecord};
-pub use look::{Look, Looked, ModelCard};
-pub use refusal::Refusal;
+pub use rejection::Rejection;
 pub use tls::{Tls, TlsError};
 pub use token::{Token, TokenError};
-pub use videos::{SeenFrame, SeenFrames, Video, VideoFailure};
+pub use videos::{SourceFrame, SourceFrames, Video, VideoFailure};
 
 /// Most pixels of an image, told from its header.
 pub const MAX_PIXELS: u64 = 40_000_000;
@@ -114,15 +114,15 @@ impl Server {
     ///
     /// # Errors
     /// When the system gives no threads, or the listener is none.
-    pub fn start(listener: TcpListener, look: &Arc<dyn Look>, config: Config) -> io::Result<Self> {
+    pub fn start(listener: TcpListener, infer: &Arc<dyn Infer>, config: Config) -> io::Result<Self> {
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
         let metrics = Arc::new(Metrics::new());
-        let queue = Queue::start(look, config.workers.max(1), config.queue, Arc::clone(&metrics))?;
+        let queue = Queue::start(infer, config.workers.max(1), config.queue, Arc::clone(&metrics))?;
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
         let (stop, stopped) = watch::channel(false);
         let videos = Videos::new(&config.videos, &metrics, &config.log, &stopped);
-        let card = look.card();
+        let card = infer.card();
         let shared = Arc::new(Shared { queue, metrics, config, card, videos, stopped: stopped.clone() });
         let listener = {
             let _inside = runtime.enter();

@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
-use super::look::Look;
+use super::infer::Infer;
 use super::metrics::Metrics;
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use crate::ViewSource;
 use crate::json::ImageRecord;
 
@@ -25,7 +25,7 @@ pub(super) struct Task {
     pub(super) views: ViewSource,
 }
 
-pub(super) type Answer = Result<ImageRecord, Refusal>;
+pub(super) type Answer = Result<ImageRecord, Rejection>;
 
 /// What is on its way through the queue.
 struct Job {
@@ -67,7 +67,7 @@ pub(super) struct Queue {
 impl Queue {
     /// Starts the threads.
     pub(super) fn start(
-        look: &Arc<dyn Look>,
+        infer: &Arc<dyn Infer>,
         workers: usize,
         waiting: usize,
         metrics: Arc<Metrics>,
@@ -77,7 +77,7 @@ impl Queue {
         let working = Arc::new(AtomicUsize::new(0));
         for number in 0..workers {
             let worker = Worker {
-                look: Arc::clone(look),
+                infer: Arc::clone(infer),
                 todo: Arc::clone(&todo),
                 working: Arc::clone(&working),
                 metrics: Arc::clone(&metrics),
@@ -89,9 +89,9 @@ impl Queue {
     }
 
     /// A place for one more, at once or not at all.
-    pub(super) fn place(&self) -> Result<Place, Refusal> {
+    pub(super) fn place(&self) -> Result<Place, Rejection> {
         let taken = Arc::clone(&self.places).try_acquire_owned();
-        taken.map(Place).map_err(|_| Refusal::queue_full(self.retry_after_s()))
+        taken.map(Place).map_err(|_| Rejection::queue_full(self.retry_after_s()))
     }
 
     /// Requests that are inside.
@@ -116,22 +116,22 @@ impl Queue {
         let turn = Arc::new(Turn::default());
         let job = Job { task, turn: Arc::clone(&turn), reply, since: Instant::now(), place };
         if self.jobs.send(job).is_err() {
-            return Err(Refusal::ending());
+            return Err(Rejection::ending());
         }
         let in_time = tokio::time::timeout_at(deadline.into(), &mut answer).await;
         let answer = match in_time {
             Ok(answer) => answer,
-            Err(_) if turn.take(Turn::GIVEN_UP) => return Err(Refusal::deadline()),
+            Err(_) if turn.take(Turn::GIVEN_UP) => return Err(Rejection::deadline()),
             // It was begun in time, so it is finished.
             Err(_) => answer.await,
         };
-        answer.unwrap_or_else(|_| Err(Refusal::panicked()))
+        answer.unwrap_or_else(|_| Err(Rejection::panicked()))
     }
 }
 
 /// One thread: does jobs until the service is gone.
 struct Worker {
-    look: Arc<dyn Look>,
+    infer: Arc<dyn Infer>,
     todo: Arc<Mutex<Receiver<Job>>>,
     working: Arc<AtomicUsize>,
     metrics: Arc<Metrics>,
@@ -158,12 +158,12 @@ impl Worker {
 
     fn answer(&self, task: &Task) -> Answer {
         let begun = Instant::now();
-        let looked = catch_unwind(AssertUnwindSafe(|| self.look.look(&task.bytes, &task.name, &task.views)));
+        let looked = catch_unwind(AssertUnwindSafe(|| self.infer.infer(&task.bytes, &task.name, &task.views)));
         let stages = looked.as_ref().ok().and_then(|looked| Some(looked.as_ref().ok()?.times));
         self.metrics.worked(begun.elapsed(), stages);
         match looked {
-            Ok(looked) => looked.map(|looked| looked.record).map_err(|error| Refusal::from(&error)),
-            Err(_) => Err(Refusal::panicked()),
+            Ok(looked) => looked.map(|looked| looked.record).map_err(|error| Rejection::from(&error)),
+            Err(_) => Err(Rejection::panicked()),
         }
     }
 }

@@ -15,7 +15,7 @@ use super::MAX_BODY_BYTES;
 use super::camera_query::CameraQuery;
 use super::guard::drain;
 use super::queue::{Place, Task, deadline_in};
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use super::shared::{Service, Shared};
 use crate::json::ImageRecord;
 
@@ -28,19 +28,19 @@ pub(super) async fn range(
     query: Result<Query<CameraQuery>, QueryRejection>,
     headers: HeaderMap,
     body: Body,
-) -> Result<Json<ImageRecord>, Refusal> {
+) -> Result<Json<ImageRecord>, Rejection> {
     let deadline = deadline_in(shared.config.deadline);
     let views = query
-        .map_err(|error| Refusal::bad_request(error.body_text()))
+        .map_err(|error| Rejection::bad_request(error.body_text()))
         .and_then(|Query(query)| query.views(&shared.config));
     let (views, body, place) = match views {
         Ok(views) => {
             let (body, place) = admitted(&shared, &headers, body)?;
             (views, body, place)
         }
-        Err(refusal) => {
+        Err(rejection) => {
             drain(body);
-            return Err(refusal);
+            return Err(rejection);
         }
     };
     let bytes = read(body, deadline).await?;
@@ -49,34 +49,34 @@ pub(super) async fn range(
 }
 
 /// The body and a place in the queue for it, before it is read.
-pub(super) fn admitted(shared: &Shared, headers: &HeaderMap, body: Body) -> Result<(Body, Place), Refusal> {
+pub(super) fn admitted(shared: &Shared, headers: &HeaderMap, body: Body) -> Result<(Body, Place), Rejection> {
     let length = headers.get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
     let place = if length.is_some_and(|length| length > MAX_BODY_BYTES as u64) {
-        Err(Refusal::body_too_large())
+        Err(Rejection::body_too_large())
     } else {
         shared.queue.place()
     };
     match place {
         Ok(place) => Ok((body, place)),
-        Err(refusal) => {
+        Err(rejection) => {
             drain(body);
-            Err(refusal)
+            Err(rejection)
         }
     }
 }
 
 /// The body, if it is there by the deadline.
-pub(super) async fn read(body: Body, deadline: Instant) -> Result<Bytes, Refusal> {
+pub(super) async fn read(body: Body, deadline: Instant) -> Result<Bytes, Rejection> {
     let read = tokio::time::timeout_at(deadline.into(), to_bytes(body, MAX_BODY_BYTES)).await;
-    read.map_err(|_| Refusal::slow_body())?.map_err(|error| refused_body(&error))
+    read.map_err(|_| Rejection::slow_body())?.map_err(|error| refused_body(&error))
 }
 
 /// The image in a body, raw or in a form, and its name.
-async fn image(headers: HeaderMap, bytes: Bytes) -> Result<(Bytes, PathBuf), Refusal> {
+async fn image(headers: HeaderMap, bytes: Bytes) -> Result<(Bytes, PathBuf), Rejection> {
     let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if !kind.trim_start().to_ascii_lowercase().starts_with("multipart/form-data") {
         return if bytes.is_empty() {
-            Err(Refusal::bad_request("the body is empty; expected an image file"))
+            Err(Rejection::bad_request("the body is empty; expected an image file"))
         } else {
             Ok((bytes, UNNAMED.into()))
         };
@@ -85,7 +85,7 @@ async fn image(headers: HeaderMap, bytes: Bytes) -> Result<(Bytes, PathBuf), Ref
     *request.headers_mut() = headers;
     // It was counted above.
     DefaultBodyLimit::disable().apply(&mut request);
-    let broken = |error: String| Refusal::bad_request(format!("the form is broken: {error}"));
+    let broken = |error: String| Rejection::bad_request(format!("the form is broken: {error}"));
     let mut form = Multipart::from_request(request, &()).await.map_err(|error| broken(error.body_text()))?;
     while let Some(field) = form.next_field().await.map_err(|error| broken(error.body_text()))? {
         if field.file_name().is_some() || field.name() == Some("image") {
@@ -95,13 +95,13 @@ async fn image(headers: HeaderMap, bytes: Bytes) -> Result<(Bytes, PathBuf), Ref
             return Ok((bytes, name));
         }
     }
-    Err(Refusal::bad_request("the form has no file; expected a field \"image\" with an image file"))
+    Err(Rejection::bad_request("the form has no file; expected a field \"image\" with an image file"))
 }
 
 /// A body that is too long or broke off.
-fn refused_body(error: &axum::Error) -> Refusal {
+fn refused_body(error: &axum::Error) -> Rejection {
     if error.source().is_some_and(<dyn Error>::is::<LengthLimitError>) {
-        return Refusal::body_too_large();
+        return Rejection::body_too_large();
     }
-    Refusal::bad_request("the body broke off")
+    Rejection::bad_request("the body broke off")
 }

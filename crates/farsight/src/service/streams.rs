@@ -21,7 +21,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use super::camera_query::unknown;
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use super::shared::{Service, Shared};
 use super::unless;
 use super::videos::{End, Moment, Shown};
@@ -59,11 +59,12 @@ enum Next {
 }
 
 impl Watcher {
-    fn new(shared: &Shared, name: &str) -> Result<Self, Refusal> {
+    fn new(shared: &Shared, name: &str) -> Result<Self, Rejection> {
         let channel = shared.videos.get(name);
         let channel =
-            channel.ok_or_else(|| Refusal::not_found("no_video", unknown("video", name, shared.videos.names())))?;
-        let full = |_| Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "no_thread", "the system gives no thread for it");
+            channel.ok_or_else(|| Rejection::not_found("no_video", unknown("video", name, shared.videos.names())))?;
+        let full =
+            |_| Rejection::new(StatusCode::SERVICE_UNAVAILABLE, "no_thread", "the system gives no thread for it");
         let latest = channel.watch().map_err(full)?;
         let count = channel.watchers();
         count.inc();
@@ -104,7 +105,7 @@ impl Watcher {
 }
 
 /// `GET /v1/videos/{video}/tracks`.
-pub(super) async fn tracks(State(shared): Service, Path(name): Path<String>) -> Result<Response, Refusal> {
+pub(super) async fn tracks(State(shared): Service, Path(name): Path<String>) -> Result<Response, Rejection> {
     let watcher = Watcher::new(&shared, &name)?;
     let events = unfold(watcher, |mut watcher| async move {
         let event = match watcher.next().await? {
@@ -153,8 +154,8 @@ pub(super) async fn frames(
     State(shared): Service,
     Path(name): Path<String>,
     query: Result<Query<FramesQuery>, QueryRejection>,
-) -> Result<Response, Refusal> {
-    let Query(FramesQuery { plain }) = query.map_err(|error| Refusal::bad_request(error.body_text()))?;
+) -> Result<Response, Rejection> {
+    let Query(FramesQuery { plain }) = query.map_err(|error| Rejection::bad_request(error.body_text()))?;
     let watcher = Watcher::new(&shared, &name)?;
     let parts = unfold(watcher, move |mut watcher| async move {
         loop {

@@ -27,7 +27,7 @@ const JPEG_QUALITY: u8 = 80;
 
 /// A frame, and what was found in it.
 #[derive(Debug, Clone)]
-pub struct SeenFrame {
+pub struct SourceFrame {
     /// The tracks.
     pub record: FrameRecord,
     /// The same as detections, in the same order.
@@ -42,7 +42,7 @@ pub struct SeenFrame {
 pub type VideoFailure = Box<dyn Error + Send + Sync>;
 
 /// Frames, one after the other. After a failure there may be more.
-pub type SeenFrames = Box<dyn Iterator<Item = Result<SeenFrame, VideoFailure>> + Send>;
+pub type SourceFrames = Box<dyn Iterator<Item = Result<SourceFrame, VideoFailure>> + Send>;
 
 /// A film or camera that can be watched.
 pub trait Video: fmt::Debug + Send + Sync + 'static {
@@ -50,7 +50,7 @@ pub trait Video: fmt::Debug + Send + Sync + 'static {
     ///
     /// # Errors
     /// When it cannot be read.
-    fn open(&self) -> Result<SeenFrames, VideoFailure>;
+    fn open(&self) -> Result<SourceFrames, VideoFailure>;
 }
 
 /// All videos by their names.
@@ -106,7 +106,7 @@ pub(super) enum End {
 
 /// A frame on its way to those who watch.
 pub(super) struct Shown {
-    pub(super) seen: SeenFrame,
+    pub(super) seen: SourceFrame,
     plain: OnceLock<Bytes>,
     drawn: OnceLock<Bytes>,
 }
@@ -114,7 +114,7 @@ pub(super) struct Shown {
 impl Shown {
     /// The frame as JPEG, with what was found drawn into it or without. It is made when somebody first asks.
     pub(super) fn jpeg(&self, is_drawn: bool) -> Bytes {
-        let SeenFrame { record, detections, view, image } = &self.seen;
+        let SourceFrame { record, detections, view, image } = &self.seen;
         if is_drawn {
             let draw = || jpeg(&draw_tracks(image, view.camera(), view.lens(), detections, &record.tracks));
             return self.drawn.get_or_init(draw).clone();

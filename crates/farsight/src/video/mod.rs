@@ -9,7 +9,7 @@
 //! let pipeline = farsight::Pipeline::builder().min_score(DEFAULT_LOW_SCORE).open()?;
 //! let mut tracker = VideoTracker::new(pipeline, farsight::CameraSource::FieldOfView(65.0));
 //! for frame in source.frames(&VideoOptions::default())? {
-//!     let followed = tracker.look(&frame?)?;
+//!     let followed = tracker.update(&frame?)?;
 //!     for track in &followed.record.tracks {
 //!         println!("{} {} {:.1} m, closing {:?} m/s", track.id, track.class, track.range_m, track.closing_mps);
 //!     }
@@ -35,4 +35,4 @@ pub use error::VideoError;
 pub use events::{Event, EventFinder, EventKind};
 pub use ffmpeg::unstarted;
 pub use source::{VideoFrame, VideoFrames, VideoOptions, VideoSource, is_video};
-pub use tracker::{DEFAULT_LOW_SCORE, Followed, Remark, VideoTracker, low_score};
+pub use tracker::{DEFAULT_LOW_SCORE, FrameWarning, TrackingResult, VideoTracker, low_score};

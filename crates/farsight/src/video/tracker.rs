@@ -42,7 +42,7 @@ pub struct VideoTracker {
 /// What is known after a frame.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Followed {
+pub struct TrackingResult {
     /// What `farsight track --json` writes of it.
     pub record: FrameRecord,
     /// The tracks of the record, in its order.
@@ -50,10 +50,10 @@ pub struct Followed {
     /// How the frame was taken.
     pub view: View,
     /// What the user should hear.
-    pub remarks: Vec<Remark>,
+    pub warnings: Vec<FrameWarning>,
 }
 
-impl Followed {
+impl TrackingResult {
     /// The tracks as detections, to draw or write them.
     pub fn detections(&self) -> Vec<Detection> {
         self.tracks.iter().map(Track::detection).collect()
@@ -63,7 +63,7 @@ impl Followed {
 /// Something that is odd about a frame, and no error.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub enum Remark {
+pub enum FrameWarning {
     /// It has another size than the one before; all tracks begin anew.
     Size {
         /// The frame.
@@ -84,7 +84,7 @@ pub enum Remark {
     },
 }
 
-impl fmt::Display for Remark {
+impl fmt::Display for FrameWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size { place, before: [width, height], now: [new_width, new_height], same_camera } => {
@@ -142,12 +142,12 @@ impl VideoTracker {
     /// # Errors
     /// When its camera is not known, the pipeline fails, or it is not later than the one before. The tracks are then as
     /// before, and the next frame may follow.
-    pub fn look(&mut self, frame: &VideoFrame) -> Result<Followed, VideoError> {
+    pub fn update(&mut self, frame: &VideoFrame) -> Result<TrackingResult, VideoError> {
         let view = self.view(frame)?;
         let objects = self.pipeline.detect_straightened(&frame.image, &view);
         let (objects, _) =
             objects.map_err(|source| VideoError::Detect { place: frame.place(), source: Box::new(source) })?;
-        self.follow(frame, view, &objects)
+        self.update_with(frame, view, &objects)
     }
 
     /// How a frame was taken.
@@ -158,22 +158,22 @@ impl VideoTracker {
         Ok(self.views.view(&frame.path, size(&frame.image), &frame.exif)?)
     }
 
-    /// As [`VideoTracker::look`], for a frame in which these objects were found already; their boxes are those that the
+    /// As [`VideoTracker::update`], for a frame in which these objects were found already; their boxes are those that the
     /// pinhole of `view` sees ([`View::straightened`]).
     ///
     /// # Errors
     /// When it is not later than the one before. The tracks are then as before.
-    pub fn follow(
+    pub fn update_with(
         &mut self,
         frame: &VideoFrame,
         view: View,
         objects: &[DetectedObject],
-    ) -> Result<Followed, VideoError> {
+    ) -> Result<TrackingResult, VideoError> {
         let VideoFrame { number, time_s, image, .. } = frame;
-        let (mut remarks, image_size) = (Vec::new(), size(image));
+        let (mut warnings, image_size) = (Vec::new(), size(image));
         if let Some(before) = self.image_size.replace(image_size).filter(|before| *before != image_size) {
             let same_camera = matches!(self.views.cameras(), CameraSource::Same(_) | CameraSource::OverRoad(..));
-            remarks.push(Remark::Size { place: frame.place(), before, now: image_size, same_camera });
+            warnings.push(FrameWarning::Size { place: frame.place(), before, now: image_size, same_camera });
         }
         let looks_cut = self.scene_cut.looks_cut(image);
         let mut detections = detections(objects);
@@ -189,10 +189,10 @@ impl VideoTracker {
         }
         if self.ego.is_some() && motion.is_none() && !self.told_ego {
             self.told_ego = true;
-            remarks.push(Remark::NoEgo { place: frame.place(), time_s: *time_s });
+            warnings.push(FrameWarning::NoEgo { place: frame.place(), time_s: *time_s });
         }
         let record = FrameRecord::new(*number, *time_s, &tracks, motion.as_ref());
-        Ok(Followed { record, tracks, view, remarks })
+        Ok(TrackingResult { record, tracks, view, warnings })
     }
 }
 

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use farsight::json::ImageRecord;
-use farsight::service::{Config, Look, Looked, ModelCard, Server};
+use farsight::service::{Config, Infer, Inference, ModelCard, Server};
 use farsight::{RangeError, StageTimes, ViewSource};
 use serde_json::Value;
 
@@ -74,8 +74,8 @@ pub(crate) struct StandIn {
     go_on: Mutex<Receiver<()>>,
 }
 
-impl Look for StandIn {
-    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
+impl Infer for StandIn {
+    fn infer(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError> {
         self.looks.fetch_add(1, Ordering::SeqCst);
         self.seen.lock().unwrap().push(views.clone());
         self.images.lock().unwrap().push(bytes.to_vec());
@@ -89,7 +89,7 @@ impl Look for StandIn {
         }
         let record = format!(r#"{{"image": {:?}, "width": 1, "height": 1, "detections": []}}"#, name.to_string_lossy());
         let record: ImageRecord = serde_json::from_str(&record).unwrap();
-        Ok(Looked { record, times: StageTimes::default() })
+        Ok(Inference { record, times: StageTimes::default() })
     }
 
     fn card(&self) -> ModelCard {
@@ -117,8 +117,8 @@ impl Stage {
             go_on: Mutex::new(wait),
         });
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let look: Arc<dyn Look> = stand_in.clone();
-        Self { server: Server::start(listener, &look, config).unwrap(), stand_in, begun, go_on }
+        let infer: Arc<dyn Infer> = stand_in.clone();
+        Self { server: Server::start(listener, &infer, config).unwrap(), stand_in, begun, go_on }
     }
 
     /// A request on its way whose work has begun and lasts until [`Stage::go_on`].

@@ -5,7 +5,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use farsight::Pipeline;
-use farsight::service::{Look, SeenFrames, Video, VideoFailure};
+use farsight::service::{Infer, SourceFrames, Video, VideoFailure};
 
 use crate::program::root;
 use crate::videos::{frame, served};
@@ -20,7 +20,7 @@ struct Scene {
 }
 
 impl Video for Scene {
-    fn open(&self) -> Result<SeenFrames, VideoFailure> {
+    fn open(&self) -> Result<SourceFrames, VideoFailure> {
         let image = farsight::read_image(&self.image)?;
         Ok(Box::new((0..30).map(move |number| Ok(frame(number, number as f64 * 0.1, image.clone(), 81.4)))))
     }
@@ -31,7 +31,7 @@ impl Video for Scene {
 struct Missing;
 
 impl Video for Missing {
-    fn open(&self) -> Result<SeenFrames, VideoFailure> {
+    fn open(&self) -> Result<SourceFrames, VideoFailure> {
         Err("no such film".into())
     }
 }
@@ -67,10 +67,10 @@ fn the_page_works_in_a_browser() {
         Err(why) => return eprintln!("skipped: {why}, so the page was not tried in a browser"),
     };
     let image = root().join("assets/scenes/image_2/000000.jpg");
-    let look: Arc<dyn Look> = Arc::new(Pipeline::shipped().unwrap());
+    let infer: Arc<dyn Infer> = Arc::new(Pipeline::shipped().unwrap());
     let videos: Vec<(&str, Arc<dyn Video>)> =
         vec![("front", Arc::new(Scene { image: image.clone() })), ("broken", Arc::new(Missing))];
-    let server = served(&look, videos);
+    let server = served(&infer, videos);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/serve/page.mjs");
     // Beside its library, where node looks for it.
     std::fs::copy(&script, folder.join("page.mjs")).unwrap();

@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use farsight::service::{Config, Look, Looked, MAX_BODY_BYTES, ModelCard, Server, Token};
+use farsight::service::{Config, Infer, Inference, MAX_BODY_BYTES, ModelCard, Server, Token};
 use farsight::{CameraSource, RangeError, ViewSource};
 
 use crate::client::{Stage, get, post, sent};
@@ -164,8 +164,8 @@ fn cameras_are_those_of_the_request() {
 /// Looks for calibrations, as a pipeline whose cameras lie in a folder does.
 struct Calibrated;
 
-impl Look for Calibrated {
-    fn look(&self, _: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
+impl Infer for Calibrated {
+    fn infer(&self, _: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError> {
         let camera = views.view(name, [640, 480], &farsight_data::Exif::default())?;
         panic!("there is no such camera: {camera:?}");
     }
@@ -184,8 +184,8 @@ fn no_error_names_a_file_of_the_machine() {
         ("broken".to_owned(), CameraSource::Folder(folder.path().to_owned()).into()),
     ]);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let look: Arc<dyn Look> = Arc::new(Calibrated);
-    let server = Server::start(listener, &look, Config { cameras, ..Config::default() }).unwrap();
+    let infer: Arc<dyn Infer> = Arc::new(Calibrated);
+    let server = Server::start(listener, &infer, Config { cameras, ..Config::default() }).unwrap();
     for query in ["?camera=none", "?camera=broken"] {
         let response = post(server.address(), query, b"an image");
         assert_eq!((response.status, response.error().0.as_str()), (500, "calibration"), "{query}");

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use farsight::service::{Config, Log, LogRecord, Look, SeenFrame, SeenFrames, Server, Video, VideoFailure};
+use farsight::service::{Config, Infer, Log, LogRecord, Server, SourceFrame, SourceFrames, Video, VideoFailure};
 use farsight::{Box2d, Box3d, Camera, Detection, RgbImage};
 use serde_json::{Value, json};
 
@@ -44,10 +44,10 @@ fn car(frame: u64, time_s: f64, z: f64) -> (Value, Detection) {
     (record, Detection { class, score: 0.9, box2d, box3d, range_sigma_m: Some(1.0) })
 }
 
-pub(crate) fn frame(number: u64, time_s: f64, image: RgbImage, hfov_deg: f64) -> SeenFrame {
+pub(crate) fn frame(number: u64, time_s: f64, image: RgbImage, hfov_deg: f64) -> SourceFrame {
     let camera = Camera::from_hfov(hfov_deg, image.width(), image.height()).unwrap();
     let (record, detection) = car(number, time_s, 30.0 - 5.0 * time_s);
-    SeenFrame {
+    SourceFrame {
         record: serde_json::from_value(record).unwrap(),
         detections: vec![detection],
         view: camera.into(),
@@ -65,7 +65,7 @@ impl Drop for Reading {
 }
 
 impl Video for Film {
-    fn open(&self) -> Result<SeenFrames, VideoFailure> {
+    fn open(&self) -> Result<SourceFrames, VideoFailure> {
         self.opened.fetch_add(1, Ordering::SeqCst);
         if self.fails {
             return Err("secret/film.mp4: no such file".into());
@@ -227,8 +227,8 @@ fn a_video_that_cannot_be_read_is_told_without_its_path_and_logged_with_it() {
 }
 
 /// A service for the page: a real pipeline, or any other, and a film.
-pub(crate) fn served(look: &Arc<dyn Look>, videos: Vec<(&str, Arc<dyn Video>)>) -> Server {
+pub(crate) fn served(infer: &Arc<dyn Infer>, videos: Vec<(&str, Arc<dyn Video>)>) -> Server {
     let videos = videos.into_iter().map(|(name, video)| (name.to_owned(), video)).collect();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    Server::start(listener, look, Config { videos, ..Config::default() }).unwrap()
+    Server::start(listener, infer, Config { videos, ..Config::default() }).unwrap()
 }

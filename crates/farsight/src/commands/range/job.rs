@@ -16,7 +16,7 @@ use farsight::{
 use farsight_data::ImageWarning;
 use farsight_data::kitti::write_results;
 use farsight_files::write_atomically;
-use farsight_recordings::{Found, Moment};
+use farsight_recordings::{RecordedFrame, RecordedObject};
 use farsight_viz::picture_divisor;
 use image::RgbImage;
 use indicatif::ProgressBar;
@@ -317,10 +317,10 @@ fn record(recordings: &mut Recordings, looked: &Looked, place: usize) -> Result<
     if recordings.is_empty() {
         return Ok(());
     }
-    let found = Found::from_detections(&detections(&looked.objects));
+    let found = RecordedObject::from_detections(&detections(&looked.objects));
     // Recordings tell of a pinhole.
     let image = looked.view.straightened(&looked.image)?;
-    recordings.add(&Moment { time_s: place as f64, image: &image, camera: looked.view.camera(), found: &found })
+    recordings.add(&RecordedFrame { time_s: place as f64, image: &image, camera: looked.view.camera(), found: &found })
 }
 
 /// What is counted over all images.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use farsight::service::{SeenFrame, SeenFrames, Video, VideoFailure};
+use farsight::service::{SourceFrame, SourceFrames, Video, VideoFailure};
 use farsight::video::{DEFAULT_LOW_SCORE, VideoOptions, VideoSource, VideoTracker};
 use farsight::{Pipeline, PipelineBuilder, ViewSource};
 
@@ -48,7 +48,7 @@ struct Source {
 }
 
 impl Video for Source {
-    fn open(&self) -> Result<SeenFrames, VideoFailure> {
+    fn open(&self) -> Result<SourceFrames, VideoFailure> {
         let mut tracker = VideoTracker::new(self.pipeline.clone(), self.camera.clone());
         // Of a film every frame is looked at; a camera does not wait.
         let options =
@@ -56,9 +56,9 @@ impl Video for Source {
         let frames = VideoSource::open(&self.input, None)?.frames(&options)?;
         Ok(Box::new(frames.map(move |frame| {
             let frame = frame?;
-            let followed = tracker.look(&frame)?;
+            let followed = tracker.update(&frame)?;
             let detections = followed.detections();
-            Ok(SeenFrame { record: followed.record, detections, view: followed.view, image: frame.image })
+            Ok(SourceFrame { record: followed.record, detections, view: followed.view, image: frame.image })
         })))
     }
 }

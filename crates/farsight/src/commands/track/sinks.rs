@@ -10,12 +10,12 @@ use anyhow::{Context, Result, ensure};
 use farsight::RgbImage;
 use farsight::draw::{draw_tracks, track_words};
 use farsight::json::{FrameRecord, TrackRecord};
-use farsight::video::{EventFinder, Followed, VideoFrame, VideoSource};
+use farsight::video::{EventFinder, TrackingResult, VideoFrame, VideoSource};
 use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
 use farsight_files::write_atomically;
-use farsight_recordings::{Found, Moment};
+use farsight_recordings::{RecordedFrame, RecordedObject};
 use image::codecs::png::PngEncoder;
 use tempfile::NamedTempFile;
 
@@ -131,7 +131,7 @@ impl Sinks {
     pub(super) fn add(
         &mut self,
         frame: &VideoFrame,
-        followed: &Followed,
+        followed: &TrackingResult,
         fps: Option<f64>,
         printer: &mut Printer,
     ) -> Result<()> {
@@ -160,8 +160,8 @@ impl Sinks {
             // Recordings tell of a pinhole.
             let image = followed.view.straightened(&frame.image)?;
             let camera = followed.view.camera();
-            let moment = Moment { time_s: record.time_s, image: &image, camera, found: &found };
-            self.recordings.add(&moment)?;
+            let recorded = RecordedFrame { time_s: record.time_s, image: &image, camera, found: &found };
+            self.recordings.add(&recorded)?;
         }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
@@ -305,8 +305,8 @@ fn kitti_rows(record: &FrameRecord, detections: &[Detection]) -> String {
 }
 
 /// The tracks as recordings have them.
-fn found(followed: &Followed) -> Vec<Found> {
-    let found = |(track, detection): (&TrackRecord, Detection)| Found {
+fn found(followed: &TrackingResult) -> Vec<RecordedObject> {
+    let found = |(track, detection): (&TrackRecord, Detection)| RecordedObject {
         id: track.id.to_string(),
         detection,
         label: track_words(track),
@@ -315,7 +315,7 @@ fn found(followed: &Followed) -> Vec<Found> {
 }
 
 /// The frame with its tracks.
-fn drawn(frame: &VideoFrame, followed: &Followed) -> RgbImage {
+fn drawn(frame: &VideoFrame, followed: &TrackingResult) -> RgbImage {
     let view = &followed.view;
     draw_tracks(&frame.image, view.camera(), view.lens(), &followed.detections(), &followed.record.tracks)
 }

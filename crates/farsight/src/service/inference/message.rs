@@ -9,8 +9,8 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use super::super::look::ModelCard;
-use super::super::refusal::Refusal;
+use super::super::infer::ModelCard;
+use super::super::rejection::Rejection;
 use super::tensor::{OUTPUTS, Output, file_from_element, file_from_pixels};
 
 /// How long the JSON is where binary tensors follow it.
@@ -65,7 +65,7 @@ pub(super) struct Asked {
 
 impl Question {
     /// The request in a body.
-    pub(super) fn read(headers: &HeaderMap, body: &Bytes) -> Result<Self, Refusal> {
+    pub(super) fn read(headers: &HeaderMap, body: &Bytes) -> Result<Self, Rejection> {
         let length = match headers.get(JSON_LENGTH) {
             None => body.len(),
             Some(length) => length
@@ -74,11 +74,11 @@ impl Question {
                 .and_then(|length| length.parse().ok())
                 .filter(|length| *length <= body.len())
                 .ok_or_else(|| {
-                    Refusal::bad_request("Inference-Header-Content-Length is no length of JSON in the body")
+                    Rejection::bad_request("Inference-Header-Content-Length is no length of JSON in the body")
                 })?,
         };
         let head = serde_json::from_slice(&body[..length])
-            .map_err(|error| Refusal::bad_request(format!("the request is no such JSON: {error}")))?;
+            .map_err(|error| Rejection::bad_request(format!("the request is no such JSON: {error}")))?;
         Ok(Self { head, binary: body.slice(length..) })
     }
 
@@ -94,7 +94,7 @@ impl Question {
     }
 
     /// The outputs that are asked for; none is all of them, in JSON.
-    pub(super) fn wanted(&self) -> Result<Option<Vec<Asked>>, Refusal> {
+    pub(super) fn wanted(&self) -> Result<Option<Vec<Asked>>, Rejection> {
         let is = |parameters: &Parameters, name: &str| parameters.get(name).and_then(Value::as_bool);
         let by_default = is(&self.head.parameters, BINARY_OUTPUT).unwrap_or(false);
         let Some(outputs) = &self.head.outputs else {
@@ -106,7 +106,7 @@ impl Question {
             let names = OUTPUTS.map(|(name, ..)| name);
             if !names.contains(&name.as_str()) {
                 let message = format!("no output {name:?}; expected some of {}", names.join(", "));
-                return Err(Refusal::bad_request(message));
+                return Err(Rejection::bad_request(message));
             }
             Ok(Asked { name: name.clone(), is_binary: is(parameters, BINARY_DATA).unwrap_or(by_default) })
         };
@@ -114,36 +114,36 @@ impl Question {
     }
 
     /// The image file.
-    pub(super) fn image(&self) -> Result<Bytes, Refusal> {
+    pub(super) fn image(&self) -> Result<Bytes, Rejection> {
         let [Input { name, shape, datatype, parameters, data }] = &self.head.inputs[..] else {
-            return Err(Refusal::bad_request("expected one input, \"image\""));
+            return Err(Rejection::bad_request("expected one input, \"image\""));
         };
         if name != "image" {
-            return Err(Refusal::bad_request(format!("input {name:?}; expected \"image\"")));
+            return Err(Rejection::bad_request(format!("input {name:?}; expected \"image\"")));
         }
         let is_file = match datatype.as_str() {
             "BYTES" => true,
             "UINT8" => false,
-            _ => return Err(Refusal::bad_request("input \"image\": expected the datatype BYTES or UINT8")),
+            _ => return Err(Rejection::bad_request("input \"image\": expected the datatype BYTES or UINT8")),
         };
         if is_file && (shape.is_empty() || shape.iter().any(|side| *side != 1)) {
-            return Err(Refusal::bad_request("input \"image\": expected one image, of shape [1]"));
+            return Err(Rejection::bad_request("input \"image\": expected one image, of shape [1]"));
         }
         if let Some(size) = parameters.get(BINARY_SIZE) {
             if size.as_u64() != Some(self.binary.len() as u64) {
-                return Err(Refusal::bad_request("input \"image\": binary_data_size is not what follows the JSON"));
+                return Err(Rejection::bad_request("input \"image\": binary_data_size is not what follows the JSON"));
             }
             return if is_file { file_from_element(&self.binary) } else { file_from_pixels(shape, &self.binary) };
         }
         let Some(data) = data else {
-            return Err(Refusal::bad_request("input \"image\": no data; expected them, or binary_data_size"));
+            return Err(Rejection::bad_request("input \"image\": no data; expected them, or binary_data_size"));
         };
         if is_file { file_from_text(data) } else { file_from_pixels(shape, &pixels(data)?) }
     }
 }
 
 /// The file in a base64 text, alone or in a list.
-fn file_from_text(data: &Value) -> Result<Bytes, Refusal> {
+fn file_from_text(data: &Value) -> Result<Bytes, Rejection> {
     let text = match data {
         Value::String(text) => Some(text),
         Value::Array(list) => match &list[..] {
@@ -153,11 +153,11 @@ fn file_from_text(data: &Value) -> Result<Bytes, Refusal> {
         _ => None,
     };
     let file = text.and_then(|text| STANDARD.decode(text).ok()).filter(|file| !file.is_empty());
-    file.map(Bytes::from).ok_or_else(|| Refusal::bad_request("input \"image\": expected an image file in base64"))
+    file.map(Bytes::from).ok_or_else(|| Rejection::bad_request("input \"image\": expected an image file in base64"))
 }
 
 /// Numbers from 0 to 255, in lists of lists or in one.
-fn pixels(data: &Value) -> Result<Vec<u8>, Refusal> {
+fn pixels(data: &Value) -> Result<Vec<u8>, Rejection> {
     fn add(data: &Value, pixels: &mut Vec<u8>) -> Option<()> {
         if let Value::Array(list) = data {
             return list.iter().try_for_each(|data| add(data, pixels));
@@ -167,7 +167,7 @@ fn pixels(data: &Value) -> Result<Vec<u8>, Refusal> {
     }
     let mut pixels = Vec::new();
     add(data, &mut pixels)
-        .ok_or_else(|| Refusal::bad_request("input \"image\": expected whole numbers from 0 to 255"))?;
+        .ok_or_else(|| Rejection::bad_request("input \"image\": expected whole numbers from 0 to 255"))?;
     Ok(pixels)
 }
 

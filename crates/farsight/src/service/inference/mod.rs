@@ -20,17 +20,17 @@ use super::camera_query::CameraQuery;
 use super::guard::drain;
 use super::queue::{Task, deadline_in};
 use super::range::{UNNAMED, admitted, read};
-use super::refusal::Refusal;
+use super::rejection::Rejection;
 use super::shared::{Service, Shared};
 use message::Question;
 use tensor::outputs;
 
-/// A refusal in the protocol's form: `{"error": "message"}`.
-pub(super) struct ProtocolRefusal(Refusal);
+/// A rejection in the protocol's form: `{"error": "message"}`.
+pub(super) struct ProtocolRefusal(Rejection);
 
-impl From<Refusal> for ProtocolRefusal {
-    fn from(refusal: Refusal) -> Self {
-        Self(refusal)
+impl From<Rejection> for ProtocolRefusal {
+    fn from(rejection: Rejection) -> Self {
+        Self(rejection)
     }
 }
 
@@ -51,8 +51,8 @@ pub(super) async fn live() -> Json<Value> {
 }
 
 /// `GET /v2/health/ready`.
-pub(super) async fn ready(State(shared): Service) -> Result<Json<Value>, Refusal> {
-    if *shared.stopped.borrow() { Err(Refusal::ending()) } else { Ok(Json(json!({"ready": true}))) }
+pub(super) async fn ready(State(shared): Service) -> Result<Json<Value>, Rejection> {
+    if *shared.stopped.borrow() { Err(Rejection::ending()) } else { Ok(Json(json!({"ready": true}))) }
 }
 
 /// `GET /v2/models/{model}`.
@@ -76,7 +76,7 @@ pub(super) async fn model_ready(
 ) -> Result<Json<Value>, ProtocolRefusal> {
     check_model(&shared, &name)?;
     if *shared.stopped.borrow() {
-        return Err(Refusal::ending().into());
+        return Err(Rejection::ending().into());
     }
     Ok(Json(json!({"name": name, "ready": true})))
 }
@@ -89,9 +89,9 @@ pub(super) async fn infer(
     body: Body,
 ) -> Result<Response, ProtocolRefusal> {
     let deadline = deadline_in(shared.config.deadline);
-    if let Err(refusal) = check_model(&shared, &name) {
+    if let Err(rejection) = check_model(&shared, &name) {
         drain(body);
-        return Err(refusal.into());
+        return Err(rejection.into());
     }
     let (body, place) = admitted(&shared, &headers, body)?;
     let bytes: Bytes = read(body, deadline).await?;
@@ -104,11 +104,11 @@ pub(super) async fn infer(
     Ok(message::answer(&shared.card, question.id(), &outputs(&record), wanted.as_deref()))
 }
 
-fn check_model(shared: &Shared, name: &str) -> Result<(), Refusal> {
+fn check_model(shared: &Shared, name: &str) -> Result<(), Rejection> {
     let own = &shared.card.name;
     if name == own {
         return Ok(());
     }
     let message = format!("no model {name:?}; expected {own:?}");
-    Err(Refusal::new(StatusCode::NOT_FOUND, "no_model", message))
+    Err(Rejection::new(StatusCode::NOT_FOUND, "no_model", message))
 }

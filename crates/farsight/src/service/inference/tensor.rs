@@ -3,7 +3,7 @@
 use axum::body::Bytes;
 use serde_json::{Value, json};
 
-use super::super::refusal::Refusal;
+use super::super::rejection::Rejection;
 use crate::json::{DetectionRecord, ImageRecord};
 
 /// Name, datatype and shape of each output; -1 is the number of detections.
@@ -86,25 +86,25 @@ pub(super) fn outputs(record: &ImageRecord) -> Vec<Output> {
 }
 
 /// The file in a datum of BYTES of the extension for binary tensors.
-pub(super) fn file_from_element(bytes: &Bytes) -> Result<Bytes, Refusal> {
+pub(super) fn file_from_element(bytes: &Bytes) -> Result<Bytes, Rejection> {
     let length = bytes.first_chunk::<4>().map(|length| u32::from_le_bytes(*length) as usize);
     match length {
         Some(length) if length == bytes.len() - 4 && length > 0 => Ok(bytes.slice(4..)),
-        _ => Err(Refusal::bad_request(
+        _ => Err(Rejection::bad_request(
             "input \"image\": expected one datum with its length before it (4 bytes, little-endian)",
         )),
     }
 }
 
 /// Pixels as an image file (PPM): there is one way from bytes to an image.
-pub(super) fn file_from_pixels(shape: &[usize], pixels: &[u8]) -> Result<Bytes, Refusal> {
+pub(super) fn file_from_pixels(shape: &[usize], pixels: &[u8]) -> Result<Bytes, Rejection> {
     let is_whole = shape.iter().try_fold(1_usize, |size, side| size.checked_mul(*side)) == Some(pixels.len());
     let ([height, width, 3] | [1, height, width, 3], true) = (shape, is_whole) else {
         let message = format!(
             "input \"image\": {} bytes of shape {shape:?}; expected [height, width, 3] with as many values",
             pixels.len()
         );
-        return Err(Refusal::bad_request(message));
+        return Err(Rejection::bad_request(message));
     };
     let mut file = format!("P6\n{width} {height}\n255\n").into_bytes();
     file.extend_from_slice(pixels);

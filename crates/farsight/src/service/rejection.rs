@@ -11,7 +11,7 @@ use crate::{CameraSourceError, RangeError};
 
 /// Why a request gets no answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refusal {
+pub struct Rejection {
     /// Status of the response.
     pub status: u16,
     /// One word for programs and metrics.
@@ -22,7 +22,7 @@ pub struct Refusal {
     pub retry_after_s: Option<u64>,
 }
 
-impl Refusal {
+impl Rejection {
     pub(super) fn new(status: StatusCode, reason: &'static str, message: impl Into<String>) -> Self {
         Self { status: status.as_u16(), reason, message: message.into(), retry_after_s: None }
     }
@@ -37,8 +37,8 @@ impl Refusal {
 
     pub(super) fn queue_full(retry_after_s: u64) -> Self {
         let message = format!("the queue is full; try again in {retry_after_s} s");
-        let refusal = Self::new(StatusCode::TOO_MANY_REQUESTS, "queue_full", message);
-        Self { retry_after_s: Some(retry_after_s), ..refusal }
+        let rejection = Self::new(StatusCode::TOO_MANY_REQUESTS, "queue_full", message);
+        Self { retry_after_s: Some(retry_after_s), ..rejection }
     }
 
     pub(super) fn deadline() -> Self {
@@ -60,12 +60,12 @@ impl Refusal {
     }
 
     pub(super) fn ending() -> Self {
-        let refusal = Self::new(StatusCode::SERVICE_UNAVAILABLE, "ending", "the service ends");
-        Self { retry_after_s: Some(1), ..refusal }
+        let rejection = Self::new(StatusCode::SERVICE_UNAVAILABLE, "ending", "the service ends");
+        Self { retry_after_s: Some(1), ..rejection }
     }
 }
 
-impl From<&RangeError> for Refusal {
+impl From<&RangeError> for Rejection {
     fn from(error: &RangeError) -> Self {
         match error {
             RangeError::Image(ImageError::TooLarge { width, height, limit, .. }) => {
@@ -93,11 +93,11 @@ impl From<&RangeError> for Refusal {
     }
 }
 
-/// The reason of a refusal, for metrics and logs.
+/// The reason of a rejection, for metrics and logs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reason(pub(super) &'static str);
 
-impl Refusal {
+impl Rejection {
     /// The response with this body instead of the usual one.
     pub(super) fn response(&self, body: &Value) -> Response {
         let Self { status, reason, retry_after_s, .. } = *self;
@@ -114,7 +114,7 @@ impl Refusal {
     }
 }
 
-impl IntoResponse for Refusal {
+impl IntoResponse for Rejection {
     fn into_response(self) -> Response {
         self.response(&json!({"error": {"reason": self.reason, "message": self.message}}))
     }

@@ -12,7 +12,7 @@ use crate::{Pipeline, RangeError, RangedImage, ViewSource};
 
 /// An answer, and what it took.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Looked {
+pub struct Inference {
     /// The answer.
     pub record: ImageRecord,
     /// The time of each stage.
@@ -31,26 +31,26 @@ pub struct ModelCard {
 }
 
 /// Looks at images, on several threads at once.
-pub trait Look: Send + Sync + 'static {
+pub trait Infer: Send + Sync + 'static {
     /// What is in the image file `bytes`, called `name`, of which `views` knows how it was taken.
     ///
     /// # Errors
     /// When it is no image, its camera is not known, or the model fails.
-    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError>;
+    fn infer(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError>;
 
     /// What looks.
     fn card(&self) -> ModelCard;
 }
 
-impl Look for Pipeline {
-    fn look(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Looked, RangeError> {
+impl Infer for Pipeline {
+    fn infer(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError> {
         let max_pixels = MAX_PIXELS.min(ImageLimits::default().max_pixels);
         let (image, load) = timed(|| decode_image(bytes, name, ImageLimits { max_pixels }));
         let RangedImage { mut record, times, .. } = self.range_image(name, &image?, views)?;
         if let Some(model) = &mut record.model {
             model.name = model_name(self);
         }
-        Ok(Looked { record, times: StageTimes { load, ..times } })
+        Ok(Inference { record, times: StageTimes { load, ..times } })
     }
 
     fn card(&self) -> ModelCard {

@@ -11,7 +11,7 @@ const JPEG_QUALITY: u8 = 90;
 
 /// One image and what was found in it.
 #[derive(Debug, Clone)]
-pub struct Moment<'a> {
+pub struct RecordedFrame<'a> {
     /// Since the start of the recording, seconds, not negative.
     pub time_s: f64,
     /// The image, upright.
@@ -19,10 +19,10 @@ pub struct Moment<'a> {
     /// Projects camera coordinates to its pixels.
     pub camera: &'a Camera,
     /// What was found.
-    pub found: &'a [Found],
+    pub found: &'a [RecordedObject],
 }
 
-impl Moment<'_> {
+impl RecordedFrame<'_> {
     /// The image as a JPEG file.
     pub(crate) fn jpeg(&self) -> Result<Vec<u8>, RecordingError> {
         let mut data = Vec::new();
@@ -33,7 +33,7 @@ impl Moment<'_> {
 
 /// One object.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct RecordedObject {
     /// Its identity: that of a track, or any that differs within the image.
     pub id: String,
     /// What it is and where; its error bar is that of the depth.
@@ -42,7 +42,7 @@ pub struct Found {
     pub label: String,
 }
 
-impl Found {
+impl RecordedObject {
     /// These detections, numbered from 0, labelled by class and distance.
     pub fn from_detections(detections: &[Detection]) -> Vec<Self> {
         let labelled = |(number, detection): (usize, &Detection)| {
