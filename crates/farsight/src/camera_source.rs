@@ -205,13 +205,15 @@ impl CameraSource {
         match self {
             Self::Same(camera) => Ok((*camera, None)),
             Self::OverRoad(camera, road) => Ok((*camera, Some(*road))),
-            Self::Folder(folder) => read(&folder.join(format!("{}.txt", file_stem(path)))).map(with_road),
+            Self::Folder(folder) => {
+                read(&folder.join(format!("{}.txt", file_stem(path)))).map(|calibration| with_road(&calibration))
+            }
             Self::Kitti => {
                 let calibration = in_layout(path).ok_or_else(|| CameraSourceError::OutsideLayout(path.to_owned()))?;
                 if !calibration.is_file() {
                     return Err(CameraSourceError::NoCalibration { image: path.to_owned(), calibration });
                 }
-                read(&calibration).map(with_road)
+                read(&calibration).map(|calibration| with_road(&calibration))
             }
             Self::Intrinsics { fx, fy, cx, cy } => {
                 let middle = |side: usize| (side as f64 - 1.0) / 2.0;
@@ -246,7 +248,7 @@ fn read(path: &Path) -> Result<Calibration, CameraSourceError> {
     Ok(Calibration::read(path)?)
 }
 
-fn with_road(calibration: Calibration) -> (Camera, Option<RoadPlane>) {
+fn with_road(calibration: &Calibration) -> (Camera, Option<RoadPlane>) {
     (calibration.camera(), calibration.road)
 }
 

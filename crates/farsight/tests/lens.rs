@@ -77,7 +77,7 @@ fn a_lens_changes_the_picture_and_not_the_metres() {
 }
 
 /// The object that stands where another one does.
-fn nearest<'a>(found: &'a [DetectionRecord], location: [f64; 3]) -> &'a DetectionRecord {
+fn nearest(found: &[DetectionRecord], location: [f64; 3]) -> &DetectionRecord {
     let apart = |one: &&DetectionRecord| {
         let [x, _, z] = one.location;
         ((x - location[0]).hypot(z - location[2]) * 1e6) as u64
@@ -103,10 +103,10 @@ fn a_film_is_followed_through_the_lens_and_over_the_road_of_its_calibration() {
         let json = done(folder, &[&["range", "frames/0.png", "--json", "-"], &view[..]].concat());
         let seen: Vec<ImageRecord> = serde_json::from_str(&json).unwrap();
         let json = done(folder, &[&["track", "frames", "--fps", "10", "--json", "-"], &view[..]].concat());
-        let lines = json.lines().map(|line| serde_json::from_str(line).unwrap());
-        (seen[0].detections.clone(), lines.last().unwrap())
+        let last: FrameRecord = serde_json::from_str(json.lines().next_back().unwrap()).unwrap();
+        (seen[0].detections.clone(), last)
     };
-    let ((low, low_tracks), (plain, _)): ((_, FrameRecord), (_, FrameRecord)) = (found("low.txt"), found("plain.txt"));
+    let ((low, low_tracks), (plain, _)) = (found("low.txt"), found("plain.txt"));
     let near: Vec<_> = low.iter().filter(|one| one.range_m < 40.0 && one.score > 0.7).collect();
     assert!(near.len() >= 2, "{low:?}");
     for one in near {
