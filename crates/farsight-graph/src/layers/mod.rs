@@ -7,6 +7,7 @@ pub mod dla_up;
 pub mod fpn;
 pub mod mobilenet_v2;
 pub mod msfe;
+pub mod resnet;
 
 pub use backbone::Backbone;
 pub use builder::{Builder, NormKind};
@@ -15,3 +16,4 @@ pub use dla34::{Stem, dla34};
 pub use fpn::fpn;
 pub use mobilenet_v2::mobilenet_v2;
 pub use msfe::Msfe;
+pub use resnet::Resnet;
