@@ -101,7 +101,7 @@ impl Builder {
         bias: Option<Init>,
     ) -> NodeId {
         let uniform = Init::Uniform(1.0 / ((kernel * kernel * self.channels(x)) as f32).sqrt());
-        self.conv_started(x, name, channels, kernel, [uniform, bias.unwrap_or(uniform)])
+        self.conv_started(x, name, channels, Window::same(kernel, 1), [uniform, bias.unwrap_or(uniform)])
     }
 
     /// A convolution with bias; weight and bias start as `[weight, bias]` says.
@@ -110,13 +110,13 @@ impl Builder {
         x: NodeId,
         name: &str,
         channels: usize,
-        kernel: usize,
+        window: Window,
         [weight, bias]: [Init; 2],
     ) -> NodeId {
-        let shape = [channels, self.channels(x), kernel, kernel];
+        let shape = [channels, self.channels(x), window.kernel, window.kernel];
         let weight = self.parameter(format!("{name}.weight"), &shape, weight);
         let bias = self.parameter(format!("{name}.bias"), &[channels], bias);
-        self.push(Op::Conv { weight, bias: Some(bias), window: Window::same(kernel, 1), groups: 1 }, &[x], channels)
+        self.push(Op::Conv { weight, bias: Some(bias), window, groups: 1 }, &[x], channels)
     }
 
     /// A 3x3 deformable convolution with its offset convolution, which starts at zero (spec 3.1).

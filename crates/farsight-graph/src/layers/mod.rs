@@ -8,6 +8,7 @@ pub mod fpn;
 pub mod mobilenet_v2;
 pub mod msfe;
 pub mod resnet;
+pub mod vgg;
 
 pub use backbone::Backbone;
 pub use builder::{Builder, NormKind};
@@ -17,3 +18,4 @@ pub use fpn::fpn;
 pub use mobilenet_v2::mobilenet_v2;
 pub use msfe::Msfe;
 pub use resnet::Resnet;
+pub use vgg::vgg16;

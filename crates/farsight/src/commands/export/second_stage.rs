@@ -68,5 +68,5 @@ fn onnx<C: NetworkConfig>(
     let source = Path::new("the untransformed network");
     let whole = write(&Network::new(model).keeping(C::OUTPUTS), &Facts::new(model, engine.target()), engine.target())?;
     let (expected, reference) = answer(engine, OnnxModel::from_bytes(whole, source)?, source, &input)?;
-    keep(&file, &input, &expected, &reference, args, printer)
+    keep(&file, &input, &expected, &reference, &args.out, printer)
 }
