@@ -192,7 +192,7 @@ impl Experiment {
         // Without a method in the base, what its tables are of is anybody's guess.
         let is_other = base.as_ref() != Some(found);
         if let Some(table) = ["model", "task"].into_iter().find(|table| is_other && self.base.contains_key(*table)) {
-            let base = base.map_or("no method".to_owned(), |base| format!("\"{base}\""));
+            let base = base.as_ref().map_or("no method".to_owned(), |base| format!("\"{base}\""));
             let expected = "expected that table in the arms";
             bail!("arms.{name} is of \"{found}\" and inherits base.{table}, which is of {base}; {expected}");
         }
