@@ -26,7 +26,7 @@ struct Method {
     is_trained: bool,
     onnx: FromWeights,
     make: Make,
-    describe_model: fn(Weights, &Path) -> Result<(Description, Facts), ModelError>,
+    describe_model: DescribeModel,
     describe_onnx: fn(&OnnxModel, &Path) -> Result<Description, OnnxError>,
     describe_table: fn(toml::Table) -> Result<Description, String>,
 }
@@ -62,6 +62,9 @@ const METHODS: [Method; 5] = [
 pub fn trained_methods() -> impl Iterator<Item = &'static str> {
     METHODS.iter().filter(|method| method.is_trained).map(|method| method.tag)
 }
+
+/// What a model file describes, and what it says of itself.
+type DescribeModel = fn(Weights, &Path) -> Result<(Description, Facts), ModelError>;
 
 /// What a config of a detector describes.
 pub struct Description {

@@ -14,8 +14,7 @@ const MIN_HEIGHT_PX: f64 = 1.0;
 /// size (height, width, length, metres) is that of its class; none of a box lower than a pixel.
 pub fn guidance(box2d: &Box2d, alpha: f64, [height, width, length]: [f64; 3], camera: &Camera) -> Option<Box3d> {
     let height_px = box2d.height();
-    // What is no number is not higher, either.
-    if !(height_px >= MIN_HEIGHT_PX) {
+    if height_px.is_nan() || height_px < MIN_HEIGHT_PX {
         return None;
     }
     let depth_m = camera.focal_y() * height / ((1.0 - BOTTOM_SHARE) * height_px);
@@ -58,7 +57,7 @@ mod tests {
         let camera = Camera::from_projection(projection).unwrap();
         let found = guidance(&Box2d::new(500.0, 160.0, 620.0, 250.0), -1.3, [1.53, 1.63, 3.88], &camera).unwrap();
         let numbers = [found.location[0], found.location[1], found.location[2], found.yaw];
-        for (found, expected) in numbers.iter().zip([-0.966569647, 1.294929654, 13.188709677, -1.373156868]) {
+        for (found, expected) in numbers.iter().zip([-0.966_569_647, 1.294_929_654, 13.188_709_677, -1.373_156_868]) {
             assert!((found - expected).abs() < 1e-6, "{found}, not {expected}");
         }
     }

@@ -120,7 +120,7 @@ mod tests {
         let map = FeatureMap::new(&values, [channels, height, width]).unwrap();
         let camera = Camera::from_hfov(80.0, width, height).unwrap();
         let dimensions = Dimensions { height: 1.5, width: 1.6, length: 4.0 };
-        let cuboid = Box3d { dimensions, location: [1.0, 0.5, 9.0], yaw: 0.7 };
+        let cuboid = Box3d { dimensions, location: [1.0, 1.7, 9.0], yaw: 0.7 };
         let box2d = Box2d::new(10.0, 3.0, 30.0, 9.0);
         let points = [points(&box2d, &cuboid, &camera), nothing(SURFACES * SAMPLES)];
         let found = sample(map, &points);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::tiny::{camera, car, data_set};
-use crate::whole_runs::{bears_empty_frames, goes_on, learnt, run_of};
+use crate::whole_runs::{Changes, bears_empty_frames, goes_on, learnt, run_of};
 use farsight_core::samplers::FeatureMap;
 use farsight_graph::layers::Backbone;
 use farsight_methods::gs3d::Gs3dConfig;
@@ -76,7 +76,7 @@ fn the_second_stage_learns_on_a_first_one_that_stays() {
 
 #[test]
 fn what_cannot_be_is_told() {
-    let table: [(fn(&mut Gs3dRun), &str); 3] = [
+    let table: Changes<Gs3dRun> = &[
         (|run| run.task.size_weight = -1.0, "task.size_weight is -1; expected 0 or a positive number"),
         (|run| run.model.hidden = 0, "model.hidden is 0; expected 1 to 4096"),
         (|run| run.model.bin_widths[2] = 0.0, "model.bin_widths has 0; expected positive numbers below 100"),
@@ -84,7 +84,7 @@ fn what_cannot_be_is_told() {
     for (change, expected) in table {
         let mut run = run("unused".as_ref());
         change(&mut run);
-        assert_eq!(run.problem().unwrap(), expected);
+        assert_eq!(run.problem().unwrap(), *expected);
     }
 }
 
@@ -121,7 +121,7 @@ fn the_loss_of_bins_is_that_of_an_independent_computation() {
     let along = Tensor::arange(147, (Kind::Double, Device::Cpu)).cos().view([3, 49]);
     let slope = (logits.grad() * along).sum(Kind::Double).double_value(&[]);
     let value = loss.double_value(&[]);
-    assert!((value - 81.157079104823).abs() < 1e-9, "{value}");
-    assert!((slope - 0.081367737).abs() < 1e-6, "{slope}");
+    assert!((value - 81.157_079_104_823).abs() < 1e-9, "{value}");
+    assert!((slope - 0.081_367_737).abs() < 1e-6, "{slope}");
     assert!(refinement_loss(&logits, &target, 0).double_value(&[]).abs() < 1e-12);
 }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::tiny::{camera, data_set};
-use crate::whole_runs::{bears_empty_frames, goes_on, learnt, run_of};
+use crate::whole_runs::{Changes, bears_empty_frames, goes_on, learnt, run_of};
 use farsight_core::samplers::FeatureMap;
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::{Model, NetworkConfig};
@@ -57,7 +57,7 @@ fn frames_without_objects_are_learnt_from() {
 
 #[test]
 fn what_cannot_be_is_told() {
-    let table: [(fn(&mut OftNetRun), &str); 4] = [
+    let table: Changes<OftNetRun> = &[
         (|run| run.task.near_factor = -1.0, "task.near_factor is -1; expected 0 or a positive number"),
         (|run| run.model.blocks = 0, "model.blocks is 0; expected 1 to 64"),
         (|run| run.model.grid.rows = 5000, "model.grid has 14 x 5000 cells; expected 1 to 1024 a side"),
@@ -66,7 +66,7 @@ fn what_cannot_be_is_told() {
     for (change, expected) in table {
         let mut run = run("unused".as_ref());
         change(&mut run);
-        assert_eq!(run.problem().unwrap(), expected);
+        assert_eq!(run.problem().unwrap(), *expected);
     }
 }
 
@@ -132,7 +132,7 @@ fn losses_are_those_of_an_independent_computation() {
     let cells = Tensor::from_slice(&[[0, 1, 2, 3], [1, 0, 0, 0], [1, 1, 1, 2]].map(index));
     let expected = (Tensor::arange(24, (Kind::Double, Device::Cpu)) * 0.3).cos().view([3, 8]);
     let parts = losses(&answer, &heatmap, &cells, &expected, 100.0);
-    let golden = [91.505664585250, 0.409621064229, 0.414549134423, 0.272566624372];
+    let golden = [91.505_664_585_250, 0.409_621_064_229, 0.414_549_134_423, 0.272_566_624_372];
     for (part, golden) in parts.iter().zip(golden) {
         let found = part.double_value(&[]);
         assert!((found - golden).abs() < 1e-9, "{found}, not {golden}");
@@ -140,5 +140,5 @@ fn losses_are_those_of_an_independent_computation() {
     (&parts[0] + &parts[1] + &parts[2] + &parts[3]).backward();
     let along = (Tensor::arange(432, (Kind::Double, Device::Cpu))).cos().view([2, 18, 3, 4]);
     let slope = (answer.grad() * along).sum(Kind::Double).double_value(&[]);
-    assert!((slope + 1.998558625).abs() < 1e-6, "{slope}");
+    assert!((slope + 1.998_558_625).abs() < 1e-6, "{slope}");
 }

@@ -20,6 +20,9 @@ use farsight_train::training::{Callback, Job, Start, fit};
 /// Rounding in another order of sums.
 const TOLERANCE: f32 = 1e-4;
 
+/// What makes a config one that cannot be, and what is told then.
+pub(crate) type Changes<T> = &'static [(fn(&mut T), &'static str)];
+
 /// A run of a few steps on the data set in `root`.
 pub(crate) fn run_of<M: NetworkConfig, C: TaskConfig>(model: M, task: C, root: &Path) -> RunConfig<M, C> {
     let smoke = run_config(root);
