@@ -71,10 +71,14 @@ pub enum Op {
     Relu6,
     /// Logistic function.
     Sigmoid,
-    /// Maximum over `size` x `size` cells, stride `size`.
+    /// Maximum over `kernel` x `kernel` cells; what lies outside the map never counts.
     MaxPool {
         /// Cells a side.
-        size: usize,
+        kernel: usize,
+        /// Step.
+        stride: usize,
+        /// Cells outside the map on every side.
+        padding: usize,
     },
     /// Mean over the whole map, `[batch, channel, 1, 1]`.
     GlobalAveragePool,
@@ -95,9 +99,25 @@ pub enum Op {
         /// One weight an input.
         weight: ParameterId,
     },
+    /// So many channels of the input as the node has, from this one on.
+    Narrow {
+        /// The first of them.
+        start: usize,
+    },
+    /// What a sampler makes of the maps before it (`farsight_core::samplers`), outside of any engine: the input of the
+    /// second of two graphs. Engines get the network in two parts ([`crate::transform::Network::parts`]).
+    Sampler {
+        /// Width and height of what it makes, whatever the size of the image.
+        size: [usize; 2],
+    },
 }
 
 impl Op {
+    /// Maximum over tiles of `size` x `size` cells.
+    pub const fn max_of_tiles(size: usize) -> Self {
+        Self::MaxPool { kernel: size, stride: size, padding: 0 }
+    }
+
     /// The parameters that it reads.
     pub fn parameters(&self) -> Vec<ParameterId> {
         self.clone().parameters_mut().into_iter().map(|id| *id).collect()
@@ -113,6 +133,8 @@ impl Op {
             Self::Input
             | Self::Relu
             | Self::Relu6
+            | Self::Narrow { .. }
+            | Self::Sampler { .. }
             | Self::Sigmoid
             | Self::MaxPool { .. }
             | Self::GlobalAveragePool
@@ -258,7 +280,11 @@ impl Graph {
                             [window.output_size(h)?, window.output_size(w)?]
                         }
                         Op::UpConv { factor, .. } | Op::Upsample { factor } => [h * factor, w * factor],
-                        Op::MaxPool { size } => [h / size, w / size],
+                        Op::MaxPool { kernel, stride, padding } => {
+                            let pooled = |side: usize| Some((side + 2 * padding).checked_sub(kernel)? / stride + 1);
+                            [pooled(h)?, pooled(w)?]
+                        }
+                        Op::Sampler { size: [width, height] } => [height, width],
                         Op::GlobalAveragePool => [1, 1],
                         Op::Add | Op::Concat | Op::WeightedSum { .. } if !node.inputs.iter().all(same_size) => {
                             return None;
@@ -350,6 +376,7 @@ impl Graph {
             }
             Op::Add | Op::Multiply => self.equal_inputs(node).map(|()| first),
             Op::Concat => Ok(inputs.iter().sum()),
+            Op::Sampler { .. } | Op::Narrow { .. } => Ok(node.channels),
             _ => Ok(first),
         }
     }

@@ -9,6 +9,9 @@ use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_graph::model::{CONFIG_KEY, METHOD_KEY, Model, NetworkConfig};
 use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
 use farsight_methods::centernet3d::CenterNet3dConfig;
+use farsight_methods::gs3d::Gs3dConfig;
+use farsight_methods::monodle::MonoDleConfig;
+use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::{DetectorFile, SmokeConfig};
@@ -80,6 +83,9 @@ pub(crate) fn model_config() -> Vec<Vec<u8>> {
     vec![
         toml_of(&SmokeConfig::default()),
         toml_of(&CenterNet3dConfig::default()),
+        toml_of(&MonoDleConfig::default()),
+        toml_of(&OftNetConfig::default()),
+        toml_of(&Gs3dConfig::default()),
         toml_of(&SsdConfig::default()),
         toml_of(&RefinerConfig::default()),
         toml_of(&PlateReaderConfig::default()),

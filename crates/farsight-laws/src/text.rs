@@ -8,6 +8,9 @@ use farsight_data::annotations::{FileAnnotation, Plates};
 use farsight_data::kitti::split::split_from_text;
 use farsight_graph::model::NetworkConfig;
 use farsight_methods::centernet3d::CenterNet3dConfig;
+use farsight_methods::gs3d::Gs3dConfig;
+use farsight_methods::monodle::MonoDleConfig;
+use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeConfig;
@@ -62,6 +65,9 @@ pub(crate) fn scene_config(bytes: &[u8]) {
 pub(crate) fn model_config(bytes: &[u8]) {
     network::<SmokeConfig>(bytes);
     network::<CenterNet3dConfig>(bytes);
+    network::<MonoDleConfig>(bytes);
+    network::<OftNetConfig>(bytes);
+    network::<Gs3dConfig>(bytes);
     network::<SsdConfig>(bytes);
     network::<RefinerConfig>(bytes);
     network::<PlateReaderConfig>(bytes);

@@ -1,6 +1,9 @@
 //! Laws of what trainings read: configs and checkpoints.
 
 use farsight_methods::centernet3d::train::CenterNet3dTask;
+use farsight_methods::gs3d::train::Gs3dTask;
+use farsight_methods::monodle::train::MonoDleTask;
+use farsight_methods::oftnet::train::OftNetTask;
 use farsight_methods::plate_reader::train::PlateReaderTask;
 use farsight_methods::refiner::train::RefinerTask;
 use farsight_methods::smoke::train::SmokeTask;
@@ -15,6 +18,9 @@ pub(crate) fn config(bytes: &[u8]) {
     std::fs::write(&path, bytes).expect("a file for the bytes");
     run::<SmokeTask>(&path);
     run::<CenterNet3dTask>(&path);
+    run::<MonoDleTask>(&path);
+    run::<OftNetTask>(&path);
+    run::<Gs3dTask>(&path);
     run::<RefinerTask>(&path);
     run::<PlateReaderTask>(&path);
 }

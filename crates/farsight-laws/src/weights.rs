@@ -8,6 +8,9 @@ use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_import::tensors_from_pth;
 use farsight_import::tflite::read_convolutions;
 use farsight_methods::centernet3d::CenterNet3dConfig;
+use farsight_methods::gs3d::Gs3dConfig;
+use farsight_methods::monodle::MonoDleConfig;
+use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeConfig;
@@ -17,6 +20,9 @@ use farsight_methods::ssd::SsdConfig;
 pub(crate) fn detector(bytes: &[u8]) {
     model::<SmokeConfig>(bytes);
     model::<CenterNet3dConfig>(bytes);
+    model::<MonoDleConfig>(bytes);
+    model::<OftNetConfig>(bytes);
+    model::<Gs3dConfig>(bytes);
     model::<SsdConfig>(bytes);
 }
 

@@ -2,7 +2,8 @@
 
 use farsight_core::detection::DecodeOptions;
 use farsight_core::{Camera, ClassReference, Detection, ObjectClass};
-use farsight_runtime::{EngineError, StageTimes};
+use farsight_graph::model::NetworkConfig;
+use farsight_runtime::{EngineError, Runner, StageTimes};
 use image::RgbImage;
 use thiserror::Error;
 
@@ -44,6 +45,20 @@ pub trait Detector: Send {
     /// # Errors
     /// When the engine fails.
     fn share(&self) -> Result<Box<dyn Detector>, EngineError>;
+}
+
+/// A method that detects with one network, or with two and a sampler between them, and no part of it left to the
+/// decoder.
+pub trait WholeNetwork: NetworkConfig {
+    /// The detector of this config, whose network `runner` runs; what comes after a sampler is run by `second`. None
+    /// where that is missing.
+    fn detector(self, runner: Box<dyn Runner>, second: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>>;
+
+    /// Width and height, pixels, of the input for which multiply-accumulates are counted.
+    fn counted_input(&self) -> [usize; 2];
+
+    /// What there is to tell of it, by name.
+    fn facts(&self) -> Vec<(&'static str, String)>;
 }
 
 /// An image for which there is no answer.

@@ -137,6 +137,17 @@ pub enum OnnxProblem {
         /// The most that is taken.
         limit: f64,
     },
+    /// It is another part of a network than the one that belongs here.
+    #[error("{found} of a network that is cut at its sampler; expected {expected}")]
+    Part {
+        /// What it says of itself.
+        found: String,
+        /// The part that was expected.
+        expected: &'static str,
+    },
+    /// It is the second part of another model.
+    #[error("a part of another model than {}; expected two that `farsight export` wrote together", .0.display())]
+    OtherPart(std::path::PathBuf),
     /// An input or output is missing.
     #[error("no {kind} \"{name}\"; found {found:?}")]
     Value {

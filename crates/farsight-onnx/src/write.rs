@@ -141,6 +141,8 @@ impl Writer<'_> {
         let all: Vec<&str> = inputs.iter().map(String::as_str).collect();
         Ok(match &node.op {
             Op::Input => INPUT.to_owned(),
+            // Engines get the parts before and after a sampler.
+            Op::Sampler { .. } => unreachable!("a network that was not cut at its sampler"),
             Op::Conv { weight, bias, window, groups } => {
                 let (weight, bias) = self.convolution_parameters(id, *weight, *bias)?;
                 let operands: Vec<&str> = [x, &weight].into_iter().chain(bias.as_deref()).collect();
@@ -172,9 +174,13 @@ impl Writer<'_> {
                 self.parts.node("Clip", &[x, &low, &high], out, Vec::new())
             }
             Op::Sigmoid => self.parts.node("Sigmoid", &all, out, Vec::new()),
-            Op::MaxPool { size } => {
-                let size = [*size as i64; 2];
-                self.parts.node("MaxPool", &all, out, vec![ints("kernel_shape", &size), ints("strides", &size)])
+            Op::MaxPool { kernel, stride, padding } => {
+                let [kernel, stride] = [kernel, stride].map(|side| [*side as i64; 2]);
+                let mut how = vec![ints("kernel_shape", &kernel), ints("strides", &stride)];
+                if *padding > 0 {
+                    how.push(ints("pads", &[*padding as i64; 4]));
+                }
+                self.parts.node("MaxPool", &all, out, how)
             }
             Op::GlobalAveragePool => self.parts.node("GlobalAveragePool", &all, out, Vec::new()),
             Op::Upsample { factor } => {
@@ -185,6 +191,10 @@ impl Writer<'_> {
             }
             Op::Add => self.parts.node("Add", &all, out, Vec::new()),
             Op::Multiply => self.parts.node("Mul", &all, out, Vec::new()),
+            Op::Narrow { start } => {
+                let [from, to, axis] = [*start, start + node.channels, 1].map(|place| self.parts.list(&[place as i64]));
+                self.parts.node("Slice", &[x, &from, &to, &axis], out, Vec::new())
+            }
             Op::Concat => self.parts.node("Concat", &all, out, vec![int("axis", 1)]),
             Op::WeightedSum { weight } => self.weighted_sum(&all, *weight, out)?,
         })

@@ -69,7 +69,15 @@ pub struct ValidateConfig {
 /// # Errors
 /// When the file cannot be read, is no TOML, or names no method that is known.
 pub fn read_method(path: &Path, known: &[&str]) -> Result<String, RunConfigError> {
-    let table: toml::Table = parsed(path)?;
+    method_of(&parsed(path)?, known, path)
+}
+
+/// The tag of the method that a config in memory is of, which must be one of `known`; `path` is only what errors call
+/// it.
+///
+/// # Errors
+/// When it names no method that is known.
+pub fn method_of(table: &toml::Table, known: &[&str], path: &Path) -> Result<String, RunConfigError> {
     let found = match table.get("method") {
         Some(toml::Value::String(method)) if known.contains(&method.as_str()) => return Ok(method.clone()),
         Some(other) => other.to_string(),
@@ -240,10 +248,22 @@ impl<M: NetworkConfig, C: TaskConfig> RunConfig<M, C> {
     /// # Errors
     /// When the file cannot be read, has a field that does not exist, or a value that cannot be used.
     pub fn read(path: &Path) -> Result<Self, RunConfigError> {
-        let config: Self = parsed(path)?;
-        match config.problem() {
+        parsed::<Self>(path)?.checked(path)
+    }
+
+    /// Checks a config that is in memory; `path` is only what errors call it.
+    ///
+    /// # Errors
+    /// When it has a field that does not exist, or a value that cannot be used.
+    pub fn from_table(table: toml::Table, path: &Path) -> Result<Self, RunConfigError> {
+        let parsed = table.try_into::<Self>().map_err(|source| RunConfigError::Parse { path: path.into(), source });
+        parsed?.checked(path)
+    }
+
+    fn checked(self, path: &Path) -> Result<Self, RunConfigError> {
+        match self.problem() {
             Some(problem) => Err(RunConfigError::Value { path: path.into(), problem }),
-            None => Ok(config),
+            None => Ok(self),
         }
     }
 

@@ -170,6 +170,18 @@ impl Network {
 
     /// As [`Network::forward`], for a graph with several inputs, in the order of its input nodes.
     pub fn forward_from(&self, inputs: &[Tensor], mode: Mode, wanted: &[NodeId]) -> Vec<Tensor> {
+        self.forward_through(inputs, &|_| unreachable!("a graph with a sampler, run without one"), mode, wanted)
+    }
+
+    /// As [`Network::forward_from`]; `sampler` is what stands between the two parts of a graph
+    /// ([`Op::Sampler`]): it gets the maps that are read there.
+    pub fn forward_through(
+        &self,
+        inputs: &[Tensor],
+        sampler: &dyn Fn(&[Tensor]) -> Tensor,
+        mode: Mode,
+        wanted: &[NodeId],
+    ) -> Vec<Tensor> {
         let mut inputs = inputs.iter();
         let mut pending = self.consumers.clone();
         for &id in wanted {
@@ -181,6 +193,11 @@ impl Network {
             let kind = if wanted.contains(&id) { self.precision.wide_kind() } else { self.precision.kind() };
             let output = match node.op {
                 Op::Input => inputs.next().map(|input| self.precision.arranged(&input.to_kind(kind))),
+                Op::Sampler { .. } => {
+                    let read: Vec<Tensor> =
+                        node.inputs.iter().filter_map(|&id| Some(maps[id].as_ref()?.shallow_clone())).collect();
+                    Some(self.precision.arranged(&sampler(&read).to_kind(kind)))
+                }
                 _ => Some(self.compute(node, kind, &maps, &pending, mode)),
             };
             maps.push(output);
@@ -202,7 +219,7 @@ impl Network {
         let x = input(0);
         let operand = |id: ParameterId| self.tensor(id).to_kind(kind);
         match &node.op {
-            Op::Input => x.shallow_clone(),
+            Op::Input | Op::Sampler { .. } => x.shallow_clone(),
             Op::Conv { weight, bias, window, groups } => {
                 let (stride, padding) = ([window.stride as i64; 2], [window.padding as i64; 2]);
                 let dilation = [window.dilation as i64; 2];
@@ -243,9 +260,9 @@ impl Network {
             }
             Op::Relu6 => x.relu6(),
             Op::Sigmoid => x.sigmoid(),
-            Op::MaxPool { size } => {
-                let size = [*size as i64; 2];
-                x.max_pool2d(size, size, [0; 2], [1; 2], false)
+            Op::MaxPool { kernel, stride, padding } => {
+                let [kernel, stride, padding] = [kernel, stride, padding].map(|side| [*side as i64; 2]);
+                x.max_pool2d(kernel, stride, padding, [1; 2], false)
             }
             Op::GlobalAveragePool => x.adaptive_avg_pool2d([1, 1]),
             Op::Upsample { factor } => {
@@ -255,6 +272,7 @@ impl Network {
             }
             Op::Add => x + input(1),
             Op::Multiply => x * input(1),
+            Op::Narrow { start } => x.narrow(1, *start as i64, node.channels as i64),
             Op::Concat => Tensor::cat(&(0..node.inputs.len()).map(input).collect::<Vec<_>>(), 1),
             Op::WeightedSum { weight } => {
                 let weights = self.tensor(*weight).relu();

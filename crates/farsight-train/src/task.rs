@@ -57,6 +57,13 @@ pub trait Task: Sized {
     /// The network's input, `[batch, channels, height, width]`.
     fn input(batch: &Self::Batch) -> &Tensor;
 
+    /// What the sampler between the two parts of the graph ([`farsight_graph::graph::Op::Sampler`]) makes of the maps
+    /// that are read there, `[batch, channels, height, width]`. Graphs without one never ask.
+    fn sampled(&self, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
+        let _ = (maps, batch);
+        unreachable!("a task whose graph has a sampler says what it does")
+    }
+
     /// The nodes that the loss reads.
     fn outputs(&self) -> &[NodeId];
 

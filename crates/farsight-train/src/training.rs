@@ -15,7 +15,7 @@ use farsight_graph::model::{Model, ModelError};
 use farsight_graph::weights::Weights;
 use farsight_onnx::key;
 use farsight_synth::{SceneDataset, SceneStream};
-use tch::{Device, no_grad};
+use tch::{Device, Tensor, no_grad};
 
 use crate::checkpoint::{self, Progress};
 use crate::config::{DataConfig, RunConfig, ValidateConfig};
@@ -255,7 +255,7 @@ impl<T: Task> Trainer<'_, T> {
             learner.rest();
             return Ok(None);
         };
-        let outputs = learner.network.forward(T::input(&batch), Mode::Train, self.task.outputs());
+        let outputs = self.forward(learner, &batch, Mode::Train);
         let StepOutput { objective, loss, metrics, samples } = self.task.loss(&outputs, &batch);
         if let Some((name, value)) = metrics.named().into_iter().find(|(_, value)| !value.is_finite()) {
             return Err(not_finite(format!("loss term \"{name}\""), value));
@@ -292,9 +292,15 @@ impl<T: Task> Trainer<'_, T> {
             let Some(batch) = self.task.batch(items, learner.network.device()) else { continue };
             gathered += 1;
             let mode = Mode::Gather { share: 1.0 / f64::from(gathered) };
-            no_grad(|| learner.network.forward(T::input(&batch), mode, self.task.outputs()));
+            no_grad(|| self.forward(learner, &batch, mode));
         }
         Ok(())
+    }
+
+    /// What the network says of a batch, where the loss reads it.
+    fn forward(&self, learner: &Learner, batch: &T::Batch, mode: Mode) -> Vec<Tensor> {
+        let (input, sampler) = (T::input(batch), |maps: &[Tensor]| self.task.sampled(maps, batch));
+        learner.network.forward_through(std::slice::from_ref(input), &sampler, mode, self.task.outputs())
     }
 
     /// The model with these weights, and what is known of its training.

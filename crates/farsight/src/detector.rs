@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use farsight_methods::Detector;
-use farsight_methods::detectors::{self, DetectorNetwork};
+use farsight_methods::detectors::{self, DetectorNetwork, Part};
 use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
@@ -44,14 +44,16 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
     engine.check()?;
     let name = source.name().to_owned();
     if let Some(network) = other_method(source, engine)? {
-        check_precision(&network.onnx, engine, &name)?;
-        let weights_sha256 = network.onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
-        let runner = match (engine.kind, &network.trained) {
-            (EngineKind::Libtorch, Some(trained)) => libtorch::start_network(engine, trained)?,
-            (EngineKind::Libtorch, None) => return Err(libtorch::no_onnx().into()),
-            _ => engine.start(network.onnx.clone(), &name)?,
+        let onnx = &network.first.onnx;
+        check_precision(onnx, engine, &name)?;
+        let weights_sha256 = onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
+        let start = |part: &Part| match (engine.kind, &part.trained) {
+            (EngineKind::Libtorch, Some(trained)) => libtorch::start_network(engine, trained),
+            (EngineKind::Libtorch, None) => Err(libtorch::no_onnx().into()),
+            _ => engine.start(part.onnx.clone(), &name),
         };
-        let detector = network.detector(runner, &name)?;
+        let (runner, second) = (start(&network.first)?, network.second.as_ref().map(start).transpose()?);
+        let detector = network.detector(runner, second, &name)?;
         return Ok(OpenDetector { detector, name, weights_sha256 });
     }
     if engine.kind == EngineKind::Libtorch {
@@ -150,7 +152,7 @@ fn other_method(source: &ModelSource, engine: &EngineOptions) -> Result<Option<D
     if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
         return Ok(detectors::from_model_file(path, form, target)?);
     }
-    Ok(detectors::from_onnx(OnnxModel::read(path)?).ok())
+    Ok(detectors::from_onnx(OnnxModel::read(path)?, path)?)
 }
 
 /// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.

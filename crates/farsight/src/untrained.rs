@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use farsight_data::AugmentationConfig;
 use farsight_graph::init::initial_weights;
 use farsight_graph::model::NetworkConfig;
-use farsight_methods::centernet3d::CenterNet3dConfig;
+use farsight_methods::detectors::{Description, trained_methods};
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeModel;
@@ -45,7 +45,8 @@ impl RunFile {
 /// What a config's training is of.
 pub(crate) enum Untrained {
     Smoke(SmokeConfig),
-    CenterNet3d(CenterNet3dConfig),
+    /// A detector of another method.
+    Other(Description),
     Refiner(RefinerConfig),
     Plates(PlateReaderConfig),
 }
@@ -60,15 +61,21 @@ pub(crate) fn read(path: &Path) -> Result<Untrained> {
     let RunFile { method, model, .. } = RunFile::read(path)?;
     let found = match method.as_deref() {
         Some(SmokeConfig::METHOD) => return Ok(Untrained::Smoke(model_config(model, path)?)),
-        Some(CenterNet3dConfig::METHOD) => return Ok(Untrained::CenterNet3d(model_config(model, path)?)),
         Some(RefinerConfig::METHOD) => return Ok(Untrained::Refiner(model_config(model, path)?)),
         Some(PlateReaderConfig::METHOD) => return Ok(Untrained::Plates(model_config(model, path)?)),
-        Some(other) => format!("\"{other}\""),
+        Some(other) => match Description::of_table(other, model) {
+            Some(Ok(description)) => return Ok(Untrained::Other(description)),
+            Some(Err(problem)) => bail!("{}: [model]: {problem}", path.display()),
+            None => format!("\"{other}\""),
+        },
         None => "missing".to_owned(),
     };
-    let known =
-        [SmokeConfig::METHOD, CenterNet3dConfig::METHOD, RefinerConfig::METHOD, PlateReaderConfig::METHOD].join(", ");
-    bail!("{}: method is {found}; expected one of {known}", path.display())
+    let known: Vec<&str> = [SmokeConfig::METHOD]
+        .into_iter()
+        .chain(trained_methods())
+        .chain([RefinerConfig::METHOD, PlateReaderConfig::METHOD])
+        .collect();
+    bail!("{}: method is {found}; expected one of {}", path.display(), known.join(", "))
 }
 
 fn model_config<C: NetworkConfig>(table: toml::Table, path: &Path) -> Result<C> {
@@ -87,7 +94,7 @@ fn usable<C: NetworkConfig>(config: C, path: &Path) -> Result<C> {
 pub(crate) fn read_config(path: &Path) -> Result<SmokeConfig> {
     let other = match read(path)? {
         Untrained::Smoke(config) => return Ok(config),
-        Untrained::CenterNet3d(_) => CenterNet3dConfig::NAME,
+        Untrained::Other(description) => description.name,
         Untrained::Refiner(_) => RefinerConfig::NAME,
         Untrained::Plates(_) => PlateReaderConfig::NAME,
     };

@@ -13,9 +13,13 @@ use std::process::Command;
 use farsight::{Camera, EngineKind, EngineOptions, Pipeline, read_image};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
-use farsight_graph::model::NetworkConfig;
+use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::weights::{WeightTensor, Weights};
-use farsight_methods::centernet3d::{CenterNet3dConfig, CenterNet3dModel};
+use farsight_methods::centernet3d::CenterNet3dConfig;
+use farsight_methods::gs3d::Gs3dConfig;
+use farsight_methods::monodle::MonoDleConfig;
+use farsight_methods::oftnet::OftNetConfig;
+use farsight_methods::oftnet::grid::Grid;
 use farsight_methods::smoke::config::SmokeConfig;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeModel};
@@ -374,32 +378,80 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
     }
 }
 
-/// A small CenterNet with drawn weights, whose answers are of the size that a trained one's are.
-fn centernet3d() -> CenterNet3dModel {
+/// A small detector with drawn weights, and with these biases of its last convolutions: answers of the size that a
+/// trained one's are.
+fn drawn<C: NetworkConfig>(config: C, biases: &[(&str, f32)]) -> Model<C> {
+    let mut weights = initial_weights(&config.graph(), 4);
+    for (head, bias) in biases {
+        weights.tensors.get_mut(&format!("heads.{head}.2.bias")).unwrap().values.fill(*bias);
+    }
+    Model::new(config, weights).unwrap()
+}
+
+#[test]
+fn a_centernet_is_exported_shown_run_on_every_engine_and_evaluated() {
     let config = CenterNet3dConfig {
         input: [320, 96],
         width: 0.25,
         depth_focal_px: Some(200.0),
         ..CenterNet3dConfig::default()
     };
-    let mut weights = initial_weights(&config.graph(), 4);
     // Scores about a half, depths about 20 m, sizes of small cars, 2D boxes of eight cells.
-    for (head, bias) in [("hm", 0.0), ("dep", -3.0), ("dim", 1.7), ("wh", 8.0)] {
-        weights.tensors.get_mut(&format!("heads.{head}.2.bias")).unwrap().values.fill(bias);
-    }
-    CenterNet3dModel::new(config, weights).unwrap()
+    let model = drawn(config, &[("hm", 0.0), ("dep", -3.0), ("dim", 1.7), ("wh", 8.0)]);
+    does_all_that_a_detector_does(&model, ["hm", "CenterNet"]);
 }
 
 #[test]
-fn a_centernet_is_exported_shown_run_on_every_engine_and_evaluated() {
+fn a_monodle_is_exported_shown_run_on_every_engine_and_evaluated() {
+    let config =
+        MonoDleConfig { input: [320, 96], width: 0.25, depth_focal_px: Some(200.0), ..MonoDleConfig::default() };
+    let model = drawn(config, &[("heatmap", 0.0), ("depth", -3.0), ("size_3d", 1.7), ("size_2d", 8.0)]);
+    does_all_that_a_detector_does(&model, ["heatmap", "MonoDLE"]);
+}
+
+#[test]
+fn an_oftnet_is_exported_shown_run_on_every_engine_and_evaluated() {
+    let config = OftNetConfig {
+        input: [320, 96],
+        width: 0.0625,
+        blocks: 2,
+        grid: Grid { cell_m: 2.0, columns: 20, rows: 20, ..Grid::default() },
+        ..OftNetConfig::default()
+    };
+    let mut weights = initial_weights(&config.graph(), 4);
+    // Scores about a half.
+    weights.tensors.get_mut("head.bias").unwrap().values[0] = 0.5;
+    let model = Model::new(config, weights).unwrap();
+    does_all_that_a_detector_does(&model, ["map8", "OFTNet"]);
+}
+
+#[test]
+fn a_gs3d_is_exported_shown_run_on_every_engine_and_evaluated() {
+    let config = Gs3dConfig {
+        input: [320, 96],
+        width: 0.25,
+        backbone: Backbone::Resnet18,
+        surface_channels: 16,
+        hidden: 32,
+        ..Gs3dConfig::default()
+    };
+    // Scores above a half, 2D boxes of eight cells.
+    let mut model = drawn(config, &[("heatmap", 2.0), ("size", 8.0)]);
+    model.weights.tensors.get_mut("refine.bins.bias").unwrap().values.fill(1.0);
+    does_all_that_a_detector_does(&model, ["surfaces", "GS3D"]);
+}
+
+/// Exports, shows, runs and evaluates `model`, as model file and as ONNX file; `output` is one of its outputs, `word`
+/// tells what it is.
+fn does_all_that_a_detector_does<C: NetworkConfig>(model: &Model<C>, [output, word]: [&str; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (engines, images) = (engines(folder), images(folder));
-    centernet3d().write(&folder.join("c.safetensors")).unwrap();
+    model.write(&folder.join("c.safetensors")).unwrap();
     let told = done(folder, &["export", "--model", "c.safetensors", "--out", "c.onnx"]);
-    assert!(told.contains("hm") && told.contains("largest difference"), "{told}");
+    assert!(told.contains(output) && told.contains("largest difference"), "{told}");
     let shown = ["c.safetensors", "c.onnx"].map(|model| done(folder, &["info", model]));
-    assert!(shown[0] == shown[1] && shown[0].contains("CenterNet"), "{shown:?}");
+    assert!(shown[0] == shown[1] && shown[0].contains(word), "{shown:?}");
     let refused = farsight(folder, &["export", "--model", "c.safetensors", "--half", "--out", "h.safetensors"]);
     assert_eq!(refused.status.code(), Some(2));
 

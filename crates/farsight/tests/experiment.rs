@@ -175,3 +175,67 @@ fn minutes_stop_at_a_checkpoint_and_the_same_command_goes_on() {
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(told.contains("plain-1: a cell of another experiment"), "{told}");
 }
+
+/// Arms of three methods.
+const METHODS: &str = r#"
+name = "methods"
+data = { train = "train", evaluate = "val" }
+endpoints = { primary = ["ap3d", "mae", "found"], least_seeds = 1, resamples = 50 }
+
+[base.train]
+epochs = 2
+batch_size = 2
+threads = 1
+
+[arms.smoke]
+title = "SMOKE"
+patch.method = "smoke"
+patch.model = { input = [96, 32], level_channels = [16, 16, 16, 16, 16, 16], head_channels = 16, norm = "batch", neck = "plain" }
+
+[arms.monodle]
+title = "MonoDLE"
+patch.method = "monodle"
+patch.model = { input = [96, 32], width = 0.03, head_channels = 8, stem = "half" }
+
+[arms.oftnet]
+title = "OFTNet"
+patch.method = "oftnet"
+patch.model = { input = [96, 32], width = 0.05, blocks = 1, grid = { cell_m = 4.0, columns = 10, rows = 10, slabs = 2 } }
+
+[arms.gs3d]
+title = "GS3D"
+patch.method = "gs3d"
+patch.model = { input = [96, 32], backbone = "resnet18", width = 0.05, head_channels = 8, surface_channels = 4, hidden = 8 }
+
+[[blocks]]
+arms = ["smoke", "monodle", "oftnet", "gs3d"]
+seeds = [1]
+
+[[comparisons]]
+arm = "monodle"
+against = "oftnet"
+"#;
+
+#[test]
+fn arms_of_several_methods_are_trained_and_judged_alike() {
+    let folder = folder();
+    let root = folder.path();
+    fs::write(root.join("plan.toml"), METHODS).unwrap();
+    let told = done(root, &arguments("methods", "methods.json"));
+    let order: Vec<&str> = told.lines().map(|line| line.split(':').next().unwrap()).collect();
+    assert_eq!(order, ["smoke-1", "monodle-1", "oftnet-1", "gs3d-1"]);
+    let results = json(&root.join("methods.json"));
+    for (cell, arm) in results["cells"].as_array().unwrap().iter().zip(["smoke", "monodle", "oftnet", "gs3d"]) {
+        assert_eq!((&cell["arm"], &cell["steps"]), (&arm.into(), &2.into()), "{results}");
+        assert!(cell["ap3d"].is_number(), "{results}");
+    }
+    assert_eq!(results["comparisons"][0]["seeds"], 1, "{results}");
+
+    // A field of another method is told before anything is rendered.
+    fs::write(root.join("plan.toml"), METHODS.replace("blocks = 1, ", "blocks = 1, msfe = \"a\", ")).unwrap();
+    let words = ["experiment", "run", "plan.toml", "--data", "nowhere", "--kitti", "kitti", "--out", "other"];
+    let output = farsight(root, &words);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && !root.join("nowhere").exists(), "{told}");
+    assert!(told.contains("arms.oftnet") && told.contains("msfe"), "{told}");
+}

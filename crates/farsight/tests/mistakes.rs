@@ -251,8 +251,14 @@ fn a_config_is_read_as_the_training_would() {
         ("method = \"smoke\"\n[augmentation]\nflip = 0.5\n", "unknown field `flip`"),
         ("method = \"smoke\"\n[model]\nside = 96\n", "unknown field `side`"),
         ("farthest_m = 75.0\n", "unknown field `farthest_m`"),
-        ("[model]\nwidth = 0.5\n", "method is missing; expected one of smoke, centernet3d, refiner, plate_reader"),
-        ("method = \"smokey\"\n", "method is \"smokey\"; expected one of smoke, centernet3d, refiner, plate_reader"),
+        (
+            "[model]\nwidth = 0.5\n",
+            "method is missing; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",
+        ),
+        (
+            "method = \"smokey\"\n",
+            "method is \"smokey\"; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",
+        ),
     ] {
         fs::write(folder.join("run.toml"), config).unwrap();
         for command in [&["info", "run.toml"][..], &["bench", "--model", "run.toml"]] {

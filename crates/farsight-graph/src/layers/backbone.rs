@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::mobilenet_v2::Convention;
-use super::{Builder, NeckKind, Stem, dla_up, dla34, fpn, mobilenet_v2};
+use super::{Builder, NeckKind, Resnet, Stem, dla_up, dla34, fpn, mobilenet_v2, vgg16};
 use crate::graph::NodeId;
 
 /// What makes the features of strides 4 to 32, and how they come together at stride 4.
@@ -17,6 +17,36 @@ pub enum Backbone {
     MobilenetV2,
     /// The same with TensorFlow's padding, and its own scale of the image: for weights that learnt there.
     MobilenetV2Tensorflow,
+    /// `ResNet-18` with a feature pyramid.
+    Resnet18,
+    /// `ResNet-34` with a feature pyramid.
+    Resnet34,
+    /// `VGG-16` with batch norm and a feature pyramid.
+    Vgg16,
+}
+
+/// What torchvision's names are put behind.
+const PREFIX: &str = "backbone.body.";
+
+/// Channels of a `ResNet`'s stages.
+const RESNET_CHANNELS: [usize; 4] = [64, 128, 256, 512];
+
+/// Widths of a `ResNet` are multiples of this.
+const WIDTH_STEP: usize = 16;
+
+/// A `ResNet`'s levels; those of strides 1 and 2, which no pyramid reads, are that of stride 4.
+fn resnet(kind: Resnet, b: &mut Builder, image: NodeId, width: f64) -> [NodeId; 6] {
+    let scaled = |channels: usize| {
+        let steps = (channels as f64 * width / WIDTH_STEP as f64).round().max(1.0);
+        steps as usize * WIDTH_STEP
+    };
+    let [first, others @ ..] = kind.append(b, image, PREFIX, RESNET_CHANNELS.map(scaled));
+    let [eighth, sixteenth, last] = others;
+    let levels = [first, first, first, eighth, sixteenth, last];
+    for (i, level) in levels.into_iter().enumerate().skip(2) {
+        b.tap(&format!("level{i}"), level);
+    }
+    levels
 }
 
 impl Backbone {
@@ -26,6 +56,9 @@ impl Backbone {
             Self::Dla34 => "dla34",
             Self::MobilenetV2 => "mobilenet_v2",
             Self::MobilenetV2Tensorflow => "mobilenet_v2_tensorflow",
+            Self::Resnet18 => "resnet18",
+            Self::Resnet34 => "resnet34",
+            Self::Vgg16 => "vgg16",
         }
     }
 
@@ -36,6 +69,9 @@ impl Backbone {
             Self::Dla34 => dla34(b, image, channels, stem),
             Self::MobilenetV2 => mobilenet_v2(b, image, width, Convention::Torchvision),
             Self::MobilenetV2Tensorflow => mobilenet_v2(b, image, width, Convention::Tensorflow),
+            Self::Resnet18 => resnet(Resnet::Resnet18, b, image, width),
+            Self::Resnet34 => resnet(Resnet::Resnet34, b, image, width),
+            Self::Vgg16 => vgg16(b, image, PREFIX, width),
         }
     }
 
@@ -51,7 +87,7 @@ impl Backbone {
     ) -> NodeId {
         match self {
             Self::Dla34 => dla_up(b, levels, channels, kind),
-            Self::MobilenetV2 | Self::MobilenetV2Tensorflow => fpn(b, levels, width, kind),
+            _ => fpn(b, levels, width, kind),
         }
     }
 }

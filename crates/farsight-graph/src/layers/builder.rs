@@ -20,6 +20,8 @@ pub enum NormKind {
 pub struct Builder {
     graph: Graph,
     norm: NormKind,
+    /// Groups of every group norm, instead of the usual ones.
+    groups: Option<usize>,
     stage: &'static str,
 }
 
@@ -31,7 +33,12 @@ impl Builder {
 
     /// Goes on with `graph`.
     pub fn from_graph(graph: Graph, norm: NormKind) -> Self {
-        Self { graph, norm, stage: "input" }
+        Self { graph, norm, groups: None, stage: "input" }
+    }
+
+    /// An empty graph whose norms are group norms of so many groups.
+    pub fn with_groups(groups: usize) -> Self {
+        Self { groups: Some(groups), ..Self::new(NormKind::Group) }
     }
 
     /// The finished graph.
@@ -93,12 +100,23 @@ impl Builder {
         kernel: usize,
         bias: Option<Init>,
     ) -> NodeId {
-        let inputs = self.channels(x);
-        let bound = 1.0 / ((kernel * kernel * inputs) as f32).sqrt();
-        let weight =
-            self.parameter(format!("{name}.weight"), &[channels, inputs, kernel, kernel], Init::Uniform(bound));
-        let bias = self.parameter(format!("{name}.bias"), &[channels], bias.unwrap_or(Init::Uniform(bound)));
-        self.push(Op::Conv { weight, bias: Some(bias), window: Window::same(kernel, 1), groups: 1 }, &[x], channels)
+        let uniform = Init::Uniform(1.0 / ((kernel * kernel * self.channels(x)) as f32).sqrt());
+        self.conv_started(x, name, channels, Window::same(kernel, 1), [uniform, bias.unwrap_or(uniform)])
+    }
+
+    /// A convolution with bias; weight and bias start as `[weight, bias]` says.
+    pub fn conv_started(
+        &mut self,
+        x: NodeId,
+        name: &str,
+        channels: usize,
+        window: Window,
+        [weight, bias]: [Init; 2],
+    ) -> NodeId {
+        let shape = [channels, self.channels(x), window.kernel, window.kernel];
+        let weight = self.parameter(format!("{name}.weight"), &shape, weight);
+        let bias = self.parameter(format!("{name}.bias"), &[channels], bias);
+        self.push(Op::Conv { weight, bias: Some(bias), window, groups: 1 }, &[x], channels)
     }
 
     /// A 3x3 deformable convolution with its offset convolution, which starts at zero (spec 3.1).
@@ -179,6 +197,16 @@ impl Builder {
         self.push(Op::Add, &[a, b], channels)
     }
 
+    /// `channels` of the channels of `x`, from `start` on.
+    pub fn narrow(&mut self, x: NodeId, start: usize, channels: usize) -> NodeId {
+        self.push(Op::Narrow { start }, &[x], channels)
+    }
+
+    /// What a sampler outside makes of `maps`: so many channels of this width and height.
+    pub fn sampler(&mut self, maps: &[NodeId], channels: usize, size: [usize; 2]) -> NodeId {
+        self.push(Op::Sampler { size }, maps, channels)
+    }
+
     /// Maps one after the other along the channels.
     pub fn concat(&mut self, inputs: &[NodeId]) -> NodeId {
         let channels = inputs.iter().map(|&x| self.channels(x)).sum();
@@ -210,7 +238,8 @@ impl Builder {
         let bias = self.add_parameter(format!("{name}.bias"), &shape, Init::Constant(0.0), role);
         match self.norm {
             NormKind::Group => {
-                Op::GroupNorm { groups: if channels.is_multiple_of(32) { 32 } else { 16 }, weight, bias }
+                let usual = if channels.is_multiple_of(32) { 32 } else { 16 };
+                Op::GroupNorm { groups: self.groups.unwrap_or(usual), weight, bias }
             }
             NormKind::Batch => {
                 let role = if role == Role::Unused { role } else { Role::Statistic };

@@ -38,7 +38,7 @@ pub fn dla34(b: &mut Builder, image: NodeId, channels: [usize; 6], stem: Stem) -
     let level3 = deep_tree(b, level2, &format!("{BASE}.level3"), channels[3]);
     let level4 = deep_tree(b, level3, &format!("{BASE}.level4"), channels[4]);
     // Level 5 has a level root: its pooled input joins the root.
-    let low = b.map(Op::MaxPool { size: 2 }, level4);
+    let low = b.map(Op::max_of_tiles(2), level4);
     let level5 = tree(b, level4, &format!("{BASE}.level5"), channels[5], 2, &[low]);
     let levels = [level0, level1, level2, level3, level4, level5];
     b.tap("base_layer", base);
@@ -54,7 +54,7 @@ fn stem_conv(b: &mut Builder, x: NodeId, name: &str, channels: usize, window: Wi
 
 /// A tree of depth 1: two blocks and the root that joins them with `extra`.
 fn tree(b: &mut Builder, x: NodeId, name: &str, channels: usize, stride: usize, extra: &[NodeId]) -> NodeId {
-    let low = if stride > 1 { b.map(Op::MaxPool { size: stride }, x) } else { x };
+    let low = if stride > 1 { b.map(Op::max_of_tiles(stride), x) } else { x };
     let skip = if b.channels(low) == channels {
         low
     } else {
@@ -71,7 +71,7 @@ fn tree(b: &mut Builder, x: NodeId, name: &str, channels: usize, stride: usize, 
 
 /// A tree of depth 2 with level root (levels 3 and 4).
 fn deep_tree(b: &mut Builder, x: NodeId, name: &str, channels: usize) -> NodeId {
-    let low = b.map(Op::MaxPool { size: 2 }, x);
+    let low = b.map(Op::max_of_tiles(2), x);
     b.unused_projection(&format!("{name}.project"), b.channels(x), channels);
     let first = tree(b, x, &format!("{name}.tree1"), channels, 2, &[]);
     tree(b, first, &format!("{name}.tree2"), channels, 1, &[low, first])

@@ -7,6 +7,8 @@ pub mod dla_up;
 pub mod fpn;
 pub mod mobilenet_v2;
 pub mod msfe;
+pub mod resnet;
+pub mod vgg;
 
 pub use backbone::Backbone;
 pub use builder::{Builder, NormKind};
@@ -15,3 +17,5 @@ pub use dla34::{Stem, dla34};
 pub use fpn::fpn;
 pub use mobilenet_v2::mobilenet_v2;
 pub use msfe::Msfe;
+pub use resnet::Resnet;
+pub use vgg::vgg16;

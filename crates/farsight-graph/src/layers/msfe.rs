@@ -99,7 +99,7 @@ pub fn bifpn(b: &mut Builder, prefix: &str, pyramid: [NodeId; 3], width: usize) 
         b.channel_attention(x, &level_name(prefix, i, "se"), REDUCTION)
     });
     let up = Op::Upsample { factor: 2 };
-    let down = Op::MaxPool { size: 2 };
+    let down = Op::max_of_tiles(2);
     let up5 = b.map(up.clone(), p5);
     let top_down4 = fusion(b, prefix, "td4", &[p4, up5]);
     let up4 = b.map(up, top_down4);

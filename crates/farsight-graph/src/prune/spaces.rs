@@ -39,6 +39,15 @@ impl Spaces {
                     inputs[1].iter().for_each(|&offset| spaces.fixed[offset] = true);
                     spaces.fresh(node.channels, false)
                 }
+                Op::Sampler { .. } => {
+                    inputs.iter().flatten().for_each(|&read| spaces.fixed[read] = true);
+                    spaces.fresh(node.channels, true)
+                }
+                // Which channels they are must not change.
+                Op::Narrow { start } => {
+                    inputs[0].iter().for_each(|&read| spaces.fixed[read] = true);
+                    inputs[0][*start..start + node.channels].to_vec()
+                }
                 Op::Concat => inputs.concat(),
                 Op::Add | Op::Multiply | Op::WeightedSum { .. } => {
                     for other in &inputs[1..] {

@@ -70,7 +70,7 @@ fn share_ranges(graph: &Graph, ranges: &mut BTreeMap<NodeId, Range>) {
     loop {
         let before = ranges.clone();
         for (id, node) in graph.nodes.iter().enumerate() {
-            let moves = matches!(node.op, Op::Concat | Op::MaxPool { .. } | Op::Upsample { .. });
+            let moves = matches!(node.op, Op::Concat | Op::Narrow { .. } | Op::MaxPool { .. } | Op::Upsample { .. });
             if !moves || !ranges.contains_key(&id) {
                 continue;
             }

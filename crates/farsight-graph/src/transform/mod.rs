@@ -5,7 +5,7 @@ mod local_head;
 
 pub use local_head::LocalHead;
 
-use crate::graph::Graph;
+use crate::graph::{Graph, NodeId, Op};
 use crate::live::{without_dead_nodes, without_dead_parameters};
 use crate::model::{Model, NetworkConfig};
 use crate::weights::{Weights, WeightsError};
@@ -39,6 +39,30 @@ impl Network {
     pub fn with_outputs(mut self, outputs: &[&str]) -> Self {
         self.graph.taps.retain(|(name, _)| outputs.contains(&name.as_str()));
         without_dead(self)
+    }
+
+    /// The parts that engines run one after the other, for the taps named in `outputs`: the whole network, or what is
+    /// before its sampler and what comes after. Taps of the first of two are the maps that the sampler reads, in its
+    /// order; the input of the second is what the sampler makes.
+    pub fn parts(self, outputs: &[&str]) -> Vec<Self> {
+        let is_sampler = |node: &crate::graph::Node| matches!(node.op, Op::Sampler { .. });
+        let Some(sampler) = self.graph.nodes.iter().position(is_sampler) else {
+            return vec![self.with_outputs(outputs)];
+        };
+        let mut second = self.clone();
+        second.graph.nodes.drain(..sampler);
+        let shifted = |id: &mut NodeId| *id -= sampler;
+        second.graph.nodes[0].op = Op::Input;
+        second.graph.nodes[0].inputs.clear();
+        second.graph.nodes.iter_mut().flat_map(|node| &mut node.inputs).for_each(shifted);
+        second.graph.taps.retain(|(_, id)| *id >= sampler);
+        second.graph.taps.iter_mut().for_each(|(_, id)| shifted(id));
+        let mut first = self;
+        let read = std::mem::take(&mut first.graph.nodes[sampler].inputs);
+        first.graph.nodes.truncate(sampler);
+        let tap = |id: &NodeId| first.graph.taps.iter().find(|(_, tapped)| tapped == id).cloned();
+        first.graph.taps = read.iter().filter_map(tap).collect();
+        vec![without_dead(first), second.with_outputs(outputs)]
     }
 
     /// Batch norms become part of the convolution before them, which gains a bias.

@@ -4,14 +4,9 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 
 use farsight_core::box3d::ray_angle;
-use farsight_core::score::{logistic, logit};
 use farsight_core::{Box2d, Box3d, Camera, Dimensions, wrapped_angle};
 
-/// Input pixels per cell of the maps.
-pub const STRIDE: usize = 4;
-
-/// Added to the depth's sigmoid: no depth is infinite (authors' code).
-const DEPTH_EPSILON: f64 = 1e-6;
+use crate::center_map::depth_scale;
 
 /// Middle of each bin of the observation angle, radians.
 const BIN_CENTERS: [f64; 2] = [-FRAC_PI_2, FRAC_PI_2];
@@ -45,16 +40,6 @@ pub struct Encoded {
     pub offset: [f64; 2],
 }
 
-/// Depth before its activation, for a depth in metres.
-pub fn raw_depth(depth_m: f64) -> f64 {
-    logit((1.0 / (depth_m + 1.0) - DEPTH_EPSILON).clamp(f64::EPSILON, 1.0 - f64::EPSILON))
-}
-
-/// Depth, metres, of the raw channel.
-pub fn depth_from_raw(raw: f64) -> f64 {
-    1.0 / (logistic(raw) + DEPTH_EPSILON) - 1.0
-}
-
 /// The two directions of the code.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Codec {
@@ -63,11 +48,6 @@ pub struct Codec {
 }
 
 impl Codec {
-    /// True depth over virtual depth under `camera` (of the feature map).
-    fn depth_scale(&self, camera: &Camera) -> f64 {
-        self.depth_focal_px.map_or(1.0, |focal_px| camera.focal_y() * STRIDE as f64 / focal_px)
-    }
-
     /// What stands at the cell of `object`, whose 2D box is `box2d` in cells of the feature map seen by `camera`. None
     /// when the centre of the 2D box has no cell.
     pub fn encode(&self, object: &Box3d, box2d: &Box2d, camera: &Camera) -> Option<Encoded> {
@@ -84,7 +64,7 @@ impl Codec {
         let Dimensions { height, width, length } = object.dimensions;
         Some(Encoded {
             cell: center.map(|v| v as usize),
-            depth_m: object.depth_m() / self.depth_scale(camera),
+            depth_m: object.depth_m() / depth_scale(self.depth_focal_px, camera),
             bins,
             dimensions_hwl: [height, width, length],
             size: [box2d.width(), box2d.height()],
@@ -97,7 +77,7 @@ impl Codec {
     pub fn decode(&self, encoded: &Encoded, camera: &Camera) -> Box3d {
         let pixel = [0, 1].map(|axis| encoded.cell[axis] as f64 + encoded.offset[axis]);
         let [height, width, length] = encoded.dimensions_hwl;
-        let [x, y, z] = camera.point_from_pixel(pixel, encoded.depth_m * self.depth_scale(camera));
+        let [x, y, z] = camera.point_from_pixel(pixel, encoded.depth_m * depth_scale(self.depth_focal_px, camera));
         let location = [x, y + height / 2.0, z];
         // Of equal bins the first counts.
         let bin = usize::from(encoded.bins[1].score > encoded.bins[0].score);
@@ -140,14 +120,6 @@ mod tests {
                 assert!((found.x1 - box2d.x1).abs() < 1e-9 && (found.y2 - box2d.y2).abs() < 1e-9, "{found:?}");
                 assert!(encoded.bins.iter().any(|bin| bin.score > 0.5), "every angle is in a bin");
             }
-        }
-    }
-
-    #[test]
-    fn depth_and_its_raw_channel_are_inverse() {
-        for depth_m in [0.5, 4.0, 30.0, 120.0] {
-            let back = depth_from_raw(raw_depth(depth_m));
-            assert!((back / depth_m - 1.0).abs() < 1e-9, "{depth_m}: {back}");
         }
     }
 }

@@ -7,7 +7,6 @@
 pub mod codec;
 pub mod config;
 pub mod decode;
-pub mod detector;
 pub mod network;
 pub mod targets;
 #[cfg(feature = "train")]
@@ -16,7 +15,6 @@ pub mod train;
 use farsight_graph::model::Model;
 
 pub use config::CenterNet3dConfig;
-pub use detector::CenterNet3dDetector;
 
 /// A CenterNet for 3D boxes with its weights.
 pub type CenterNet3dModel = Model<CenterNet3dConfig>;

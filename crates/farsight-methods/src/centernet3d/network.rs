@@ -1,10 +1,11 @@
 //! The network: one of SMOKE's backbones with its neck, six heads.
 
-use farsight_graph::graph::{Graph, Init, NodeId};
+use farsight_graph::graph::Graph;
 use farsight_graph::layers::Builder;
 use farsight_graph::model::NetworkConfig;
 
 use super::config::CenterNet3dConfig;
+use crate::center_map::{CenterMethod, PRIOR_LOGIT, head};
 
 /// Logits of the heatmap, one channel a class.
 pub const HEATMAP: &str = "hm";
@@ -21,9 +22,6 @@ pub const OFFSET: &str = "reg";
 
 /// The heads beside the heatmap, and their channels.
 pub const REGRESSION_HEADS: [(&str, usize); 5] = [(DEPTH, 1), (ROTATION, 8), (DIMENSIONS, 3), (SIZE, 2), (OFFSET, 2)];
-
-/// Logit at which the heatmap starts: a probability near 0.1.
-const PRIOR_LOGIT: f32 = -2.19;
 
 impl NetworkConfig for CenterNet3dConfig {
     const METHOD: &'static str = "centernet3d";
@@ -48,23 +46,13 @@ impl NetworkConfig for CenterNet3dConfig {
 /// The network that `config` describes.
 fn network(config: &CenterNet3dConfig) -> Graph {
     let mut b = Builder::new(config.norm);
-    let channels = config.channels();
-    let input = b.input(3);
-    let levels = config.backbone.levels(&mut b, input, channels, config.stem, config.width);
-    let features = config.backbone.neck(&mut b, &levels, channels, config.neck_width(), config.neck);
-    let heatmap = head(&mut b, features, HEATMAP, config.head_width(), config.classes.len(), PRIOR_LOGIT);
+    let features = config.features().append(&mut b);
+    let width = config.features().head_width();
+    let heatmap = head(&mut b, features, HEATMAP, [width, config.classes.len()], None, PRIOR_LOGIT);
     b.tap(HEATMAP, heatmap);
     for (name, channels) in REGRESSION_HEADS {
-        let output = head(&mut b, features, name, config.head_width(), channels, 0.0);
+        let output = head(&mut b, features, name, [width, channels], None, 0.0);
         b.tap(name, output);
     }
     b.finish()
-}
-
-/// A 3x3 convolution, `ReLU`, a 1x1 convolution; biases start at zero, the last one at `bias`.
-fn head(b: &mut Builder, x: NodeId, name: &'static str, width: usize, channels: usize, bias: f32) -> NodeId {
-    b.stage(name);
-    let x = b.conv_with_bias(x, &format!("heads.{name}.0"), width, 3, Some(Init::Constant(0.0)));
-    let x = b.relu(x);
-    b.conv_with_bias(x, &format!("heads.{name}.2"), channels, 1, Some(Init::Constant(bias)))
 }

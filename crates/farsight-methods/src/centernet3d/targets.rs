@@ -3,7 +3,8 @@
 use farsight_core::heatmap::HeatmapRule;
 use farsight_core::{Affine2, Box2d, Camera, ClassReference, Label};
 
-use super::codec::{Codec, Encoded, STRIDE};
+use super::codec::{Codec, Encoded};
+use crate::center_map::{STRIDE, feature_camera};
 
 /// Targets of one image.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,11 +15,6 @@ pub struct Targets {
     pub map_size: [usize; 2],
     /// What stands at the cells of the objects.
     pub objects: Vec<Encoded>,
-}
-
-/// The camera of the feature map that belongs to the camera of the network's input.
-pub fn feature_camera(input_camera: &Camera) -> Camera {
-    input_camera.transformed(&Affine2::scaling(1.0 / STRIDE as f64))
 }
 
 /// Targets for `labels` in a network input of `input_size` (width, height, pixels) seen by `input_camera`.

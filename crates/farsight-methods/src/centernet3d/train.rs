@@ -18,10 +18,13 @@ use farsight_train::training::TrainError;
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Reduction, Tensor};
 
-use super::codec::{Codec, Encoded};
+use super::codec::Codec;
 use super::targets::{Targets, targets};
 use super::{CenterNet3dConfig, CenterNet3dModel};
+use crate::center_map::train::{AtCells, at_cells, depths_from_raw, mean_l1};
+use crate::checks::problem_of_weights;
 use crate::input_spec::InputSpec;
+use crate::tensors::stacked;
 
 /// A run that trains a CenterNet for 3D boxes.
 pub type CenterNet3dRun = RunConfig<CenterNet3dConfig, CenterNet3dTaskConfig>;
@@ -50,15 +53,13 @@ impl Default for CenterNet3dTaskConfig {
 
 impl TaskConfig for CenterNet3dTaskConfig {
     fn problem(&self, _: &DataConfig) -> Option<String> {
-        let weights = [
+        problem_of_weights(&[
             ("depth_weight", self.depth_weight),
             ("dimensions_weight", self.dimensions_weight),
             ("rotation_weight", self.rotation_weight),
             ("size_weight", self.size_weight),
             ("offset_weight", self.offset_weight),
-        ];
-        let wrong = weights.iter().find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0));
-        wrong.map(|(name, weight)| format!("{name} is {weight}; expected 0 or a positive number"))
+        ])
     }
 }
 
@@ -216,7 +217,7 @@ impl Task for CenterNet3dTask {
     fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
         let [heatmap, depth, rotation, dimensions, size, offset] = [0, 1, 2, 3, 4, 5].map(|place| &outputs[place]);
         let at = |map: &Tensor| at_cells(map, &batch.cells);
-        let found_m = (at(depth).sigmoid() + 1e-6).reciprocal() - 1.0;
+        let found_m = depths_from_raw(&at(depth));
         let heatmap = focal_loss(heatmap, &batch.heatmap);
         let weights = &self.weights;
         let parts = [
@@ -240,47 +241,24 @@ impl Task for CenterNet3dTask {
 
 impl TrainBatch {
     /// Joins samples of one input size (width, height).
-    fn new(samples: &[TrainSample], [width, height]: [usize; 2], device: Device) -> Self {
-        let shape = [3, height as i64, width as i64];
-        let inputs: Vec<Tensor> = samples.iter().map(|sample| Tensor::from_slice(&sample.input).view(shape)).collect();
-        let [map_width, map_height] = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
-        let values: Vec<f32> = samples.iter().flat_map(|sample| &sample.targets.heatmap).copied().collect();
-        let heatmap = Tensor::from_slice(&values).view([samples.len() as i64, -1, map_height as i64, map_width as i64]);
-        let taught = samples.iter().enumerate().filter(|(_, sample)| sample.regress);
-        let objects: Vec<(usize, &Encoded)> = taught
-            .flat_map(|(image, sample)| sample.targets.objects.iter().map(move |object| (image, object)))
-            .collect();
-        let index = |(image, object): &(usize, &Encoded)| {
-            ((image * map_height + object.cell[1]) * map_width + object.cell[0]) as i64
-        };
-        let cells: Vec<i64> = objects.iter().map(index).collect();
-        let rows = |columns: i64, values: &dyn Fn(&Encoded) -> Vec<f64>| {
-            let values: Vec<f32> = objects.iter().flat_map(|(_, object)| values(object)).map(|v| v as f32).collect();
-            Tensor::from_slice(&values).view([-1, columns]).to_device(device)
-        };
+    fn new(samples: &[TrainSample], input: [usize; 2], device: Device) -> Self {
+        let map_size = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
+        let taught = samples.iter().map(|sample| if sample.regress { &sample.targets.objects[..] } else { &[] });
+        let objects = AtCells::new(taught, map_size, |object| object.cell, device);
         Self {
-            input: Tensor::stack(&inputs, 0).to_device(device),
-            heatmap: heatmap.to_device(device),
-            cells: Tensor::from_slice(&cells).to_device(device),
-            depth_m: rows(1, &|object| vec![object.depth_m]),
-            dimensions: rows(3, &|object| object.dimensions_hwl.to_vec()),
-            in_bin: rows(2, &|object| object.bins.map(|bin| bin.score).to_vec()),
-            sin_cos: rows(4, &|object| object.bins.iter().flat_map(|bin| bin.sin_cos).collect()).view([-1, 2, 2]),
-            size: rows(2, &|object| object.size.to_vec()),
-            offset: rows(2, &|object| object.offset.to_vec()),
+            input: stacked(samples.iter().map(|sample| &sample.input[..]), input, device),
+            heatmap: stacked(samples.iter().map(|sample| &sample.targets.heatmap[..]), map_size, device),
+            cells: objects.cells(),
+            depth_m: objects.rows(|object| [object.depth_m]),
+            dimensions: objects.rows(|object| object.dimensions_hwl),
+            in_bin: objects.rows(|object| object.bins.map(|bin| bin.score)),
+            sin_cos: objects
+                .rows::<4>(|object| [0, 1, 2, 3].map(|place| object.bins[place / 2].sin_cos[place % 2]))
+                .view([-1, 2, 2]),
+            size: objects.rows(|object| object.size),
+            offset: objects.rows(|object| object.offset),
         }
     }
-}
-
-/// The channels of a map `[batch, channels, height, width]` at flattened cells, `[cells, channels]`.
-fn at_cells(map: &Tensor, cells: &Tensor) -> Tensor {
-    let channels = map.size()[1];
-    map.to_kind(Kind::Float).permute([0, 2, 3, 1]).reshape([-1, channels]).index_select(0, cells)
-}
-
-/// Mean absolute difference; zero without objects.
-fn mean_l1(found: &Tensor, expected: &Tensor) -> Tensor {
-    (found - expected).abs().sum(Kind::Float) / (expected.numel().max(1) as f64)
 }
 
 /// Cross entropy of each bin, and smooth L1 of sine and cosine in the bins that the angle is in.

@@ -37,7 +37,7 @@ fn residual_level(b: &mut Builder, x: NodeId, name: &str, channels: usize) -> No
     let first = b.conv_norm_relu(x, &format!("{name}.conv1"), &format!("{name}.norm1"), channels, Window::same(3, 2));
     let second = b.conv(first, &format!("{name}.conv2"), channels, Window::same(3, 1));
     let second = b.norm(second, &format!("{name}.norm2"));
-    let pooled = b.map(Op::MaxPool { size: 2 }, x);
+    let pooled = b.map(Op::max_of_tiles(2), x);
     let beside = b.conv(pooled, &format!("{name}.project"), channels, Window::same(1, 1));
     let beside = b.norm(beside, &format!("{name}.project_norm"));
     let sum = b.add(second, beside);

@@ -216,7 +216,7 @@ impl SmokeConfig {
         let of_dla34 = "is for the backbone dla34; expected none";
         match self.backbone {
             Backbone::Dla34 => self.neck_channels.map(|_| ("neck_channels", "is for other backbones than dla34")),
-            Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow => [
+            _ => [
                 (self.level_channels.is_some(), ("level_channels", of_dla34)),
                 (self.stem != Stem::Full, ("stem", of_dla34)),
                 // Many of its layers have 24 channels, which are no 16 groups.

@@ -11,16 +11,19 @@ use image::RgbImage;
 
 use super::SsdConfig;
 use super::anchors::{LEVELS, STRIDES, cells, shapes};
-use super::config::LABELS;
+use super::config::{LABELS, SsdView};
 use super::decode::Boxes;
 use super::network::{BOXES, CLASSES};
 use super::views::{Window, window};
 use crate::batch::output;
-use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::detector::{DetectError, Detector, UnfamiliarCamera, WholeNetwork};
 use crate::input_spec::InputSpec;
 
 /// With a lower score nearly everything is nothing, whatever is asked for.
 const MIN_SCORE: f64 = 0.1;
+
+/// The size for which multiply-accumulates are counted, pixels: that of its training, in whole cells.
+const COUNTED_INPUT: [usize; 2] = [320, 320];
 
 /// An SSD, ready to look at images.
 pub struct SsdDetector {
@@ -134,5 +137,28 @@ impl Detector for SsdDetector {
 
     fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
         Ok(Box::new(Self::new(self.runner.share()?, self.config.clone())))
+    }
+}
+
+impl WholeNetwork for SsdConfig {
+    fn detector(self, runner: Box<dyn Runner>, _: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>> {
+        Some(Box::new(SsdDetector::new(runner, self)))
+    }
+
+    fn counted_input(&self) -> [usize; 2] {
+        COUNTED_INPUT
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        let classes: Vec<&str> = self.classes.iter().map(|class| class.class.name()).collect();
+        let views = self.views.iter().map(|SsdView { focal_px, rows }| match rows {
+            Some([above, below]) => format!("{focal_px} px, rows from {above} above to {below} below the axis"),
+            None => format!("{focal_px} px"),
+        });
+        vec![
+            ("boxes", "in the image (SSD); distances by similar triangles".to_owned()),
+            ("classes", classes.join(", ")),
+            ("views, by focal length", views.collect::<Vec<_>>().join("; ")),
+        ]
     }
 }

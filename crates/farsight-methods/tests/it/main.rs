@@ -22,6 +22,7 @@ mod pruning;
 mod quantized;
 mod refiner;
 mod refiner_network;
+mod rivals;
 mod smoke_laws;
 mod ssd;
 mod support;

@@ -68,7 +68,7 @@ fn no_config_teaches_depths_that_contradict_each_other() {
         let value = |table: &str, field: &str| config.get(table).and_then(|table| table.get(field)).cloned();
         let is_virtual = match config.get("method").and_then(toml::Value::as_str) {
             Some("smoke") => value("model", "depth").is_some_and(|depth| depth.get("focal_px").is_some()),
-            Some("centernet3d") => value("model", "depth_focal_px").is_some(),
+            Some("centernet3d" | "monodle") => value("model", "depth_focal_px").is_some(),
             _ => continue,
         };
         if !config.contains_key("model") {

@@ -32,7 +32,7 @@ fn model() -> SsdModel {
 
 fn runner(model: &SsdModel) -> RtenRunner {
     let network = from_model(model, NetworkForm::Deployable, Target::Portable, Path::new("in memory")).unwrap();
-    RtenRunner::new(network.onnx, Some(1)).unwrap()
+    RtenRunner::new(network.first.onnx, Some(1)).unwrap()
 }
 
 /// Twin of `image` in the script.

@@ -13,7 +13,10 @@ mod golden_network;
 #[path = "../../../farsight-train/tests/it/golden_support.rs"]
 #[allow(dead_code, reason = "each test program uses a part")]
 mod golden_support;
+mod gs3d;
 mod imported_checkpoints;
+mod monodle;
+mod oftnet;
 mod parts;
 mod plate;
 mod pruning;
@@ -22,3 +25,4 @@ mod resume;
 mod tiny;
 mod training;
 mod validation;
+mod whole_runs;

@@ -241,8 +241,14 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("method = \"plate_reader\"\n[model]\nside = 70", "model.side is 70; expected a multiple of 8"),
         ("method = \"plate_reader\"\n[task]\ndetections = \"x\"", "unknown field `detections`"),
         ("method = \"refiner\nepochs = 1", "TOML parse error at line 1"),
-        ("method = \"yolo\"", "method is \"yolo\"; expected one of smoke, centernet3d, refiner, plate_reader"),
-        ("[model]\nside = 96", "method is missing; expected one of smoke, centernet3d, refiner, plate_reader"),
+        (
+            "method = \"yolo\"",
+            "method is \"yolo\"; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",
+        ),
+        (
+            "[model]\nside = 96",
+            "method is missing; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",
+        ),
     ] {
         let error = error(text);
         assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");

@@ -109,7 +109,7 @@ fn upsampling_and_pooling() {
         assert_exact(&key("d_x"), &gradients[1], &g[&key("d_x")]);
     }
 
-    let network = one_node(&g, &g["maxpool.x"], &[], |b, x| b.map(Op::MaxPool { size: 2 }, x), NormKind::Group);
+    let network = one_node(&g, &g["maxpool.x"], &[], |b, x| b.map(Op::max_of_tiles(2), x), NormKind::Group);
     let (x, out) = check_node("maxpool", &network, &g["maxpool.x"], &g["maxpool.y"]);
     let gradients = gradients_along(&[(&out, &g["maxpool.grad_out"])], &[x]);
     assert_exact("maxpool d_x", &gradients[0], &g["maxpool.d_x"]);

@@ -164,7 +164,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let file = DetectorFile::from_bytes(bytes, &args.out)?.onnx;
     let input = image_probe();
     let (expected, reference) = reference(&model, &file, &input)?;
-    keep(&file, &input, &expected, &reference, args, printer)
+    keep(&file, &input, &expected, &reference, &args.out, printer)
 }
 
 /// The fixed input of a detector.
@@ -172,32 +172,51 @@ fn image_probe() -> Tensor {
     probe::tensor(3, probe::SIZE)
 }
 
-/// Writes `file` if it answers `input` as `expected`, which `reference` said.
+/// Writes `file` to `out` if it answers `input` as `expected`, which `reference` said.
 fn keep(
     file: &OnnxModel,
     input: &Tensor,
     expected: &[Tensor],
     reference: &str,
-    args: &ExportArgs,
+    out: &Path,
     printer: &mut Printer,
 ) -> Result<Outcome> {
-    let differences = differences(file, input, expected, reference, &args.out, printer)?;
+    check(file, input, expected, reference, out, printer)?;
+    write_file(file, out, printer)?;
+    Ok(Outcome::Done)
+}
+
+/// Refuses `file`, which is to become `out`, unless it answers `input` as `expected`, which `reference` said.
+fn check(
+    file: &OnnxModel,
+    input: &Tensor,
+    expected: &[Tensor],
+    reference: &str,
+    out: &Path,
+    printer: &mut Printer,
+) -> Result<()> {
+    let differences = differences(file, input, expected, reference, out, printer)?;
     for Difference { name, largest, scale } in &differences {
         printer.line(&format!("{name:10} largest difference {largest:.1e}, values up to {scale:.1}"));
     }
     if let Some(worst) = differences.iter().find(|difference| !difference.within(TOLERANCE)) {
         bail!(
             "{}: not written: {} differs by {:.1e} in values up to {:.1}; expected at most {TOLERANCE:.0e} of that",
-            args.out.display(),
+            out.display(),
             worst.name,
             worst.largest,
             worst.scale
         );
     }
-    write_atomically(&args.out, |out| out.write_all(file.bytes()))?;
+    Ok(())
+}
+
+/// Writes `file` to `out`.
+fn write_file(file: &OnnxModel, out: &Path, printer: &mut Printer) -> Result<()> {
+    write_atomically(out, |out| out.write_all(file.bytes()))?;
     let target = file.facts().get(key::TARGET).unwrap_or("portable");
-    printer.line(&format!("{}: {:.1} MB, {target}", args.out.display(), file.bytes().len() as f64 / 1e6));
-    Ok(Outcome::Done)
+    printer.line(&format!("{}: {:.1} MB, {target}", out.display(), file.bytes().len() as f64 / 1e6));
+    Ok(())
 }
 
 /// A convolutional network takes an input of any size, but what it says of depth holds at one scale of the image unless

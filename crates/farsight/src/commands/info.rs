@@ -15,15 +15,12 @@ use farsight_graph::blocks::blocks;
 use farsight_graph::count::{StageCount, count, total};
 use farsight_graph::graph::Graph;
 use farsight_graph::model::NetworkConfig;
-use farsight_methods::centernet3d::{CenterNet3dConfig, CenterNet3dModel};
-use farsight_methods::detectors::config_of;
+use farsight_methods::detectors::{Description, config_of};
 use farsight_methods::plate_reader::{PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::smoke::config::SmokeConfig;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeModel};
-use farsight_methods::ssd::config::SsdView;
-use farsight_methods::ssd::{SsdConfig, SsdModel};
 use farsight_onnx::{Facts, OnnxModel, Target, is_safetensors, key};
 
 use super::Outcome;
@@ -44,9 +41,6 @@ pub(crate) struct InfoArgs {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
-
-/// The size for which an SSD's multiply-accumulates are counted, pixels: that of its training, in whole cells.
-const SSD_INPUT: [usize; 2] = [320, 320];
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
@@ -100,13 +94,16 @@ fn read(path: &Path) -> Result<Described> {
     if untrained::is_config(path) {
         return Ok(match untrained::read(path)? {
             Untrained::Smoke(config) => Described::new(&config, config.graph(), Vec::new()),
-            Untrained::CenterNet3d(config) => centernet3d(&config, None),
+            Untrained::Other(description) => whole(description, Vec::new()),
             Untrained::Refiner(config) => refiner(&config, None),
             Untrained::Plates(config) => plates(&config, None),
         });
     }
     match model_file::detector_of_word(path) {
-        Some(Family::World) => return Ok(ssd_model(&shipped::world()?)),
+        Some(Family::World) => {
+            let (description, facts) = Description::of_model(&shipped::world()?);
+            return Ok(whole(description, told(&facts)));
+        }
         Some(Family::Smoke) => return Ok(detector(&shipped::smoke()?)),
         None => {}
     }
@@ -128,22 +125,19 @@ fn read(path: &Path) -> Result<Described> {
             let PlateReaderModel { config, weights, .. } = PlateReaderModel::read(path)?;
             return Ok(plates(&config, weights.metadata.get(key::TRAINING)));
         }
-        if CenterNet3dModel::is_one(path) {
-            let CenterNet3dModel { config, weights, .. } = CenterNet3dModel::read(path)?;
-            return Ok(centernet3d(&config, weights.metadata.get(key::TRAINING)));
-        }
-        if SsdModel::is_one(path) {
-            return Ok(ssd_model(&SsdModel::read(path)?));
+        if let Some((description, facts)) = Description::of_model_file(path)? {
+            return Ok(whole(description, told(&facts)));
         }
         return Ok(detector(&SmokeModel::read(path)?));
     }
     let onnx = OnnxModel::read(path)?;
     match onnx.facts().get(key::METHOD) {
-        Some(CenterNet3dConfig::METHOD) => return Ok(centernet3d(&config_of(&onnx, path)?, None)),
-        Some(SsdConfig::METHOD) => return Ok(ssd(&config_of(&onnx, path)?, told(onnx.facts()))),
         Some(RefinerConfig::METHOD) => return Ok(refiner(&config_of(&onnx, path)?, None)),
         Some(PlateReaderConfig::METHOD) => return Ok(plates(&config_of(&onnx, path)?, None)),
         _ => (),
+    }
+    if let Some(description) = Description::of_onnx(&onnx, path)? {
+        return Ok(whole(description, told(onnx.facts())));
     }
     let file = DetectorFile::from_onnx(onnx, path)?;
     let mut told = told(file.onnx.facts());
@@ -160,38 +154,10 @@ fn detector(model: &SmokeModel) -> Described {
     Described::new(&model.config, model.graph.clone(), told)
 }
 
-fn centernet3d(config: &CenterNet3dConfig, training: Option<&String>) -> Described {
-    let [width, height] = config.input;
-    let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
-    let mut facts = vec![
-        ("input", format!("{width} x {height} pixels")),
-        ("classes", classes.join(", ")),
-        ("channels", format!("{:?}", config.channels())),
-        ("normalisation", format!("{:?}", config.norm).to_lowercase()),
-        ("neck", format!("{:?}", config.neck).to_lowercase()),
-        ("keypoints", "centres of 2D boxes (CenterNet)".to_owned()),
-    ];
-    facts.extend(training.map(|training| ("training", training.clone())));
-    Described { input: config.input, graph: config.graph(), facts }
-}
-
-fn ssd_model(model: &SsdModel) -> Described {
-    ssd(&model.config, told(&Facts::new(model, Target::default())))
-}
-
-fn ssd(config: &SsdConfig, told: Vec<(&'static str, String)>) -> Described {
-    let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
-    let views = config.views.iter().map(|SsdView { focal_px, rows }| match rows {
-        Some([above, below]) => format!("{focal_px} px, rows from {above} above to {below} below the axis"),
-        None => format!("{focal_px} px"),
-    });
-    let mut facts = vec![
-        ("boxes", "in the image (SSD); distances by similar triangles".to_owned()),
-        ("classes", classes.join(", ")),
-        ("views, by focal length", views.collect::<Vec<_>>().join("; ")),
-    ];
-    facts.extend(told);
-    Described { input: SSD_INPUT, graph: config.graph(), facts }
+/// A detector whose network is run as one.
+fn whole(description: Description, told: Vec<(&'static str, String)>) -> Described {
+    let Description { input, graph, facts, .. } = description;
+    Described { input, graph, facts: facts.into_iter().chain(told).collect() }
 }
 
 fn refiner(config: &RefinerConfig, training: Option<&String>) -> Described {
@@ -242,9 +208,7 @@ fn facts(config: &SmokeConfig) -> Vec<(&'static str, String)> {
         Backbone::Dla34 => {
             [("channels", format!("{:?}", config.channels())), ("stem", format!("{:?}", config.stem).to_lowercase())]
         }
-        other @ (Backbone::MobilenetV2 | Backbone::MobilenetV2Tensorflow) => {
-            [("backbone", other.name().to_owned()), ("neck channels", config.neck_width().to_string())]
-        }
+        other => [("backbone", other.name().to_owned()), ("neck channels", config.neck_width().to_string())],
     };
     let [first, second] = sizes;
     vec![

@@ -132,6 +132,7 @@ impl Experiment {
         if let Some(name) = self.arms.keys().find(|name| !is_name(name)) {
             bail!("an arm is called \"{name}\"; expected letters, digits and _");
         }
+        self.arms.iter().try_for_each(|(name, arm)| self.check_method(name, arm))?;
         let known = |arm: &String, place: &str| {
             ensure!(self.arms.contains_key(arm), "{place} names the arm \"{arm}\"; expected one of [arms]");
             Ok(())
@@ -177,6 +178,23 @@ impl Experiment {
             let is_there = |config: &Table| config.get(table).and_then(|table| table.get(field)).is_some();
             let is_there = is_there(&self.base) || self.arms.values().any(|arm| is_there(&arm.patch));
             ensure!(!is_there, "{table}.{field} is the experiment's to say; expected none in base and arms");
+        }
+        Ok(())
+    }
+
+    /// Arms may be of several methods, but no arm may inherit the fields of another one's.
+    fn check_method(&self, name: &str, arm: &Arm) -> Result<()> {
+        let method = |config: &Table| config.get("method").and_then(Value::as_str).map(str::to_owned);
+        let (base, own) = (method(&self.base), method(&arm.patch));
+        let Some(found) = own.as_ref().or(base.as_ref()) else {
+            bail!("arms.{name} has no method; expected one in its patch or in [base]");
+        };
+        // Without a method in the base, what its tables are of is anybody's guess.
+        let is_other = base.as_ref() != Some(found);
+        if let Some(table) = ["model", "task"].into_iter().find(|table| is_other && self.base.contains_key(*table)) {
+            let base = base.as_ref().map_or("no method".to_owned(), |base| format!("\"{base}\""));
+            let expected = "expected that table in the arms";
+            bail!("arms.{name} is of \"{found}\" and inherits base.{table}, which is of {base}; {expected}");
         }
         Ok(())
     }
@@ -254,8 +272,10 @@ fn lay_over(config: &mut Table, patch: &Table) {
 mod tests {
     use std::fs;
 
+    use farsight_graph::count::{count, total};
     use farsight_graph::init::initial_weights;
     use farsight_graph::model::NetworkConfig;
+    use farsight_methods::detectors::Description;
     use farsight_methods::smoke::SmokeConfig;
 
     use super::*;
@@ -333,6 +353,12 @@ claims = { ap3d = 0.56 }
                 "train = \"../train\"",
                 "data.train is \"../train\"; expected the name of a split in ImageSets",
             ),
+            ("method = \"smoke\"", "", "arms.a has no method; expected one in its patch or in [base]"),
+            (
+                "patch.model = {",
+                "patch.method = \"monodle\"\npatch.model = {",
+                "arms.b is of \"monodle\" and inherits base.model, which is of \"smoke\"; expected that table in the arms",
+            ),
             ("resamples = 9", "resamples = 1000001", "endpoints.resamples is 1000001; expected 1 to 1000000"),
         ];
         for (old, new, expected) in table {
@@ -397,5 +423,43 @@ claims = { ap3d = 0.56 }
                 assert!(own.into_iter().all(|name| name.starts_with("backbone.body.msfe.")), "{arm}");
             }
         }
+    }
+
+    /// Multiply-accumulates of an arm's network, and its method.
+    fn cost(plan: &Experiment, arm: &str) -> (String, u64) {
+        let config = plan.config(&Cell { arm: arm.to_owned(), seed: 1 });
+        let (method, model) = (config["method"].as_str().unwrap(), config["model"].as_table().unwrap().clone());
+        let (graph, [width, height]) = match Description::of_table(method, model.clone()) {
+            Some(description) => description.map(|one| (one.graph, one.input)).unwrap(),
+            None => {
+                let smoke: SmokeConfig = model.try_into().unwrap();
+                (smoke.graph(), smoke.input)
+            }
+        };
+        (method.to_owned(), total(&count(&graph, width, height).unwrap()).macs)
+    }
+
+    #[test]
+    fn table_1_has_arms_named_by_method_at_equal_cost() {
+        let plan = plan("table1.toml");
+        let (_, smoke) = cost(&plan, "smoke");
+        let arms = plan.arms();
+        assert_eq!(arms, ["oftnet", "gs3d", "centernet3d", "monodle", "smoke", "smoke_imp"]);
+        for arm in &arms {
+            let (method, macs) = cost(&plan, arm);
+            assert!(arm == &method || arm == "smoke_imp", "{arm} is of {method}");
+            let share = macs as f64 / smoke as f64;
+            // MSFE is what improved SMOKE adds.
+            let most = if arm == "smoke_imp" { 1.1 } else { 1.03 };
+            assert!((0.97..=most).contains(&share), "{arm}: {macs} of {smoke}, {share:.3}");
+        }
+        let claim = self::plan("claim.toml");
+        for (arm, same) in [("smoke", "smoke"), ("smoke_imp", "both")] {
+            let model =
+                |plan: &Experiment, arm: &str| plan.config(&Cell { arm: arm.to_owned(), seed: 1 })["model"].clone();
+            assert_eq!(model(&plan, arm), model(&claim, same), "{arm} is that of claim.toml");
+        }
+        let metrics = |plan: &Experiment| [plan.endpoints.primary.clone(), plan.endpoints.secondary.clone()];
+        assert_eq!(metrics(&plan), metrics(&claim));
     }
 }

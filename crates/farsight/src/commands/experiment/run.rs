@@ -12,6 +12,7 @@ use farsight_data::{Dataset, open_labelled};
 use farsight_eval::{Evaluation, FrameFiles, LabelSource};
 use farsight_files::write_atomically;
 use farsight_graph::weights::Weights;
+use farsight_methods::training::check;
 use toml::{Table, Value};
 
 use super::cell::{CellFolder, Step, is_over};
@@ -106,6 +107,11 @@ enum Ran {
 }
 
 fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
+    for arm in job.plan.arms() {
+        // Before anything is rendered or trained.
+        let config = job.plan.config(&Cell { arm: arm.clone(), seed: 0 });
+        check(&config, Path::new(&format!("arms.{arm}")))?;
+    }
     let split = prepare(&job.plan.data, &job.data, job.kitti.as_deref(), printer)?;
     fs::create_dir_all(&job.out).with_context(|| format!("{}: cannot be made", job.out.display()))?;
     // A list of its own, as frames that are held out are no split.

@@ -69,5 +69,5 @@ fn onnx<C: NetworkConfig>(
     let whole =
         write(&Network::new(model).with_outputs(C::OUTPUTS), &Facts::new(model, engine.target()), engine.target())?;
     let (expected, reference) = answer(engine, OnnxModel::from_bytes(whole, source)?, source, &input)?;
-    keep(&file, &input, &expected, &reference, args, printer)
+    keep(&file, &input, &expected, &reference, &args.out, printer)
 }
