@@ -344,7 +344,7 @@ claims = { ap3d = 0.56 }
             ("against = \"a\"", "against = \"b\"", "comparisons compares b with itself"),
             (
                 "method = \"smoke\"",
-                "train = { seed = 1 }",
+                "method = \"smoke\"\ntrain = { seed = 1 }",
                 "train.seed is the experiment's to say; expected none in base and arms",
             ),
             ("least_seeds = 2", "least_seeds = 0", "endpoints.least_seeds is 0; expected at least 1"),
