@@ -14,9 +14,9 @@ use crate::input_spec::InputSpec;
 /// No network has more channels there.
 const MAX_CHANNELS: usize = 4096;
 
-/// Standard deviations of the guidance's errors on the 7,834 cars of KITTI's training split that are Moderate or easier,
-/// from their annotated boxes and angles: x, y, z, height, width and length, metres. An annotated angle has no error;
-/// that of the yaw, radians, is of a detector's.
+/// Standard deviations of the guidance's errors on the 7,834 cars of KITTI's training split that are Moderate or
+/// easier, from their annotated boxes and angles: x, y, z, height, width and length, metres. An annotated angle has no
+/// error; that of the yaw, radians, is of a detector's.
 const KITTI_WIDTHS: [f64; NUMBERS] = [0.96, 0.15, 2.57, 0.15, 0.10, 0.44, 0.15];
 
 /// A network's description, as it stands in a config file and in the header of its weights.

@@ -7,13 +7,15 @@ use serde::{Deserialize, Serialize};
 
 use super::codec::Codec;
 use super::grid::Grid;
-use super::network::GROUPS;
 use crate::checks::{problem_of_classes, problem_of_focals, problem_of_input, problem_of_width};
 use crate::input_spec::InputSpec;
 
 /// Channels of the `ResNet`'s stages, and of the maps and the grid.
 const BACKBONE_CHANNELS: [usize; 4] = [64, 128, 256, 512];
 const CHANNELS: usize = 256;
+
+/// Groups of the group norms (authors' code); widths are multiples of this.
+pub(super) const GROUPS: usize = 16;
 
 /// No network has more blocks on its grid.
 const MAX_BLOCKS: usize = 64;

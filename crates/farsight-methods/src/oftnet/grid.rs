@@ -65,9 +65,9 @@ impl Grid {
         is_inside.then(|| at.map(|place| place as usize))
     }
 
-    /// What each voxel is seen as by `camera` (of a map): the box around its eight corners, not yet cut to the map. They
-    /// come slab by slab from the highest, row by row. Voxels of which a corner is not before the camera have a box that
-    /// holds nothing.
+    /// What each voxel is seen as by `camera` (of a map): the box around its eight corners, not yet cut to the map.
+    /// They come slab by slab from the highest, row by row. Voxels of which a corner is not before the camera have a
+    /// box that holds nothing.
     pub fn voxel_boxes(&self, camera: &Camera) -> Vec<Box2d> {
         let (columns, rows) = (self.columns + 1, self.rows + 1);
         let corner = |slab: usize, row: usize, column: usize| {

@@ -5,7 +5,7 @@ use farsight_graph::layers::Builder;
 use farsight_graph::layers::resnet::basic_block;
 use farsight_graph::model::NetworkConfig;
 
-use super::config::OftNetConfig;
+use super::config::{GROUPS, OftNetConfig};
 use super::sampler::STRIDES;
 
 /// Maps of the image that the sampler reads, by stride.
@@ -16,9 +16,6 @@ pub const ANSWER: &str = "answer";
 
 /// Channels of a class: score, offset of the place (3), size (3), cosine and sine of the yaw.
 pub const ANSWERS: usize = 9;
-
-/// Groups of the group norms (authors' code).
-pub(super) const GROUPS: usize = 16;
 
 impl NetworkConfig for OftNetConfig {
     const METHOD: &'static str = "oftnet";

@@ -126,8 +126,8 @@ fn monodle_finds_what_its_targets_say_with_its_error_bar() {
     }
 }
 
-/// The parts of other-systems spec 1 in millions of parameters (their sum is 22.27; the "about 22.6" beside them is not),
-/// and 242 GMAC of the top-down network.
+/// The parts of other-systems spec 1 in millions of parameters (their sum is 22.27; the "about 22.6" beside them is
+/// not), and 242 GMAC of the top-down network.
 #[test]
 fn oftnet_is_as_large_as_its_authors() {
     let config = OftNetConfig::default();

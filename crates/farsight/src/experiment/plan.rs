@@ -344,7 +344,7 @@ claims = { ap3d = 0.56 }
             ("against = \"a\"", "against = \"b\"", "comparisons compares b with itself"),
             (
                 "method = \"smoke\"",
-                "train = { seed = 1 }",
+                "method = \"smoke\"\ntrain = { seed = 1 }",
                 "train.seed is the experiment's to say; expected none in base and arms",
             ),
             ("least_seeds = 2", "least_seeds = 0", "endpoints.least_seeds is 0; expected at least 1"),
@@ -429,12 +429,11 @@ claims = { ap3d = 0.56 }
     fn cost(plan: &Experiment, arm: &str) -> (String, u64) {
         let config = plan.config(&Cell { arm: arm.to_owned(), seed: 1 });
         let (method, model) = (config["method"].as_str().unwrap(), config["model"].as_table().unwrap().clone());
-        let (graph, [width, height]) = match Description::of_table(method, model.clone()) {
-            Some(description) => description.map(|one| (one.graph, one.input)).unwrap(),
-            None => {
-                let smoke: SmokeConfig = model.try_into().unwrap();
-                (smoke.graph(), smoke.input)
-            }
+        let (graph, [width, height]) = if let Some(description) = Description::of_table(method, model.clone()) {
+            description.map(|one| (one.graph, one.input)).unwrap()
+        } else {
+            let smoke: SmokeConfig = model.try_into().unwrap();
+            (smoke.graph(), smoke.input)
         };
         (method.to_owned(), total(&count(&graph, width, height).unwrap()).macs)
     }
