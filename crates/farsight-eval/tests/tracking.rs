@@ -93,7 +93,7 @@ for line in sys.stdin:
 "#;
 
 /// The same from `motrics`, an independent implementation.
-const MOTRICS: &str = r#"
+const MOTRICS: &str = r"
 import json, sys
 import motrics
 
@@ -107,7 +107,7 @@ for line in sys.stdin:
         hota.hota, hota.deta, hota.assa, hota.loca, clear.mota, clear.motp, clear.num_switches, clear.frag,
         identity.idf1, identity.idr, identity.idp,
     ]))
-"#;
+";
 
 #[test]
 fn the_metrics_are_those_of_trackeval() {

@@ -22,7 +22,8 @@ pub(crate) struct ClosingWindow {
 }
 
 impl ClosingWindow {
-    /// Takes the closing speed of another frame, with its standard deviation; answers the slope once the window is full.
+    /// Takes the closing speed of another frame, with its standard deviation. Answers the slope once the window is
+    /// full.
     pub(crate) fn update(&mut self, time_s: f64, closing_mps: f64, sigma_mps: f64) -> Option<Acceleration> {
         self.speeds.push_back([time_s, closing_mps]);
         while self.speeds.front().is_some_and(|[then_s, _]| time_s - then_s > WINDOW_S + TIME_TOLERANCE_S) {

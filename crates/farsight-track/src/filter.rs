@@ -180,7 +180,7 @@ impl Filter {
         let (sin, cos) = measured.yaw.sin_cos();
         let state = State { mean, covariance };
         Self {
-            modes: Modes::new(state.clone(), &options.motion),
+            modes: Modes::new(&state, &options.motion),
             state,
             lasting: [lasting, height_lasting],
             fall: measured.fall,

@@ -19,7 +19,7 @@ const MIN_PROBABILITY: f64 = 1e-4;
 
 impl Modes {
     /// The same state for all, as likely as they are in the long run.
-    pub(crate) fn new(state: State, motion: &[Motion; MODES]) -> Self {
+    pub(crate) fn new(state: &State, motion: &[Motion; MODES]) -> Self {
         let total: f64 = motion.iter().map(|mode| mode.lasts_s).sum();
         let probabilities = std::array::from_fn(|mode| motion[mode].lasts_s / total);
         Self { states: std::array::from_fn(|_| state.clone()), probabilities }
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn alike_states_mix_to_themselves() {
-        let modes = Modes::new(start(), &MOTION);
+        let modes = Modes::new(&start(), &MOTION);
         assert!((modes.probabilities[0] - 0.8).abs() < 1e-12, "{:?}", modes.probabilities);
         let state = modes.state();
         for i in 0..N {

@@ -23,7 +23,7 @@ use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 use program::{done, root};
 
 /// How often each command is killed, where nothing else is said.
-const KILLS: usize = 5;
+const KILLS: usize = 3;
 
 /// Sizes in blocks of 512 bytes beyond which no file grows: what a full disk is to a program.
 const FULL_AT: [usize; 8] = [0, 1, 2, 8, 40, 200, 700, 2000];

@@ -13,8 +13,8 @@ const BLOCK: usize = 1 << 17;
 /// Bytes of a chunk that are read at a time.
 const PIECE: u64 = 1 << 16;
 
-/// The size, pixels, that the header announces, where the data of the picture unpack to more. What cannot be unpacked, or
-/// announces more than `max_pixels`, is left to the decoder, which tells what is wrong.
+/// The size, pixels, that the header announces, where the data of the picture unpack to more. What cannot be unpacked,
+/// or announces more than `max_pixels`, is left to the decoder, which tells what is wrong.
 ///
 /// # Errors
 /// When the file cannot be read.

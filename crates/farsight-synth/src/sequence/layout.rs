@@ -50,7 +50,7 @@ pub(super) fn sequence_from_labels(config: &SceneConfig, layout: &SequenceLayout
     let mut rng = SceneRng::new(seed, 0, SEQUENCE_STREAM);
     let region = config.regions.sample(&mut rng);
     let first: Vec<&Label> =
-        layout.frames.first().into_iter().flatten().map(|(_, label)| label).filter(is_object).collect();
+        layout.frames.first().into_iter().flatten().map(|(_, label)| label).filter(|label| is_object(label)).collect();
     let ground = Ground { across: 0.0, along: 0.0, bend: 0.0, twist: 0.0, ..fitted_ground(&first) };
     let egos = ego_steps(layout);
     let steps: Vec<(EgoStep, Placement)> =
@@ -104,7 +104,7 @@ pub(super) fn sequence_from_labels(config: &SceneConfig, layout: &SequenceLayout
     Sequence { street, ground, bodies, ids, steps, sensor, fps: layout.fps, is_mirrored: false }
 }
 
-fn is_object(label: &&Label) -> bool {
+fn is_object(label: &Label) -> bool {
     label.class != ObjectClass::DontCare
 }
 
@@ -153,7 +153,7 @@ struct Track {
 fn tracks(layout: &SequenceLayout, steps: &[(EgoStep, Placement)]) -> BTreeMap<u32, Track> {
     let mut tracks: BTreeMap<u32, Track> = BTreeMap::new();
     for (frame, (labels, (_, placement))) in layout.frames.iter().zip(steps).enumerate() {
-        for (id, label) in labels.iter().filter(|(_, label)| is_object(&label)) {
+        for (id, label) in labels.iter().filter(|(_, label)| is_object(label)) {
             let track = tracks
                 .entry(*id)
                 .or_insert_with(|| Track { label: label.clone(), moments: vec![None; layout.frames.len()] });

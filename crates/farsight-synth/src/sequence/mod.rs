@@ -138,7 +138,7 @@ impl SequenceStream {
     /// object with the class and box of each label (`DontCare` left out) in each frame. An object keeps the size of its
     /// first label. How many frames there are, and how many a second, the layout says.
     ///
-    /// The street is flat and bends as the camera's way does. Its scenery hides nothing of what is labelled in the first
+    /// The street is flat and bends as the camera's way does. Its scenery hides nothing that is labelled in the first
     /// frame.
     pub fn twin(&self, layout: &SequenceLayout, name: &str) -> Sequence {
         sequence_from_labels(&self.config, layout, twin_seed(self.seed, name))

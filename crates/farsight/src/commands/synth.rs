@@ -58,12 +58,12 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "DIR", requires = "layout")]
     calib_dir: Option<PathBuf>,
     /// Render this many sequences with moving traffic and a moving camera, in the layout of KITTI's tracking benchmark;
-    /// --frames is then the length of each [default: 60]. With --layout of label files of that benchmark, the first N of
-    /// them
+    /// --frames is then the length of each [default: 60]. With --layout of label files of that benchmark, the first N
+    /// of them
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1", value_parser = frames_from_text, conflicts_with = "split", allow_negative_numbers = true)]
     sequence: Option<usize>,
-    /// How the camera of each of these sequences moves, oxts files called as the label files; it stands where this is not
-    /// given
+    /// How the camera of each of these sequences moves, oxts files called as the label files; it stands where this is
+    /// not given
     #[arg(long, value_name = "DIR", requires_all = ["sequence", "layout"])]
     oxts_dir: Option<PathBuf>,
     /// Frames a second of a sequence [default: 10]

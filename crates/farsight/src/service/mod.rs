@@ -1,6 +1,6 @@
 //! The pipeline as a service over HTTP: what `farsight serve` runs.
 //!
-//! A [`Server`] looks at images with a [`Look`], a [`Pipeline`](crate::Pipeline) in use. At most so many requests are
+//! A [`Server`] looks at images with an [`Infer`], a [`Pipeline`](crate::Pipeline) in use. At most so many requests are
 //! inside at once; one more is refused at once with 429, before its body is read. What waited past its deadline is
 //! answered with 504 and never begun. A panic of one request answers 500 and harms no other. Films and cameras run
 //! while somebody watches them. No image is kept.

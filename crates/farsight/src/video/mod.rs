@@ -18,7 +18,7 @@
 //! ```
 //!
 //! Who has frames already makes [`VideoFrame`]s of them and needs no source. Who has detections already hands them to
-//! [`VideoTracker::follow`].
+//! [`VideoTracker::update_with`].
 
 pub mod ego;
 mod error;
