@@ -153,6 +153,7 @@ fn a_region_moves_all_vehicles_by_one_factor() {
 }
 
 #[test]
+#[ignore = "takes half a minute: `cargo xtask test --all`"]
 fn a_refiner_learns_the_scale_of_regions_from_their_splits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -172,6 +173,7 @@ fn a_refiner_learns_the_scale_of_regions_from_their_splits() {
 }
 
 #[test]
+#[ignore = "takes half a minute: `cargo xtask test --all`"]
 fn refiner_and_plate_reader_are_fitted_to_the_shipped_model() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
