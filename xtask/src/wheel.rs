@@ -116,7 +116,11 @@ fn build(options: Options) -> Result<PathBuf, String> {
 /// Installs the wheel into a fresh environment, sees that it needs nothing else, and runs its tests there beside the
 /// program of the same build.
 fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
-    run(cargo(None).args(["build", "--quiet", "--package", "farsight"]).args(options.profile()))?;
+    // A program that is there already, with whatever features, need not be built again.
+    let built = env::var_os("FARSIGHT_PROGRAM").map(PathBuf::from);
+    if built.is_none() {
+        run(cargo(None).args(["build", "--quiet", "--package", "farsight"]).args(options.profile()))?;
+    }
     let environment = root().join("target/wheel-environment");
     run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment))?;
     let python = script(&environment, "python");
@@ -132,7 +136,7 @@ fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
     let mut pytest = Command::new(&python);
     pytest
         .args(["-m", "pytest", "--quiet", "-m", options.tests.marks()])
-        .env("FARSIGHT_PROGRAM", options.program())
+        .env("FARSIGHT_PROGRAM", built.unwrap_or_else(|| options.program()))
         .current_dir(package);
     run(&mut pytest)
 }
