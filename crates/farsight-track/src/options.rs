@@ -2,7 +2,7 @@
 
 /// Options of a [`crate::Tracker`].
 ///
-/// Acceleration and heights were fitted on rendered sequences (`docs/video.md`); the other noise was set by hand from
+/// Motion and heights were fitted on rendered sequences (`docs/video.md`); the other noise was set by hand from
 /// the errors of the shipped models in a real sequence, wider than they were.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackerOptions {
