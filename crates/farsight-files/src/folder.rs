@@ -29,7 +29,7 @@ impl FolderLock {
     }
 }
 
-/// Removes the scratch files that killed processes left in `folder`; of a process that runs, they stay. Returns how
+/// Removes the scratch files and folders that killed processes left in `folder`; of a process that runs, they stay. Returns how
 /// many there were.
 ///
 /// # Errors
@@ -50,8 +50,13 @@ fn remove_scratch(folder: &Path, is_stale: impl Fn(&str) -> bool) -> io::Result<
     let mut removed = 0;
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
-        if entry.file_name().to_str().is_some_and(&is_stale) && entry.file_type()?.is_file() {
-            match fs::remove_file(entry.path()) {
+        if !entry.file_name().to_str().is_some_and(&is_stale) {
+            continue;
+        }
+        let kind = entry.file_type()?;
+        if kind.is_file() || kind.is_dir() {
+            let path = entry.path();
+            match if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) } {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
                 _ => removed += 1,
             }

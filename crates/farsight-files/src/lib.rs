@@ -2,25 +2,22 @@
 //!
 //! Every crate that writes files uses this one. The bytes go to a scratch file beside the target, which then takes its
 //! name: [`write_atomically`] also asks the disk to keep it, [`write_quickly`] does not, for files that can be made
-//! again. Reading is here, too, as far as it must not wait or grow without end: [`read_file`].
+//! again. What grows for long, or is made by somebody else, goes to a [`Scratch`]. Reading is here, too, as far as it
+//! must not wait or grow without end: [`read_file`].
 
 mod folder;
 mod read;
+mod scratch;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use thiserror::Error;
 
-use folder::SCRATCH_SUFFIX;
-
 pub use folder::{FolderLock, remove_stale_scratch};
-pub use read::{MAX_CONFIG, MAX_TEXT, read_config, read_file, read_text};
-
-/// How often another scratch name is tried when the first one is taken by what a killed process left behind.
-const NAME_ATTEMPTS: u32 = 64;
+pub use read::{MAX_CONFIG, MAX_TEXT, open_regular, read_config, read_file, read_text, text_up_to};
+pub use scratch::Scratch;
 
 /// Links that are followed one after the other; Linux gives up at as many.
 const MAX_CHAIN: u32 = 40;
@@ -72,10 +69,8 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let failed = |step| move |source| WriteError { path: path.to_path_buf(), step, source };
     match Place::of(path).map_err(failed("write it"))? {
         Place::File(target) => {
-            let name = target.file_name().unwrap_or_default().to_string_lossy();
-            // What cannot be removed is in nobody's way.
-            let _ = folder::remove_stale_scratch_of(folder_of(&target), &name);
-            Scratch::beside(&target).map(drop).map_err(failed("create a scratch file beside it"))
+            scratch::remove_left(&target);
+            scratch_file(&target).map(drop).map_err(failed("create a scratch file beside it"))
         }
         // Opening a pipe waits for its reader.
         Place::Stream => Ok(()),
@@ -92,7 +87,7 @@ fn write_through(
         Place::File(target) => target,
         Place::Stream => return write_to_stream(path, write).map_err(failed("write to it")),
     };
-    let (scratch, file) = Scratch::beside(&target).map_err(failed("create a scratch file beside it"))?;
+    let (scratch, file) = scratch_file(&target).map_err(failed("create a scratch file beside it"))?;
     let mut buffered = BufWriter::new(file);
     write(&mut buffered).map_err(failed("write it"))?;
     let file = buffered.into_inner().map_err(io::IntoInnerError::into_error).map_err(failed("write it"))?;
@@ -101,8 +96,12 @@ fn write_through(
     }
     // Some systems refuse to rename a file that is still open.
     drop(file);
-    scratch.become_file(&target).map_err(failed("rename its scratch file"))?;
+    scratch.rename().map_err(failed("rename its scratch file"))?;
     if sync { sync_folder(folder_of(&target)).map_err(failed("sync its folder")) } else { Ok(()) }
+}
+
+fn scratch_file(target: &Path) -> io::Result<(Scratch, File)> {
+    Scratch::beside(target, |path| OpenOptions::new().write(true).create_new(true).open(path))
 }
 
 fn write_to_stream(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
@@ -144,46 +143,6 @@ fn end_of_links(path: &Path) -> io::Result<PathBuf> {
         }
     }
     Err(io::Error::other("too many links"))
-}
-
-/// A scratch file, removed when dropped unless it became the target.
-struct Scratch {
-    path: PathBuf,
-    kept: bool,
-}
-
-impl Scratch {
-    fn beside(target: &Path) -> io::Result<(Self, File)> {
-        // Two threads may write the same target; each needs a scratch file of its own.
-        static NEXT: AtomicU32 = AtomicU32::new(0);
-        let name = target.file_name().ok_or_else(|| io::Error::from(io::ErrorKind::InvalidFilename))?;
-        let mut outcome = Err(io::Error::from(io::ErrorKind::AlreadyExists));
-        for _ in 0..NAME_ATTEMPTS {
-            let number = NEXT.fetch_add(1, Ordering::Relaxed);
-            let scratch_name = format!(".{}.{}-{number}{SCRATCH_SUFFIX}", name.to_string_lossy(), std::process::id());
-            let path = folder_of(target).join(scratch_name);
-            outcome = OpenOptions::new().write(true).create_new(true).open(&path).map(|file| (path, file));
-            if !matches!(&outcome, Err(error) if error.kind() == io::ErrorKind::AlreadyExists) {
-                break;
-            }
-        }
-        outcome.map(|(path, file)| (Self { path, kept: false }, file))
-    }
-
-    fn become_file(mut self, target: &Path) -> io::Result<()> {
-        std::fs::rename(&self.path, target)?;
-        self.kept = true;
-        Ok(())
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        if !self.kept {
-            // The error that brought us here is the one worth reporting.
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
 }
 
 fn folder_of(path: &Path) -> &Path {

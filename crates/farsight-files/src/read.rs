@@ -16,17 +16,26 @@ pub const MAX_CONFIG: u64 = 1 << 20;
 /// When the file cannot be read, is larger, or is a folder, pipe, socket or device: a pipe could be waited for without
 /// end.
 pub fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    check_regular(fs::metadata(path)?.file_type())?;
-    let file = File::open(path)?;
-    let metadata = file.metadata()?;
-    // Another file may have taken its name meanwhile.
-    check_regular(metadata.file_type())?;
-    check_length(metadata.len(), limit)?;
-    let mut bytes = Vec::with_capacity(usize::try_from(metadata.len()).unwrap_or(0));
+    let file = open_regular(path)?;
+    let length = file.metadata()?.len();
+    check_length(length, limit)?;
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
     // A file may grow while it is read.
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     check_length(bytes.len() as u64, limit)?;
     Ok(bytes)
+}
+
+/// Opens a regular file for reading.
+///
+/// # Errors
+/// When it cannot be opened, or is a folder, pipe, socket or device: opening a pipe waits for its writer.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    check_regular(fs::metadata(path)?.file_type())?;
+    let file = File::open(path)?;
+    // Another file may have taken its name meanwhile.
+    check_regular(file.metadata()?.file_type())?;
+    Ok(file)
 }
 
 /// The text in a regular file of at most [`MAX_TEXT`] bytes.
@@ -34,7 +43,7 @@ pub fn read_file(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read_file`], and when it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    text_of(path, MAX_TEXT)
+    text_up_to(path, MAX_TEXT)
 }
 
 /// The text in a regular file of at most [`MAX_CONFIG`] bytes.
@@ -42,10 +51,14 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// As [`read_text`].
 pub fn read_config(path: &Path) -> io::Result<String> {
-    text_of(path, MAX_CONFIG)
+    text_up_to(path, MAX_CONFIG)
 }
 
-fn text_of(path: &Path, limit: u64) -> io::Result<String> {
+/// The text in a regular file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn text_up_to(path: &Path, limit: u64) -> io::Result<String> {
     let bytes = read_file(path, limit)?;
     String::from_utf8(bytes)
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8"))

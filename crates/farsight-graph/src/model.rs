@@ -23,6 +23,10 @@ pub const PRUNED_KEY: &str = "farsight.narrowed";
 /// Key of the header that says whose weights a model was made from, and under which licence.
 pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
 
+/// The input of a detector grows at most to so many times its width to bring a wide camera into the trained range: time
+/// and memory grow with the square.
+pub const MAX_ENLARGEMENT: usize = 2;
+
 /// The method of files that have no tag: there was no other when they were written.
 const FIRST_METHOD: &str = "smoke";
 

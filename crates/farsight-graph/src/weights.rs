@@ -8,7 +8,6 @@ mod seal;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -18,7 +17,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 pub use element::Element;
-use farsight_files::{WriteError, read_file, write_atomically};
+use farsight_files::{WriteError, open_regular, read_file, write_atomically};
 pub use seal::FILE_SHA256_KEY;
 use seal::Seal;
 
@@ -30,6 +29,9 @@ const LENGTH_BYTES: usize = 8;
 
 /// The largest file of weights that is read, bytes: many times the largest network of this field.
 pub const MAX_FILE: u64 = 4 << 30;
+
+/// The largest header that is read, bytes: twenty times that of the largest network here.
+const MAX_HEADER: usize = 16 << 20;
 
 /// Last part of the name of batch norm's step counter, which no forward pass uses.
 pub const STEP_COUNTER: &str = "num_batches_tracked";
@@ -196,10 +198,7 @@ impl Weights {
     /// As [`Weights::read`].
     pub fn read_metadata(path: &Path) -> Result<BTreeMap<String, String>, WeightsError> {
         let failed = |source| WeightsError::Read { path: path.to_path_buf(), source };
-        if !fs::metadata(path).map_err(failed)?.is_file() {
-            return Err(failed(io::Error::other("no regular file")));
-        }
-        let mut file = File::open(path).map_err(failed)?;
+        let mut file = open_regular(path).map_err(failed)?;
         let found = usize::try_from(file.metadata().map_err(failed)?.len()).unwrap_or(usize::MAX);
         let wrong_length = |expected| WeightsError::Length { path: path.to_path_buf(), found, expected };
         if found < LENGTH_BYTES {
@@ -212,6 +211,7 @@ impl Weights {
         if expected > found {
             return Err(wrong_length(expected));
         }
+        check_header(expected - LENGTH_BYTES, path)?;
         let mut header = vec![0; expected - LENGTH_BYTES];
         file.read_exact(&mut header).map_err(failed)?;
         let header: Metadata = serde_json::from_slice(&header)
@@ -391,12 +391,22 @@ pub fn is_step_counter(name: &str) -> bool {
 }
 
 /// The checked header and the data behind it.
+/// Refuses headers that would take too much memory as a tree.
+fn check_header(length: usize, path: &Path) -> Result<(), WeightsError> {
+    if length <= MAX_HEADER {
+        return Ok(());
+    }
+    let problem = format!("its header has {length} bytes; expected at most {MAX_HEADER}");
+    Err(WeightsError::Read { path: path.to_path_buf(), source: io::Error::new(io::ErrorKind::FileTooLarge, problem) })
+}
+
 fn split_header<'a>(bytes: &'a [u8], path: &Path) -> Result<(Metadata, &'a [u8]), WeightsError> {
     let wrong_length = |expected| WeightsError::Length { path: path.to_path_buf(), found: bytes.len(), expected };
     let (length, rest) = bytes.split_first_chunk::<LENGTH_BYTES>().ok_or_else(|| wrong_length(LENGTH_BYTES))?;
     let header_length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
     let (header, data) =
         rest.split_at_checked(header_length).ok_or_else(|| wrong_length(header_length.saturating_add(LENGTH_BYTES)))?;
+    check_header(header_length, path)?;
     let header: Metadata =
         serde_json::from_slice(header).map_err(|source| WeightsError::Header { path: path.to_path_buf(), source })?;
     // Parsing has checked that the tensors lie side by side and fit their shapes; what is left is that the data is all

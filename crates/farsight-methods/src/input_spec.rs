@@ -7,6 +7,7 @@ use farsight_core::input::InputRules;
 use farsight_core::linear::norm;
 use farsight_core::{Affine2, Camera};
 use farsight_data::network_input_into;
+use farsight_graph::model::MAX_ENLARGEMENT;
 use image::RgbImage;
 
 use crate::UnfamiliarCamera;
@@ -24,10 +25,6 @@ pub struct InputSpec {
     /// Smallest and largest focal length that the model was trained with, pixels of the network's input.
     pub focal_range_px: Option<[f64; 2]>,
 }
-
-/// An input grows at most so many times to bring a wide camera into the trained range: time and memory grow with the
-/// square.
-const MAX_ENLARGEMENT: usize = 2;
 
 impl InputSpec {
     /// The input for an image of `image_size` (width and height, pixels) taken by `camera`.

@@ -30,14 +30,6 @@ pub enum OnnxProblem {
     /// It could not be read.
     #[error("{0}")]
     Read(#[from] io::Error),
-    /// It is larger than any model of ours.
-    #[error("{found} bytes; expected an ONNX file of at most {limit}")]
-    Size {
-        /// Its size, bytes.
-        found: u64,
-        /// The largest size.
-        limit: u64,
-    },
     /// It is no protobuf message: cut short, or something else.
     #[error("not a whole ONNX file: {0}")]
     Wire(#[from] WireError),
@@ -132,7 +124,7 @@ pub enum OnnxProblem {
     Memory {
         /// Its name, shortened.
         name: String,
-        /// What it takes for an image of 1280x384 pixels.
+        /// What it takes for the largest input that is made of an image.
         megabytes: f64,
         /// The most that is taken.
         limit: f64,

@@ -3,10 +3,13 @@
 
 use std::collections::HashMap;
 
+use farsight_graph::model::MAX_ENLARGEMENT;
+use serde_json::Value;
+
 use crate::bounded::{counted, shortened, text_in};
 use crate::error::OnnxProblem;
 use crate::field;
-use crate::wire::{Message, Value};
+use crate::wire::{self, Message};
 
 /// No window of a network of ours is wider, and nothing is moved, spread or enlarged by more.
 const MAX_SETTING: i64 = 128;
@@ -14,11 +17,20 @@ const MAX_SETTING: i64 = 128;
 /// No network of ours has more groups, or axes of this number.
 const MAX_COUNT: i64 = 65_536;
 
-/// Bytes of one map for [`AREA_PX`] pixels: fifty times the largest map of SMOKE.
+/// Bytes of one map of the largest input: five times the largest map of SMOKE.
 const MAX_MAP: f64 = (2_u64 << 30) as f64;
 
-/// Pixels of SMOKE's input.
-const AREA_PX: f64 = 1280.0 * 384.0;
+/// Pixels of inputs whose size is no number of the description: the most that the SSD makes of an image.
+const USUAL_PX: f64 = 1.0e6;
+
+/// Descriptions with longer sides are refused by whoever reads them.
+const MAX_SIDE_PX: u64 = 8192;
+
+/// No input is larger, pixels: five times the largest of SMOKE, which is 2560 pixels wide and high.
+const MAX_INPUT_PX: f64 = (1_u64 << 25) as f64;
+
+/// Channels of an image.
+const IMAGE_CHANNELS: f64 = 3.0;
 
 /// How large a value is.
 #[derive(Debug, Clone, Copy)]
@@ -29,9 +41,23 @@ struct Size {
 }
 
 impl Size {
-    fn bytes(self) -> f64 {
-        self.channels * self.scale * self.scale * AREA_PX * size_of::<f32>() as f64
+    /// For an input of so many pixels.
+    fn bytes(self, input_px: f64) -> f64 {
+        self.channels * self.scale * self.scale * input_px * size_of::<f32>() as f64
     }
+}
+
+/// Pixels of the largest input that a network with this description ([`crate::key::MODEL`]) makes of an image: an input
+/// grows to [`MAX_ENLARGEMENT`] times its width for a wide camera where the range of focal lengths is known, and is at
+/// most as high as wide for a high image.
+pub(super) fn largest_input_px(description: Option<&str>) -> f64 {
+    let Some(description) = description.and_then(|text| serde_json::from_str::<Value>(text).ok()) else {
+        return USUAL_PX;
+    };
+    let side = |place: usize| description["input"][place].as_u64().filter(|side| *side <= MAX_SIDE_PX);
+    let (Some(width), Some(height)) = (side(0), side(1)) else { return USUAL_PX };
+    let growth = if description["focal_range_px"].is_array() { MAX_ENLARGEMENT as u64 } else { 1 };
+    ((width * growth) as f64 * (width.max(height) * growth) as f64).max(USUAL_PX)
 }
 
 /// The settings of a node that decide about sizes.
@@ -42,14 +68,21 @@ struct Settings {
     block: i64,
 }
 
-/// Refuses graphs whose maps no machine has room for.
-pub(super) fn check(graph: Message<'_>, image: &str) -> Result<(), OnnxProblem> {
+/// Refuses graphs whose maps for an input of so many pixels no machine has room for.
+pub(super) fn check(graph: Message<'_>, image: &str, input_px: f64) -> Result<(), OnnxProblem> {
+    let input = Size { channels: IMAGE_CHANNELS, scale: 1.0 };
+    let fits = |size: Size, name: &str, limit: f64| {
+        let bytes = size.bytes(input_px);
+        let too_large = || OnnxProblem::Memory { name: shortened(name), megabytes: bytes / 1e6, limit: limit / 1e6 };
+        if bytes > limit { Err(too_large()) } else { Ok(()) }
+    };
+    fits(input, image, input.bytes(MAX_INPUT_PX))?;
     let mut constants = HashMap::new();
     for tensor in graph.all(field::GRAPH_CONSTANT) {
         let tensor = tensor?;
         constants.insert(text_in(tensor, field::TENSOR_NAME)?, tensor);
     }
-    let mut sizes = HashMap::from([(image, Size { channels: 3.0, scale: 1.0 })]);
+    let mut sizes = HashMap::from([(image, input)]);
     for node in graph.all(field::GRAPH_NODE) {
         let node = node?;
         let operator = text_in(node, field::NODE_OPERATOR)?;
@@ -71,10 +104,7 @@ pub(super) fn check(graph: Message<'_>, image: &str) -> Result<(), OnnxProblem> 
         let known: Vec<Size> = inputs.iter().filter_map(|name| sizes.get(name)).copied().collect();
         let enlarged = if operator == "Resize" { Some(resize_factor(constant(2))?) } else { None };
         let Some(size) = size_of_output(operator, &known, &settings, constant(1), enlarged)? else { continue };
-        if size.bytes() > MAX_MAP {
-            let name = shortened(outputs.first().copied().unwrap_or_default());
-            return Err(OnnxProblem::Memory { name, megabytes: size.bytes() / 1e6, limit: MAX_MAP / 1e6 });
-        }
+        fits(size, outputs.first().copied().unwrap_or_default(), MAX_MAP)?;
         sizes.extend(outputs.into_iter().map(|name| (name, size)));
     }
     Ok(())
@@ -149,8 +179,8 @@ fn whole_numbers(message: Message<'_>, number: u64) -> Result<Vec<i64>, OnnxProb
     for part in message.fields() {
         let part = part?;
         match part.value {
-            Value::Number(value) if part.number == number => numbers.push(value.cast_signed()),
-            Value::Bytes(packed) if part.number == number => {
+            wire::Value::Number(value) if part.number == number => numbers.push(value.cast_signed()),
+            wire::Value::Bytes(packed) if part.number == number => {
                 for value in packed.varints() {
                     numbers.push(value?.cast_signed());
                 }

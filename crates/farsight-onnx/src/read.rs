@@ -1,6 +1,5 @@
 //! Reading what a file says about itself.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -8,6 +7,7 @@ use crate::bounded::{counted, shortened, text_in};
 use crate::error::{OnnxError, OnnxProblem};
 use crate::wire::{Message, WireError};
 use crate::{Facts, INPUT, Target, field, key, limits, seal, write, write_quantized};
+use farsight_files::{open_regular, read_file};
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::quantize::StoredRanges;
 use farsight_graph::transform::Network;
@@ -91,15 +91,7 @@ impl OnnxModel {
     /// # Errors
     /// When the file cannot be read or is not one of ours.
     pub fn read(path: &Path) -> Result<Self, OnnxError> {
-        let failed = |error| OnnxError::new(path, OnnxProblem::Read(error));
-        let file = File::open(path).map_err(failed)?;
-        let found = file.metadata().map_err(failed)?.len();
-        if found > MAX_FILE {
-            return Err(OnnxError::new(path, OnnxProblem::Size { found, limit: MAX_FILE }));
-        }
-        let mut bytes = Vec::new();
-        // A file may grow while it is read, and some (/dev/zero) have no size.
-        file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
+        let bytes = read_file(path, MAX_FILE).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))?;
         Self::from_bytes(bytes, path)
     }
 
@@ -203,10 +195,10 @@ impl OnnxModel {
 /// Whether a file starts as safetensors files do: the length of the header, and the header's first brace.
 ///
 /// # Errors
-/// When the file cannot be read.
+/// When the file cannot be read, or is a pipe, socket or device, which is not waited for.
 pub fn is_safetensors(path: &Path) -> std::io::Result<bool> {
     let mut start = Vec::new();
-    File::open(path)?.take(SAFETENSORS_START as u64).read_to_end(&mut start)?;
+    open_regular(path)?.take(SAFETENSORS_START as u64).read_to_end(&mut start)?;
     Ok(start.len() == SAFETENSORS_START && start.ends_with(b"{"))
 }
 
@@ -235,7 +227,10 @@ fn checked(bytes: &[u8]) -> Result<Checked, OnnxProblem> {
     let inputs = values(graph, field::GRAPH_INPUT)?;
     let input = inputs.iter().find(|input| input.name == INPUT).cloned();
     let input = input.ok_or_else(|| missing("input", INPUT, &inputs))?;
-    limits::check(graph, INPUT)?;
+    // What a second part reads is no image.
+    let is_second = facts.get(key::PART).is_some_and(|part| part.starts_with('2'));
+    let description = facts.get(key::MODEL).filter(|_| !is_second);
+    limits::check(graph, INPUT, limits::largest_input_px(description))?;
     let outputs = values(graph, field::GRAPH_OUTPUT)?;
     if outputs.is_empty() {
         return Err(missing("output", "of any name", &outputs));

@@ -3,6 +3,7 @@
 use std::io::{self, Cursor};
 use std::path::PathBuf;
 
+use farsight::draw::picture_divisor;
 use farsight::json::{DetectionRecord, ImageRecord};
 use farsight::{Box2d, Box3d, Camera, DetectedObject, Detection, LensError, ObjectClass, RangeKind, draw_through_lens};
 use farsight_core::Dimensions;
@@ -22,9 +23,12 @@ pub(crate) fn from_bytes(pixels: &[u8], [width, height]: [u32; 2]) -> PyResult<R
     })
 }
 
-/// The image of an answer with boxes, distances and the view from above: pixels, and their width and height.
+/// Pixels, their width and height, and by which number the sides of the image were divided.
+type Picture<'py> = (Bound<'py, PyBytes>, [u32; 2], u32);
+
+/// The image of an answer with boxes, distances and the view from above.
 #[pyfunction]
-pub(crate) fn draw<'py>(py: Python<'py>, pixels: &[u8], record: &str) -> PyResult<(Bound<'py, PyBytes>, [u32; 2])> {
+pub(crate) fn draw<'py>(py: Python<'py>, pixels: &[u8], record: &str) -> PyResult<Picture<'py>> {
     let record = parsed(record)?;
     let image = from_bytes(pixels, [record.width, record.height])?;
     let camera = camera(&record)?;
@@ -34,7 +38,8 @@ pub(crate) fn draw<'py>(py: Python<'py>, pixels: &[u8], record: &str) -> PyResul
         let objects: Vec<_> = record.detections.iter().map(object).collect();
         draw_through_lens(&image, &camera, lens, &objects, RangeKind::Depth)
     });
-    Ok((PyBytes::new(py, drawn.as_raw()), [drawn.width(), drawn.height()]))
+    let divisor = picture_divisor([image.width(), image.height()]);
+    Ok((PyBytes::new(py, drawn.as_raw()), [drawn.width(), drawn.height()], divisor))
 }
 
 /// Pixels as a PNG file: its bytes, or with a path the file, written whole or not at all.

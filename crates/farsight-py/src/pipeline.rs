@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use farsight::{
     CameraSource, CameraSourceError, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource,
-    PipelineBuilder, Precision, ViewSource, load_image,
+    PipelineBuilder, Precision, ViewSource, load_image, model_file,
 };
 use farsight_core::Region;
 use farsight_data::decode_image;
@@ -28,6 +28,8 @@ type Answer<'py> = (String, Bound<'py, PyBytes>, Vec<String>);
 #[pyclass(frozen, module = "farsight._farsight")]
 pub(crate) struct Pipeline {
     inner: farsight::Pipeline,
+    /// What there is to tell of the model.
+    notes: Vec<String>,
     builder: PipelineBuilder,
 }
 
@@ -55,10 +57,12 @@ impl Pipeline {
         }
         let region: Region =
             region.parse().map_err(|expected| PyValueError::new_err(format!("region {region:?}: {expected}")))?;
+        let unhashed = model_file::hash_note(&model);
         let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
         let builder = builder.region(region);
         let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
-        Ok(Self { inner, builder })
+        let notes = unhashed.into_iter().chain(inner.left_out_note()).collect();
+        Ok(Self { inner, notes, builder })
     }
 
     /// Begins to follow what is in a video, or in images.
@@ -81,6 +85,11 @@ impl Pipeline {
     #[getter]
     fn name(&self) -> &str {
         &self.inner.info().name
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
     }
 
     #[getter]

@@ -6,7 +6,7 @@ import pickle
 import farsight
 import numpy as np
 import pytest
-from conftest import SCENES
+from conftest import ROOT, SCENES
 from PIL import Image
 
 K = [[700.0, 0, 620.0], [0, 710.0, 180.0], [0, 0, 1]]
@@ -55,6 +55,26 @@ def test_other_models_and_engines_are_those_of_the_program(photo, jsonl):
     assert smoke.range(photo).to_dict() == jsonl(photo, "--model", "farsight-s", "--threads", "1")[0]
     japan = farsight.Model(region="japan", threads=1)
     assert japan.range(photo).to_dict() == jsonl(photo, "--region", "japan", "--threads", "1")[0]
+
+
+def test_what_is_to_be_told_of_a_model_is_a_warning(tmp_path):
+    whole = (ROOT / "models/farsight-s.safetensors").read_bytes()
+    file = tmp_path / "other.safetensors"
+    # Another weight, and a key in the place of the hash's that means nothing.
+    changed = bytearray(whole.replace(b"farsight.file_sha256", b"farsight.file_sha-no"))
+    changed[-2] ^= 1
+    file.write_bytes(changed)
+    with pytest.warns(UserWarning) as told:
+        farsight.Model(model=file, threads=1)
+    texts = [str(warning.message) for warning in told]
+    assert texts[0] == f"{file}: has no hash, so damage to it would not be noticed"
+    assert "not the shipped weights, so without what is made for those: refiner, plate reader" in texts[1]
+
+
+def test_a_large_image_is_drawn_at_a_stated_scale(model):
+    answer = model.range(np.zeros((3000, 4000, 3), np.uint8), hfov=65)
+    with pytest.warns(UserWarning, match="a large image, drawn at 1/2 of its size"):
+        assert answer.plot().shape[0] == 1500
 
 
 def test_a_picture_is_that_of_the_program(result, program, photo, tmp_path):

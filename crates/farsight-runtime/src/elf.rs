@@ -62,6 +62,10 @@ pub fn check_whole(library: &Path) -> Result<(), LibraryDamage> {
 
 fn check_one(path: &Path) -> Result<(), LibraryDamage> {
     let failed = |source| LibraryDamage::Read { path: path.to_owned(), source };
+    if !fs::metadata(path).map_err(failed)?.is_file() {
+        // A pipe would be waited for.
+        return Err(failed(io::Error::other("no regular file")));
+    }
     let mut file = File::open(path).map_err(failed)?;
     let found = file.metadata().map_err(failed)?.len();
     let truncated = |expected| LibraryDamage::Truncated { path: path.to_owned(), found, expected };

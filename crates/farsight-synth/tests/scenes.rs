@@ -243,7 +243,7 @@ fn unusable_configurations_say_why() {
         config.problem()
     };
     assert_eq!(changed(&|_| ()), None);
-    let cases: [(Change, &str); 12] = [
+    let cases: [(Change, &str); 13] = [
         (&|c| c.unusual_share = 1.5, "unusual_share is 1.5; expected a number from 0 to 1"),
         (&|c| c.density = [2.0, 1.0], "density is [2, 1]; expected two numbers from 0 to 10 in rising order"),
         (&|c| c.people_factor = -1.0, "people_factor is -1; expected a number from 0 to 20"),
@@ -263,6 +263,11 @@ fn unusable_configurations_say_why() {
         (
             &|c| c.cameras[0].height_m = [0.1, 1.0],
             "cameras[0].height_m is [0.1, 1]; expected two numbers from 0.5 to 20 in rising order",
+        ),
+        // Each side is one that a camera may have.
+        (
+            &|c| c.cameras[0].image_sizes.push([13_000, 13_000]),
+            "cameras[0].image_sizes has [13000, 13000]; expected at most 16000000 pixels in all",
         ),
         (&|c| c.cameras[3].share = -1.0, "cameras[3].share is -1; expected a number from 0 to 1000000000"),
     ];

@@ -58,6 +58,11 @@ pub fn lacks_hash(path: &Path) -> bool {
     }
 }
 
+/// What to tell of a model file that [`lacks_hash`].
+pub fn hash_note(path: &Path) -> Option<String> {
+    lacks_hash(path).then(|| format!("{}: has no hash, so damage to it would not be noticed", path.display()))
+}
+
 /// Whether the file may be a detector.
 ///
 /// # Errors

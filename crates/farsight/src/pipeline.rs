@@ -180,6 +180,13 @@ impl Pipeline {
         &self.shared.left_out
     }
 
+    /// What to tell of what was [`Pipeline::left_out`], if anything was.
+    pub fn left_out_note(&self) -> Option<String> {
+        let (model, left_out) = (&self.shared.info.name, self.left_out().join(", "));
+        let note = format!("{model}: not the shipped weights, so without what is made for those: {left_out}");
+        (!left_out.is_empty()).then_some(note)
+    }
+
     /// Which models it runs.
     pub fn info(&self) -> &ModelInfo {
         &self.shared.info

@@ -276,20 +276,14 @@ pub(crate) fn tell_doubt(pipeline: &Pipeline, printer: &mut Printer) {
 
 /// Says which of the model files carry no hash: those from before files had one.
 pub(crate) fn tell_unhashed(files: impl IntoIterator<Item = PathBuf>, printer: &mut Printer) {
-    for file in files.into_iter().filter(|file| model_file::lacks_hash(file)) {
-        printer.note(&format!("{}: has no hash, so damage to it would not be noticed", file.display()));
-    }
+    files.into_iter().filter_map(|file| model_file::hash_note(&file)).for_each(|note| printer.note(&note));
 }
 
 /// As [`open`], and says what is left out because the weights are not those that it is made for.
 pub(crate) fn open_and_tell(builder: &PipelineBuilder, printer: &mut Printer) -> Result<Pipeline> {
     let pipeline = open(builder)?;
-    let (model, left_out) = (&pipeline.info().name, pipeline.left_out());
-    if !left_out.is_empty() {
-        let left_out = left_out.join(", ");
-        printer.note(&format!(
-            "{model}: not the shipped weights, so without what is made for those: {left_out} (--refiner, --plates and --above-road choose them)"
-        ));
+    if let Some(note) = pipeline.left_out_note() {
+        printer.note(&format!("{note} (--refiner, --plates and --above-road choose them)"));
     }
     Ok(pipeline)
 }

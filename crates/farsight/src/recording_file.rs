@@ -1,13 +1,13 @@
 //! The files of `--mcap` and `--rerun`, which appear when they are whole.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
+use farsight_files::Scratch;
 use farsight_recordings::{McapRecording, RecordedFrame, RerunRecording};
-use tempfile::{NamedTempFile, TempPath};
 
 use crate::inputs::identity;
 use crate::outputs;
@@ -61,7 +61,7 @@ impl Recordings {
 /// A recording being written.
 struct RecordingFile {
     path: PathBuf,
-    scratch: TempPath,
+    scratch: Scratch,
     recording: Recording,
 }
 
@@ -72,14 +72,15 @@ enum Recording {
 
 impl RecordingFile {
     fn mcap(path: &Path) -> Result<Self> {
-        let (file, scratch) = scratch_beside(path)?.into_parts();
+        let (scratch, file) = Scratch::file(path).with_context(|| unwritable(path))?;
         let recording = McapRecording::new(BufWriter::new(file)).with_context(|| unwritable(path))?;
         Ok(Self { path: path.to_owned(), scratch, recording: Recording::Mcap(Box::new(recording)) })
     }
 
     fn rerun(path: &Path) -> Result<Self> {
-        let scratch = scratch_beside(path)?.into_temp_path();
-        let recording = RerunRecording::create(&scratch).with_context(|| unwritable(path))?;
+        // It opens the file by its name.
+        let (scratch, _) = Scratch::file(path).with_context(|| unwritable(path))?;
+        let recording = RerunRecording::create(scratch.path()).with_context(|| unwritable(path))?;
         Ok(Self { path: path.to_owned(), scratch, recording: Recording::Rerun(recording) })
     }
 
@@ -98,20 +99,10 @@ impl RecordingFile {
             Recording::Mcap(recording) => recording.finish().with_context(failed)?.flush().with_context(failed)?,
             Recording::Rerun(recording) => recording.finish().with_context(failed)?,
         }
-        fs::File::open(&scratch).and_then(|file| file.sync_all()).with_context(failed)?;
-        scratch.persist(&path).map_err(|error| anyhow!(error.error)).with_context(failed)
+        scratch.persist().with_context(failed)
     }
 }
 
 fn unwritable(path: &Path) -> String {
     format!("{}: cannot be written", path.display())
-}
-
-/// A file beside its target, with the rights that new files have.
-fn scratch_beside(target: &Path) -> Result<NamedTempFile> {
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.prefix(".recording").tempfile_in(folder).with_context(|| unwritable(target))
 }

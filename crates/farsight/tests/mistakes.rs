@@ -159,6 +159,19 @@ fn scenes_replace_no_data_set() {
 }
 
 #[test]
+fn a_scene_larger_than_any_camera_is_refused_before_it_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, content) in [("labels", ""), ("cameras", "P2: 9000 0 6500 0 0 9000 6500 0 0 0 1 0\n")] {
+        fs::create_dir(folder.join(name)).unwrap();
+        fs::write(folder.join(name).join("000000.txt"), content).unwrap();
+    }
+    let told = refusal(folder, &["synth", "--out", "twin", "--layout", "labels", "--calib-dir", "cameras"]);
+    let expected = "error: cameras/000000.txt: the camera of an image of ";
+    assert!(told.starts_with(expected) && told.ends_with("; expected at most 16000000 in all\n"), "{told}");
+}
+
+#[test]
 fn numbers_and_options_that_mean_nothing_here_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let range = ["range", "a.png", "--hfov", "80"];
@@ -240,6 +253,66 @@ fn files_of_another_kind_are_told_for_what_they_are() {
         let told = refusal(folder, &[command, &own, &[out]].concat());
         assert!(told.contains(expected), "{told}");
     }
+}
+
+/// As [`refusal`], of a command that must not wait for anybody.
+#[cfg(unix)]
+fn prompt_refusal(folder: &Path, arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_farsight"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let start = std::time::Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if start.elapsed().as_secs() >= 60 {
+            child.kill().unwrap();
+            panic!("{arguments:?}: waits");
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let output = child.wait_with_output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
+    told
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_refused_as_any_input_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_small_model(folder);
+    image::RgbImage::new(96, 64).save(folder.join("photo.png")).unwrap();
+    for name in ["pipe", "pipe.onnx", "pipe.safetensors", "pipe.toml", "pipe.json", "pipe.png"] {
+        assert!(Command::new("mkfifo").arg(folder.join(name)).status().unwrap().success());
+    }
+    let range = ["range", "photo.png", "--hfov", "80"];
+    let table: [(&[&str], &[&str]); 15] = [
+        (&range, &["--model"]),
+        (&[&range[..], &["--model", "m.safetensors"]].concat(), &["--refiner"]),
+        (&[&range[..], &["--model", "m.safetensors"]].concat(), &["--plates"]),
+        (&["range", "photo.png", "--model", "m.safetensors"], &["--calib"]),
+        (&["range", "--hfov", "80", "--model", "m.safetensors"], &[]),
+        (&["info"], &[]),
+        (&["export", "--out", "x.onnx"], &["--model"]),
+        (&["prune", "--keep", "0.5", "--out", "x.safetensors"], &["--model"]),
+        (&["bench", "--runs", "1"], &["--model"]),
+        (&["import", "--out", "x.safetensors"], &[]),
+        (&["eval", "--results", "."], &["--labels"]),
+        (&["eval-tracks", "--tracks", "photo.png"], &["--labels"]),
+        (&["synth", "--out", "x", "--frames", "1"], &["--world"]),
+        (&["track", "photo.png", "--fps", "10", "--hfov", "80", "--model", "m.safetensors"], &["--ego"]),
+        (&["parity", "--golden", "."], &["--model"]),
+    ];
+    for (command, option) in table {
+        for input in ["pipe", "pipe.onnx", "pipe.safetensors", "pipe.toml", "pipe.png", "/dev/zero"] {
+            let told = prompt_refusal(folder, &[command, option, &[input]].concat());
+            assert!(told.contains(input), "{command:?} {option:?}: {told}");
+        }
+    }
+    assert!(!folder.join("x").exists() && !folder.join("x.onnx").exists() && !folder.join("x.safetensors").exists());
+    // Files that nobody named are looked at, too.
+    let told = done(folder, &["doctor"]);
+    assert!(told.contains("./pipe.onnx"), "{told}");
 }
 
 #[test]

@@ -129,6 +129,29 @@ fn headers_with_absurd_numbers_are_refused() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_header_that_asks_for_huge_maps_is_refused_before_they_are_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let small = model();
+    let mut weights = small.weights;
+    let config = SmokeConfig { input: [8192, 8192], ..small.config };
+    weights.metadata.insert(CONFIG_KEY.to_owned(), serde_json::to_string(&config).unwrap());
+    weights.write(&folder.join("m.safetensors")).unwrap();
+    // The input alone and the first two maps take 3 GB: an engine that gets none ends the process.
+    let script = "ulimit -v 2500000; exec \"$0\" \"$@\"";
+    let program = env!("CARGO_BIN_EXE_farsight");
+    for arguments in [&["range", &image(), "--hfov", "81"][..], &["export", "--out", "m.onnx"]] {
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", script, program]).args(arguments).args(["--model", "m.safetensors"]);
+        let output = command.current_dir(folder).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains("m.safetensors: its value \"image\" takes 805 MB for an image; no model of ours"), "{told}");
+    }
+}
+
 /// The SSD that comes with the program.
 fn ssd() -> SsdModel {
     SsdModel::read(&root().join("models/farsight-w.safetensors")).unwrap()

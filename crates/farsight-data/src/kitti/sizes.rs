@@ -20,7 +20,7 @@ pub fn image_size(camera: &Camera) -> [usize; 2] {
 
 fn around_principal_point(camera: &Camera) -> [usize; 2] {
     let [first, second, third] = camera.projection;
-    [first, second].map(|row| ((2.0 * row[2] / third[2]).round().max(1.0) as usize) + 1)
+    [first, second].map(|row| ((2.0 * row[2] / third[2]).round().max(1.0) as usize).saturating_add(1))
 }
 
 #[cfg(test)]
@@ -35,6 +35,7 @@ mod tests {
             ("KITTI's most frequent camera", (721.5377, 609.5593, 172.854), [1242, 375]),
             ("another of KITTI's", (718.856, 607.1928, 185.2157), [1241, 376]),
             ("full HD", (1000.0, 959.5, 539.5), [1920, 1080]),
+            ("out of this world", (1e10, 1e30, 539.5), [usize::MAX, 1080]),
         ];
         for (name, (focal, cx, cy), expected) in table {
             let camera = Camera::from_intrinsics(focal, focal, cx, cy).unwrap();

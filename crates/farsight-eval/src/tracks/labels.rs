@@ -48,8 +48,9 @@ pub enum TrackLabelError {
     },
 }
 
-/// No sequence is longer.
-const MAX_FRAMES: usize = 10_000_000;
+/// No sequence is longer: more than two hours at 25 frames a second. Every frame up to the last takes memory, whether
+/// there is a row for it or not.
+pub const MAX_FRAMES: usize = 200_000;
 
 /// The frames of a label file, and their velocities from a file with the columns `frame`, `time_s`, `id`, `vx_mps`,
 /// `vy_mps`, `vz_mps` and `speed_mps`, if there is one. Frames without a row are empty.
@@ -60,7 +61,7 @@ pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<Gro
     let mut frames: Vec<GroundTruthFrame> = Vec::new();
     for (line, number) in text(labels)?.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()) {
         let fields: Vec<&str> = line.split_ascii_whitespace().collect();
-        let frame = whole(labels, number, 0, &fields, "the number of a frame")?;
+        let frame = whole(labels, number, 0, &fields, FRAME)?;
         let id = field(labels, number, 1, &fields, "an identity", |text| text.parse::<i64>().ok())?;
         let row = row_from_fields(fields.get(2..).unwrap_or_default(), RowKind::Label).map_err(|error| {
             TrackLabelError::Row { path: labels.to_owned(), line: number, problem: error.to_string() }
@@ -85,7 +86,7 @@ pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<Gro
         let text = text(path)?;
         for (line, number) in text.lines().zip(1..).skip(1).filter(|(line, _)| !line.trim().is_empty()) {
             let fields: Vec<&str> = line.split(',').collect();
-            let frame = whole(path, number, 0, &fields, "the number of a frame")?;
+            let frame = whole(path, number, 0, &fields, FRAME)?;
             let id = field(path, number, 2, &fields, "an identity", |text| text.parse::<u64>().ok())?;
             let finite = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
             let mut values = [0.0; 4];
@@ -104,6 +105,8 @@ pub fn read_sequence(labels: &Path, velocities: Option<&Path>) -> Result<Vec<Gro
     }
     Ok(frames)
 }
+
+const FRAME: &str = "the number of a frame, below 200000";
 
 fn text(path: &Path) -> Result<String, TrackLabelError> {
     read_text(path).map_err(|source| TrackLabelError::Read { path: path.to_owned(), source })
@@ -141,7 +144,7 @@ fn field<T>(
 mod tests {
     use std::fs;
 
-    use super::read_sequence;
+    use super::{FRAME, MAX_FRAMES, read_sequence};
 
     const CAR: &str = "Car 0 0 -1.5 600 170 700 230 1.5 1.6 4.0 1.0 1.7 20.0 -1.57";
 
@@ -163,11 +166,22 @@ mod tests {
     }
 
     #[test]
+    fn the_limit_that_is_told_is_the_limit() {
+        assert_eq!(FRAME, format!("the number of a frame, below {MAX_FRAMES}"));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, format!("{} 7 {CAR}\n", MAX_FRAMES - 1)).unwrap();
+        assert_eq!(read_sequence(&path, None).unwrap().len(), MAX_FRAMES);
+    }
+
+    #[test]
     fn what_is_wrong_is_told_with_its_place() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         for (text, expected) in [
-            (format!("0 7 {CAR}\nx 7 {CAR}\n"), ":2: field 1 is \"x\"; expected the number of a frame"),
+            (format!("0 7 {CAR}\nx 7 {CAR}\n"), ":2: field 1 is \"x\"; expected the number of a frame, below 200000"),
+            // A hundred bytes that ask for half a gigabyte of empty frames.
+            (format!("9999999 7 {CAR}\n"), ":1: field 1 is \"9999999\"; expected the number of a frame, below 200000"),
             (format!("0 7.5 {CAR}\n"), ":1: field 2 is \"7.5\"; expected an identity"),
             ("0 7 Car 0 0\n".to_owned(), ":1: "),
         ] {

@@ -22,7 +22,7 @@ mod text;
 use farsight_core::{Box2d, Box3d, Label, ObjectClass};
 
 pub use errors::{Errors, Sample, TTC_BINS, TtcBin};
-pub use labels::{TrackLabelError, read_sequence};
+pub use labels::{MAX_FRAMES, TrackLabelError, read_sequence};
 pub use page::page;
 pub use report::{Difference, Figures, TracksReport, differences};
 pub use sequence::{JudgedSequence, judge};

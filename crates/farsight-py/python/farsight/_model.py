@@ -68,6 +68,8 @@ class Model:
             "model": os.fspath(model),
         }
         self._pipeline = Pipeline(os.fspath(model), engine, _engine_path(engine), precision, threads, region)
+        for text in self._pipeline.notes:
+            warnings.warn(text, stacklevel=2)
 
     @property
     def name(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,13 +70,17 @@ class Result(Objects):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Pixels:
         """The image with boxes, distances and the view from above, as `farsight range --out` draws it.
 
+        An image of 12 megapixels and more is drawn at 1/2, 1/3 ... of its size, which a Python warning says.
+
         Args:
             path: Where to write it as a PNG file, too.
 
         Returns:
             Shape (H, W, 3), uint8, red, green, blue; not to be written to.
         """
-        pixels, (width, height) = _farsight.draw(self._pixels, self._json)
+        pixels, (width, height), divisor = _farsight.draw(self._pixels, self._json)
+        if divisor > 1:
+            warnings.warn(f"{self.path}: a large image, drawn at 1/{divisor} of its size", stacklevel=2)
         if path is not None:
             _farsight.png(pixels, [width, height], os.fspath(path))
         return pixels_from_bytes(pixels, width, height)
@@ -147,7 +152,7 @@ class Result(Objects):
         return fiftyone.Detections(detections=detections)
 
     def _repr_png_(self) -> bytes:
-        pixels, size = _farsight.draw(self._pixels, self._json)
+        pixels, size, _ = _farsight.draw(self._pixels, self._json)
         png = _farsight.png(pixels, size)
         assert png is not None
         return png

@@ -14,7 +14,7 @@ use farsight::{
     Camera, EngineKind, ModelSource, Pipeline, PipelineBuilder, RangeKind, StageTimes, draw, read_image, shipped,
 };
 use farsight_core::statistics::{quantile, sorted};
-use farsight_files::write_atomically;
+use farsight_files::{Scratch, write_atomically};
 use farsight_methods::smoke::DetectorFile;
 use farsight_runtime::timing::timed;
 use image::RgbImage;
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(json) = &args.json {
         outputs::check_json(json, args.image.clone().into_iter().chain(args.pipeline.files()))?;
     }
-    let folder = tempfile::tempdir().context("no folder for the scene")?;
+    let folder = Scratch::temporary_folder().context("no folder for the scene")?;
     let image = match &args.image {
         Some(image) => image.clone(),
         None => shipped::write_scenes(folder.path())?.join("000000.jpg"),
@@ -119,14 +119,15 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
         compare::run(args, &image, printer)?;
         return Ok(Outcome::Done);
     }
-    let pipeline = open(args, 1, printer)?;
+    let builder = builder(args, printer)?;
+    let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
     for _ in 0..WARM_UP {
         pass(&image, args.batch, &pipeline)?;
     }
     let passes = (0..args.runs).map(|_| pass(&image, args.batch, &pipeline)).collect::<Result<Vec<Pass>>>()?;
     let mut figures = figures(args, &image, &pipeline, &passes)?;
     if args.images > 0 && args.batch == 1 {
-        let pipeline = open(args, args.images, printer)?;
+        let pipeline = pipeline_args::open(&builder.images(args.images))?;
         throughput(&image, WARM_UP * pipeline.side_by_side(), &pipeline)?;
         figures.throughput = Some(throughput(&image, args.images, &pipeline)?);
         figures.peak_memory_mb = peak_memory_mb();
@@ -140,19 +141,19 @@ pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
 }
 
 /// The pipeline to time: its model may be a config, whose network gets random weights.
-fn open(args: &BenchArgs, images: usize, printer: &mut Printer) -> Result<Pipeline> {
+fn builder(args: &BenchArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
     let config = args.pipeline.model.as_deref().filter(|path| untrained::is_config(path));
     let engine = args.pipeline.engine.engine.kind();
     ensure!(
         engine != EngineKind::Libtorch || (config.is_none() && args.input.is_none()),
         "the engine libtorch is timed with a model and its own input only"
     );
-    let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(images);
+    let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(1);
     if let Some(path) = config {
         let file = Box::new(DetectorFile::from_model(&untrained::model(path)?, engine.target(), path)?);
         builder = builder.model(ModelSource::Memory { file, name: path.to_owned() });
     }
-    pipeline_args::open(&args.input.into_iter().fold(builder, PipelineBuilder::input_size))
+    Ok(args.input.into_iter().fold(builder, PipelineBuilder::input_size))
 }
 
 fn pass(path: &Path, batch: usize, pipeline: &Pipeline) -> Result<Pass> {

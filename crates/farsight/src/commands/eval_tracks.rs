@@ -8,7 +8,7 @@ use clap::Args;
 use farsight::json::{FrameRecord, TrackRecord};
 use farsight_core::{Box2d, Box3d, Dimensions, ObjectClass};
 use farsight_eval::tracks::{
-    GroundTruthFrame, JudgedSequence, PredictedFrame, PredictedTrack, TracksReport, differences, differences_text,
+    GroundTruthFrame, JudgedSequence, MAX_FRAMES, PredictedFrame, PredictedTrack, TracksReport, differences, differences_text,
     judge, page, read_sequence, text,
 };
 use farsight_files::{read_text, write_atomically};
@@ -128,7 +128,9 @@ fn told(path: &Path) -> Result<Vec<Option<PredictedFrame>>> {
         let record: FrameRecord =
             serde_json::from_str(line).with_context(|| format!("{}:{number}: no frame of tracks", path.display()))?;
         let place = usize::try_from(record.frame).ok().filter(|place| *place < MAX_FRAMES);
-        let place = place.with_context(|| format!("{}:{number}: frame {}", path.display(), record.frame))?;
+        let place = place.with_context(|| {
+            format!("{}:{number}: frame {}; expected one below {MAX_FRAMES}", path.display(), record.frame)
+        })?;
         if frames.len() <= place {
             frames.resize(place + 1, None);
         }
@@ -137,9 +139,6 @@ fn told(path: &Path) -> Result<Vec<Option<PredictedFrame>>> {
     }
     Ok(frames)
 }
-
-/// No film is longer.
-const MAX_FRAMES: usize = 10_000_000;
 
 fn told_track(track: &TrackRecord) -> PredictedTrack {
     let [x1, y1, x2, y2] = track.box2d;

@@ -24,6 +24,7 @@ use farsight_runtime::{Runner, Tensor, TensorView};
 
 use super::Outcome;
 use crate::outputs;
+use crate::pipeline_args::tell_unhashed;
 use crate::printer::Printer;
 use int8::Int8Args;
 use second_stage::SecondStageModel;
@@ -132,6 +133,7 @@ impl ExportArgs {
 /// Runs the command.
 pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     args.check_out()?;
+    tell_unhashed([args.model.clone()], printer);
     let target = match args.target {
         TargetName::Portable => Target::Portable,
         TargetName::Onnxruntime => Target::OnnxRuntime,

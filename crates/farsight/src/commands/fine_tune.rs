@@ -66,6 +66,7 @@ mod training {
     use crate::commands::export::fit::fit;
     use crate::commands::train::progress::Progress;
     use crate::outputs;
+    use crate::pipeline_args::tell_unhashed;
     use crate::printer::Printer;
 
     /// How it learns: all but the network, which is that of the model.
@@ -80,6 +81,7 @@ mod training {
     /// Runs the command.
     pub(crate) fn run(args: &FineTuneArgs, printer: &mut Printer) -> Result<Outcome> {
         outputs::check_kind(&args.out, "onnx", "a name ending in .safetensors; `farsight export` makes ONNX of it")?;
+        tell_unhashed([args.model.clone()], printer);
         let start = read_own(&args.model)?;
         let run = args.run.clone().unwrap_or_else(|| with_suffix(&args.out, "-run"));
         outputs::make_folder(&run)?;

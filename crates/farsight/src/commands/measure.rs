@@ -13,6 +13,7 @@ use farsight::Pipeline;
 use farsight_data::open_labelled;
 use farsight_eval::ranging::RangingOptions;
 use farsight_eval::{FrameFiles, LabelSource, Scores};
+use farsight_files::Scratch;
 
 use super::Outcome;
 use super::eval::{CAMERA_HEIGHT_M, MIN_SCORE, baseline_evaluations, write_results_of};
@@ -116,7 +117,7 @@ fn measured(
     let split = set.split_in(beside);
     let dataset = open_labelled(folder, split.as_deref())?;
     let pipeline = open_pipeline(args, set, dataset.len(), printer)?;
-    let results = tempfile::tempdir().context("no folder for the results")?;
+    let results = Scratch::temporary_folder().context("no folder for the results")?;
     let ids = write_results_of(&pipeline, &*dataset, 0..dataset.len(), results.path(), printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was measured: {} failed", counted(failed, "frame"));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, Parser};
+use farsight_files::Scratch;
 
 use super::{Cli, Command, Outcome, eval};
 use crate::printer::{Printer, counted};
@@ -30,21 +31,20 @@ pub(crate) fn run(args: &MergeArgs, printer: &mut Printer) -> Result<Outcome> {
     if args.out.exists() && fs::read_dir(&args.out).with_context(unwritable)?.next().is_some() {
         bail!("{shown}: there already and not empty; expected a new folder");
     }
-    let beside = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let beside = beside.map_or_else(|| PathBuf::from("."), PathBuf::from);
-    fs::create_dir_all(&beside).with_context(unwritable)?;
-    // It gets its name when it is whole.
-    let scratch = tempfile::Builder::new().prefix(".merge.").tempdir_in(&beside).with_context(unwritable)?;
-    let folder = scratch.path().join("merged");
-    fs::create_dir(&folder).with_context(unwritable)?;
-    parts.write(&folder)?;
+    if let Some(beside) = args.out.parent() {
+        fs::create_dir_all(beside).with_context(unwritable)?;
+    }
+    let scratch = Scratch::folder(&args.out).with_context(unwritable)?;
+    let folder = scratch.path();
+    parts.write(folder)?;
     let words = std::iter::once("farsight").chain(parts.words().iter().map(String::as_str));
     let command = Cli::try_parse_from(words).context("the command line that made the parts")?.command;
     let judged = match command {
-        Command::Eval(eval) => eval::merged(*eval, &folder, &parts, printer)?,
+        Command::Eval(eval) => eval::merged(*eval, folder, &parts, printer)?,
         _ => Outcome::Done,
     };
-    fs::rename(&folder, &args.out).with_context(unwritable)?;
+    // It gets its name when it is whole.
+    scratch.persist().with_context(unwritable)?;
     let (done, count, failed) = (parts.done(), parts.len(), parts.failed());
     for item in &failed {
         printer.error(&format!("{item}: failed when its part was made"));

@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::Outcome;
 use super::export::TOLERANCE;
 use crate::outputs;
-use crate::pipeline_args::EngineArgs;
+use crate::pipeline_args::{EngineArgs, tell_unhashed};
 use crate::printer::Printer;
 
 /// Name of the input among the reference tensors.
@@ -70,6 +70,7 @@ pub(crate) fn run(args: &ParityArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(json) = &args.json {
         outputs::check_json(json, [args.model.as_path(), &args.golden])?;
     }
+    tell_unhashed([args.model.clone()], printer);
     let golden = Weights::read(&args.golden)?;
     args.engine.tell_threads(printer);
     let mut runner = open_network(&args.engine.options()?, &args.model)?;

@@ -12,7 +12,7 @@ use farsight::Pipeline;
 use farsight_data::{CorruptedDataset, Dataset};
 use farsight_eval::ranging::{Group, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, FrameFiles, LabelSource};
-use farsight_files::write_atomically;
+use farsight_files::{Scratch, write_atomically};
 use serde::Serialize;
 
 use super::Outcome;
@@ -101,7 +101,7 @@ pub(crate) fn run(args: &RobustnessArgs, printer: &mut Printer) -> Result<Outcom
     if let Some(file) = &args.json {
         outputs::check_json(file, args.pipeline.files())?;
     }
-    let scratch = tempfile::tempdir().context("no folder for the results")?;
+    let scratch = Scratch::temporary_folder().context("no folder for the results")?;
     let (clear, conditions) = conditions::all(args, scratch.path(), printer)?;
     let whole = measured("as it is", 0, &pipeline, &clear, scratch.path(), printer)?;
     ensure!(whole.objects > 0, "{}: no car of Moderate difficulty", clear.name());
@@ -147,7 +147,7 @@ fn measured(
     scratch: &Path,
     printer: &mut Printer,
 ) -> Result<Row> {
-    let results = tempfile::tempdir_in(scratch).context("no folder for the results")?;
+    let results = Scratch::folder(&scratch.join("results")).context("no folder for the results")?;
     let ids = write_results_of(pipeline, &**dataset, 0..dataset.len(), results.path(), printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(failed == 0, "{}: {} failed", dataset.name(), counted(failed, "frame"));

@@ -2,7 +2,6 @@
 
 mod film;
 mod part;
-mod scratch;
 mod sinks;
 mod table;
 

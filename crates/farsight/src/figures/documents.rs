@@ -10,11 +10,10 @@
 //! `experiment=../configs/experiments/claim.toml`, and its file is what `farsight experiment run` wrote.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use farsight_files::write_atomically;
+use farsight_files::{read_text, write_atomically};
 
 use super::{Figures, tables};
 use crate::experiment::{self, tables::PLAN_OPTION};
@@ -25,7 +24,7 @@ const CLOSING: &str = "<!-- /figures -->";
 
 /// Renews the blocks of the document at `path`; whether it has changed.
 pub(crate) fn renew(path: &Path) -> Result<bool> {
-    let text = fs::read_to_string(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let renewed = renewed(&text, path)?;
     if renewed == text {
         return Ok(false);

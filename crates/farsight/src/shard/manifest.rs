@@ -6,12 +6,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use farsight::json::ModelRecord;
+use farsight_files::text_up_to;
 use farsight_graph::weights::hexadecimal;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 /// Its name in the folder of a part.
 pub(crate) const FILE: &str = "manifest.json";
+
+/// Manifests are shorter than this, bytes: a million items in one part.
+const MAX_MANIFEST: u64 = 256 << 20;
 
 /// Bytes that are read at a time.
 const CHUNK: usize = 1 << 16;
@@ -183,7 +187,7 @@ impl Manifest {
     /// Reads that of the part in `folder`.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(FILE);
-        let text = fs::read_to_string(&path).with_context(|| {
+        let text = text_up_to(&path, MAX_MANIFEST).with_context(|| {
             format!("{}: cannot be read; expected a part that a command with --shard wrote", path.display())
         })?;
         serde_json::from_str(&text).with_context(|| format!("{}: no manifest of a part", path.display()))

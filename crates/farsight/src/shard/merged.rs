@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight_files::open_regular;
 use farsight_graph::weights::hexadecimal;
 use sha2::{Digest, Sha256};
 
 use super::Shard;
 use super::manifest::{FILE, Join, Manifest, Output, copy_and_hash};
-use crate::json_array::{elements_of, write_array};
+use crate::json_array::{ArrayWriter, MAX_ANSWERS, each_element};
 
 /// All parts of one job, in their order.
 pub(crate) struct Parts(Vec<(PathBuf, Manifest)>);
@@ -128,13 +129,21 @@ fn join(pieces: &[(&Path, &Output)], target: &Path) -> Result<()> {
         Join::Own | Join::Same => copy(first_place, first, &mut out)?,
         Join::Lines => pieces.iter().try_for_each(|(place, output)| copy(place, output, &mut out))?,
         Join::Array => {
-            let mut elements = Vec::new();
+            let mut array = ArrayWriter::new(&mut out);
             for (place, output) in pieces {
+                let piece = place.join(&output.path);
+                let shown = piece.display();
+                ensure!(output.bytes <= MAX_ANSWERS, "{shown}: {} bytes; expected at most {MAX_ANSWERS}", output.bytes);
                 let mut text = Vec::new();
                 copy(place, output, &mut text)?;
-                elements.extend(elements_of(&text).with_context(|| place.join(&output.path).display().to_string())?);
+                let mut full = None;
+                let joined = each_element(&text, |element| array.add(&element).map_err(|error| full = Some(error)));
+                if let Some(error) = full {
+                    return Err(error).with_context(unwritable);
+                }
+                joined.with_context(|| shown.to_string())?;
             }
-            write_array(&mut out, elements.iter().map(String::as_str)).with_context(unwritable)?;
+            array.finish().with_context(unwritable)?;
         }
     }
     out.flush().with_context(unwritable)
@@ -143,8 +152,10 @@ fn join(pieces: &[(&Path, &Output)], target: &Path) -> Result<()> {
 /// Copies an output of a part, if it is still as it was written.
 fn copy(place: &Path, output: &Output, to: &mut dyn Write) -> Result<()> {
     let path = place.join(&output.path);
-    let file = File::open(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let file = open_regular(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let mut hash = Sha256::new();
+    // One byte more than there should be tells that there are more.
+    let file = file.take(output.bytes.saturating_add(1));
     let bytes = copy_and_hash(file, to, &mut hash).with_context(|| format!("{}: cannot be copied", path.display()))?;
     let is_as_written = bytes == output.bytes && hexadecimal(&hash.finalize()) == output.sha256;
     ensure!(is_as_written, "{}: not the bytes that {FILE} names; expected the part as it was written", path.display());

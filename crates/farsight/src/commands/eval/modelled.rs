@@ -13,7 +13,7 @@ use farsight_core::Camera;
 use farsight_data::kitti::{Calibration, read_split, write_results};
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::LabelSource;
-use tempfile::TempDir;
+use farsight_files::Scratch;
 
 use super::EvalArgs;
 use crate::outputs;
@@ -48,7 +48,7 @@ pub(super) struct Files {
     /// Frames that the model could not look at; they are not among the ids.
     pub(super) failed: usize,
     /// Removed when the evaluation is over.
-    _folder: Option<TempDir>,
+    _folder: Option<Scratch>,
 }
 
 impl Files {
@@ -101,7 +101,7 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
         outputs::make_folder(kept)?;
         (kept.to_owned(), None)
     } else {
-        let folder = tempfile::tempdir().context("no folder for the results; name one with --results")?;
+        let folder = Scratch::temporary_folder().context("no folder for the results; name one with --results")?;
         (folder.path().to_owned(), Some(folder))
     };
     let pipeline = open(args, dataset.len(), printer)?;

@@ -11,7 +11,7 @@ use farsight::{EngineOptions, ModelSource, Pipeline, Road, StageSource};
 use farsight_core::Detection;
 use farsight_data::Dataset;
 use farsight_data::kitti::write_results;
-use farsight_files::write_atomically;
+use farsight_files::{read_text, write_atomically};
 use farsight_graph::weights::Weights;
 use farsight_methods::training::train;
 use farsight_onnx::key;
@@ -69,7 +69,7 @@ impl CellFolder {
         }
         let path = folder.join(IDENTITY_FILE);
         if path.exists() {
-            let found = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+            let found = read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
             let expected = "expected the plan, data, start and program of the cell that is there; or another --out";
             ensure!(found == identity, "{}: a cell of another experiment; {expected}", folder.display());
         } else {

@@ -1,12 +1,12 @@
 //! A finished cell in one small file, which can be committed: arms are compared without training them again.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use farsight_files::{read_text, write_atomically, write_quickly};
+use farsight_files::{open_regular, read_text, write_atomically, write_quickly};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -50,7 +50,7 @@ impl Record {
     /// Reads the record at `path`, which must be of `identity`.
     pub(super) fn read(path: &Path, identity: &str) -> Result<Self> {
         let shown = path.display();
-        let file = File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
+        let file = open_regular(path).with_context(|| format!("{shown}: cannot be read"))?;
         let mut text = String::new();
         let unpacked = GzDecoder::new(file).take(MAX_BYTES).read_to_string(&mut text);
         unpacked.with_context(|| format!("{shown}: cannot be unpacked"))?;

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use farsight::EngineOptions;
 use farsight_data::{Dataset, open_labelled};
 use farsight_eval::{Evaluation, FrameFiles, LabelSource};
-use farsight_files::write_atomically;
+use farsight_files::{read_text, write_atomically};
 use farsight_graph::weights::Weights;
 use farsight_methods::training::check;
 use toml::{Table, Value};
@@ -232,7 +232,7 @@ impl Open<'_> {
             if !path.exists() {
                 continue;
             }
-            let text = fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+            let text = read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
             cells.push(serde_json::from_str(&text).with_context(|| format!("{}: no result", path.display()))?);
             if !self.judge.has(&cell) {
                 let evaluation = self.evaluation(&self.folder(&cell).join("results"))?;

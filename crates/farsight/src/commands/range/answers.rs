@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use farsight::json::{ImageRecord, ModelRecord};
-use farsight_files::write_atomically;
+use farsight_files::{text_up_to, write_atomically};
 
-use crate::json_array::{elements_of, write_array};
+use crate::json_array::{ArrayWriter, MAX_ANSWERS, each_element};
 
 /// Answers by the paths of their images.
 pub(super) type Answered = HashMap<String, Answer>;
@@ -81,7 +81,11 @@ impl AnswerFile {
         let places: HashMap<String, usize> =
             images.iter().enumerate().map(|(place, image)| (shown(image), place + 1)).collect();
         self.answers.sort_by_key(|answer| places.get(&answer.image).copied().unwrap_or(0));
-        write_atomically(&self.path, |out| write_array(out, self.answers.iter().map(|answer| answer.json.as_str())))?;
+        write_atomically(&self.path, |out| {
+            let mut array = ArrayWriter::new(out);
+            self.answers.iter().try_for_each(|answer| array.add(&answer.json))?;
+            array.finish()
+        })?;
         self.discard();
         Ok(())
     }
@@ -133,16 +137,22 @@ fn unwritable(path: &Path) -> String {
 /// The records in an array or in lines, and as they stand there; none where there is no file. A last line that was cut
 /// is left out.
 fn read(path: &Path) -> Result<Vec<(ImageRecord, String)>> {
-    let text = match fs::read_to_string(path) {
+    let text = match text_up_to(path, MAX_ANSWERS) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
     };
     if text.trim_start().starts_with('[') {
         let failed = || format!("{}: no answers of `farsight range`", path.display());
-        let elements = elements_of(text.as_bytes()).with_context(failed)?;
-        let record = |element: String| Ok((serde_json::from_str(&element).with_context(failed)?, element));
-        return elements.into_iter().map(record).collect();
+        let mut records = Vec::new();
+        let mut wrong = None;
+        let array = each_element(text.as_bytes(), |element| {
+            let record = serde_json::from_str(&element).map_err(|error| wrong = Some(error))?;
+            records.push((record, element));
+            Ok::<_, ()>(())
+        });
+        wrong.map_or(array, Err).with_context(failed)?;
+        return Ok(records);
     }
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
     let numbered = whole.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());

@@ -8,10 +8,18 @@ use std::thread::{self, JoinHandle};
 use anyhow::{Context, Result, anyhow, bail};
 use farsight::RgbImage;
 use farsight::video::unstarted;
+use farsight_files::Scratch;
 use image::imageops::{FilterType, resize};
-use tempfile::TempPath;
 
-use super::scratch::scratch_beside;
+/// How names of films end, and what ffmpeg calls such files.
+pub(super) const FORMATS: [(&str, &str); 5] =
+    [("mp4", "mp4"), ("mkv", "matroska"), ("mov", "mov"), ("avi", "avi"), ("webm", "webm")];
+
+/// What ffmpeg calls the kind of film that `path` is named as; none of other names.
+pub(super) fn format(path: &Path) -> Option<&'static str> {
+    let extension = path.extension()?.to_string_lossy().to_lowercase();
+    FORMATS.iter().find(|(name, _)| *name == extension).map(|(_, format)| *format)
+}
 
 /// Where nothing tells how many frames a second there are.
 const USUAL_FPS: f64 = 25.0;
@@ -25,6 +33,7 @@ const MAX_STILL_S: f64 = 10.0;
 /// A film that grows beside its target, and takes its place when it is whole.
 pub(super) struct Film {
     target: PathBuf,
+    format: &'static str,
     ffmpeg: PathBuf,
     encoder: Option<String>,
     run: Option<Run>,
@@ -33,7 +42,7 @@ pub(super) struct Film {
 struct Run {
     child: Child,
     log: JoinHandle<String>,
-    scratch: TempPath,
+    scratch: Scratch,
     size: [u32; 2],
     fps: f64,
     begin_s: f64,
@@ -41,8 +50,9 @@ struct Run {
 }
 
 impl Film {
-    pub(super) fn new(target: &Path, ffmpeg: &Path, encoder: Option<&str>) -> Self {
-        Self { target: target.to_owned(), ffmpeg: ffmpeg.to_owned(), encoder: encoder.map(str::to_owned), run: None }
+    pub(super) fn new(target: &Path, format: &'static str, ffmpeg: &Path, encoder: Option<&str>) -> Self {
+        let (target, ffmpeg, encoder) = (target.to_owned(), ffmpeg.to_owned(), encoder.map(str::to_owned));
+        Self { target, format, ffmpeg, encoder, run: None }
     }
 
     /// Adds the picture of a time, as often as the film's rate asks for.
@@ -68,8 +78,8 @@ impl Film {
     }
 
     fn start(&self, size: [u32; 2], fps: f64, begin_s: f64) -> Result<Run> {
-        let extension = self.target.extension().unwrap_or_default().to_string_lossy();
-        let scratch = scratch_beside(&self.target, &format!(".{extension}"))?.into_temp_path();
+        // ffmpeg opens the file by its name.
+        let (scratch, _) = Scratch::file(&self.target).with_context(|| self.unwritable())?;
         let [width, height] = size;
         let mut command = Command::new(&self.ffmpeg);
         command.args(["-nostdin", "-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
@@ -79,7 +89,9 @@ impl Film {
         if let Some(encoder) = &self.encoder {
             command.args(["-c:v", encoder]);
         }
-        command.arg(&scratch).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        // The name of a scratch file tells no format.
+        command.args(["-f", self.format]).arg(scratch.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| unstarted(&self.ffmpeg, error))?;
         let errors = child.stderr.take();
         let log = thread::spawn(move || {
@@ -108,6 +120,10 @@ impl Film {
         if !status.success() {
             return Err(self.failed(run));
         }
-        run.scratch.persist(&self.target).with_context(|| format!("{}: cannot be written", self.target.display()))
+        run.scratch.persist().with_context(|| self.unwritable())
+    }
+
+    fn unwritable(&self) -> String {
+        format!("{}: cannot be written", self.target.display())
     }
 }

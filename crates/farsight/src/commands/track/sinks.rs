@@ -14,14 +14,13 @@ use farsight::video::{EventFinder, TrackingResult, VideoFrame, VideoSource};
 use farsight_core::Detection;
 use farsight_data::Foreign;
 use farsight_data::kitti::text_from_results;
-use farsight_files::write_atomically;
+use farsight_files::{Scratch, write_atomically};
 use farsight_recordings::{RecordedFrame, RecordedObject};
+use farsight_viz::picture_divisor;
 use image::codecs::png::PngEncoder;
-use tempfile::NamedTempFile;
 
 use super::TrackArgs;
-use super::film::Film;
-use super::scratch::{scratch_beside, unwritable};
+use super::film::{self, Film};
 use super::table::{self, Column, Table};
 use crate::inputs::identity;
 use crate::outputs;
@@ -34,9 +33,12 @@ pub(super) struct Sinks {
     prints_json: bool,
     events: Option<(PathBuf, EventFinder, Option<File>)>,
     tracks: Option<PathBuf>,
-    kitti: Option<(PathBuf, NamedTempFile)>,
+    /// Rows grow in a scratch file.
+    kitti: Option<(PathBuf, Scratch, File)>,
     recordings: Recordings,
     pictures: Option<Pictures>,
+    /// By what the pictures' sides are divided, once it was told.
+    divisor: Option<u32>,
     summary: BTreeMap<u64, Summary>,
 }
 
@@ -57,9 +59,6 @@ struct Summary {
     least_ttc_s: Option<f64>,
     latest: TrackRecord,
 }
-
-/// Kinds of files that films are written to.
-const FILMS: [&str; 5] = ["mp4", "mkv", "mov", "avi", "webm"];
 
 impl Sinks {
     /// Checks what can be checked before the first frame.
@@ -82,21 +81,22 @@ impl Sinks {
             let is_input = file.exists() && inputs().any(|input| identity(&input) == identity(file));
             ensure!(!is_input, "{}: an input; expected another file", file.display());
         }
-        let kitti =
-            kitti_tracking.as_ref().map(|path| Ok::<_, anyhow::Error>((path.clone(), scratch_beside(path, "")?)));
+        let kitti = kitti_tracking.as_ref().map(|path| {
+            let (scratch, file) = Scratch::file(path).with_context(|| unwritable(path))?;
+            Ok::<_, anyhow::Error>((path.clone(), scratch, file))
+        });
         let pictures = out.as_ref().map(|out| {
-            let extension = out.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-            if extension.is_some_and(|extension| FILMS.contains(&extension.as_str())) && !out.is_dir() {
+            if let Some(format) = film::format(out).filter(|_| !out.is_dir()) {
                 outputs::check_file(out)?;
                 let is_input = inputs().any(|input| identity(&input) == identity(out));
                 ensure!(!is_input, "{}: an input; expected another file for the film", out.display());
-                return Ok(Pictures::Film(Box::new(Film::new(out, ffmpeg, encoder.as_deref()))));
+                return Ok(Pictures::Film(Box::new(Film::new(out, format, ffmpeg, encoder.as_deref()))));
             }
             ensure!(
                 Foreign::from_name(out).is_none(),
                 "{}: no film of this kind is written; expected a folder, or one of .{}",
                 out.display(),
-                FILMS.join(", .")
+                film::FORMATS.map(|(extension, _)| extension).join(", .")
             );
             let folders: Vec<PathBuf> =
                 source.files().iter().filter_map(|file| file.parent()).map(Path::to_owned).collect();
@@ -113,6 +113,7 @@ impl Sinks {
             tracks: tracks.clone(),
             kitti: kitti.transpose()?,
             pictures: pictures.transpose()?,
+            divisor: None,
             summary: BTreeMap::new(),
         })
     }
@@ -149,7 +150,7 @@ impl Sinks {
             let lines: Vec<String> = events.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
             append(path, file, &lines.into_iter().map(|line| line + "\n").collect::<String>())?;
         }
-        if let Some((path, file)) = &mut self.kitti {
+        if let Some((path, _, file)) = &mut self.kitti {
             file.write_all(kitti_rows(record, &followed.detections()).as_bytes()).with_context(|| unwritable(path))?;
         }
         for track in &record.tracks {
@@ -162,6 +163,12 @@ impl Sinks {
             let camera = followed.view.camera();
             let recorded = RecordedFrame { time_s: record.time_s, image: &image, camera, found: &found };
             self.recordings.add(&recorded)?;
+        }
+        if self.pictures.is_some() && self.divisor.is_none() {
+            let divisor = *self.divisor.insert(picture_divisor([frame.image.width(), frame.image.height()]));
+            if divisor > 1 {
+                printer.note(&format!("large frames, drawn at 1/{divisor} of their size"));
+            }
         }
         match &mut self.pictures {
             Some(Pictures::Folder(folder)) => {
@@ -187,8 +194,9 @@ impl Sinks {
         if let Some(path) = tracks {
             table::write(&path, &columns(&summary))?;
         }
-        if let Some((path, file)) = kitti {
-            file.persist(&path).with_context(|| unwritable(&path))?;
+        if let Some((path, scratch, file)) = kitti {
+            drop(file);
+            scratch.persist().with_context(|| unwritable(&path))?;
         }
         if let Some(Pictures::Film(film)) = pictures {
             film.finish()?;
@@ -224,6 +232,10 @@ impl Summary {
         summary.least_ttc_s = least;
         summary.latest = track.clone();
     }
+}
+
+fn unwritable(path: &Path) -> String {
+    format!("{}: cannot be written", path.display())
 }
 
 /// Adds whole lines, in one write so that a reader sees no part of one, to a file that is made by the first.

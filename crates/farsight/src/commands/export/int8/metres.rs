@@ -8,6 +8,7 @@ use farsight_data::open_labelled;
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::ranging::{Difference, Group, RangingComparison, RangingMetric, RangingOptions};
 use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Evaluation, FrameFiles, Report};
+use farsight_files::Scratch;
 use farsight_methods::smoke::DetectorFile;
 use serde_json::{Map, Value, json};
 
@@ -51,7 +52,7 @@ impl Metres {
     ) -> Result<Self> {
         let dataset = open_labelled(data, args.int8.split.as_deref())?;
         let mut judged = |file: &DetectorFile| -> Result<_> {
-            let folder = tempfile::tempdir().context("no folder for the results")?;
+            let folder = Scratch::temporary_folder().context("no folder for the results")?;
             let source = ModelSource::Memory { file: Box::new(file.clone()), name: args.model.clone() };
             let builder = Pipeline::builder().model(source).engine_options(args.int8.engine.options()?);
             // The network alone.
