@@ -79,6 +79,11 @@ impl ClassMap {
         Ok(Self(map))
     }
 
+    /// The text of its file, sorted by name.
+    pub fn to_text(&self) -> String {
+        self.0.iter().map(|(name, class)| format!("{name} {class}\n")).collect()
+    }
+
     /// Whether every name is taken as it is.
     pub fn is_identity(&self) -> bool {
         self.0.iter().all(|(name, class)| *class == ObjectClass::from_name(name))

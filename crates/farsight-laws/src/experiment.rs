@@ -8,12 +8,16 @@ mod metrics;
 #[allow(dead_code, reason = "the program uses the rest")]
 mod plan;
 
+#[path = "../../farsight/src/experiment/results.rs"]
+#[allow(dead_code, reason = "the program uses the rest")]
+pub(crate) mod results;
+
 use metrics::Metric;
 use plan::Experiment;
 
 /// A plan, through a file as users have it: of what is accepted every cell has a config, which says the same when it is
 /// printed and read again.
-pub(crate) fn experiment(bytes: &[u8]) {
+pub(crate) fn experiment(bytes: &[u8]) -> bool {
     let folder = tempfile::tempdir().expect("a folder for the file");
     let path = folder.path().join("input.toml");
     std::fs::write(&path, bytes).expect("a file for the bytes");
@@ -32,6 +36,10 @@ pub(crate) fn experiment(bytes: &[u8]) {
                 assert_eq!(toml::to_string(&again).expect("what was printed once"), text);
             }
         }
-        Err(error) => assert!(format!("{error:#}").contains("input.toml"), "no file in: {error:#}"),
+        Err(error) => {
+            assert!(format!("{error:#}").contains("input.toml"), "no file in: {error:#}");
+            return false;
+        }
     }
+    true
 }

@@ -14,8 +14,17 @@ mod images;
 mod onnx;
 #[path = "../../farsight-eval/tests/laws/mod.rs"]
 mod rows;
+// They are the program's, not the library's.
+#[path = "../../farsight/src/json_array.rs"]
+#[allow(dead_code, reason = "the program uses the rest")]
+mod json_array;
+#[path = "../../farsight/src/layout.rs"]
+#[allow(dead_code, reason = "the program uses the rest")]
+mod layout;
 
+mod answers;
 mod experiment;
+mod film;
 pub mod mutate;
 mod request;
 mod seeds;
@@ -29,35 +38,38 @@ mod weights;
 pub struct Target {
     /// Its name, and that of its folder in `fuzz/corpus`.
     pub name: &'static str,
-    /// Panics where the law is broken.
-    pub law: fn(&[u8]),
+    /// Panics where the law is broken; whether the file is accepted.
+    pub law: fn(&[u8]) -> bool,
     /// Good files of the kind, beside those in `fuzz/corpus`.
     pub seeds: fn() -> Vec<Vec<u8>>,
 }
 
-const fn target(name: &'static str, law: fn(&[u8]), seeds: fn() -> Vec<Vec<u8>>) -> Target {
+const fn target(name: &'static str, law: fn(&[u8]) -> bool, seeds: fn() -> Vec<Vec<u8>>) -> Target {
     Target { name, law, seeds }
 }
 
 /// All kinds of files that are read.
 pub const TARGETS: &[Target] = &[
-    target("labels", rows::labels, seeds::none),
-    target("results", rows::results, seeds::none),
-    target("calibration", rows::calibration, seeds::none),
+    target("labels", rows::labels, seeds::labels),
+    target("results", rows::results, seeds::results),
+    target("calibration", rows::calibration, seeds::calibration),
+    target("track_labels", text::track_labels, seeds::track_labels),
+    target("ego", text::ego, seeds::ego),
     target("split", text::split, seeds::split),
     target("class_map", text::class_map, seeds::class_map),
     target("plates_rows", text::plates, seeds::plates_rows),
     target("scene_config", text::scene_config, seeds::scene_config),
     target("model_config", text::model_config, seeds::model_config),
     target("experiment", experiment::experiment, seeds::experiment),
-    target("answers", text::answers, seeds::answers),
+    target("answers", answers::answers, seeds::answers),
+    target("film", film::film, seeds::film),
     target("detector", weights::detector, seeds::detector),
     target("refiner", weights::refiner, seeds::refiner),
     target("plate_reader", weights::plate_reader, seeds::plate_reader),
     target("pickle", weights::pickle, seeds::pickle),
     target("tflite", weights::tflite, seeds::tflite),
     target("model", onnx::model, seeds::onnx),
-    target("image", images::image, seeds::none),
+    target("image", images::image, seeds::images),
     target("request", request::request, seeds::requests),
     #[cfg(feature = "train")]
     target("train_config", training::config, seeds::train_config),

@@ -59,7 +59,7 @@ fn answer(bytes: &[u8], all: bool) -> Vec<u8> {
 }
 
 /// Any bytes from a stranger: the service answers in HTTP or hangs up, panics at nothing, and goes on.
-pub(crate) fn request(bytes: &[u8]) {
+pub(crate) fn request(bytes: &[u8]) -> bool {
     let told = answer(bytes, true);
     if !told.is_empty() {
         let text = String::from_utf8_lossy(&told);
@@ -68,4 +68,5 @@ pub(crate) fn request(bytes: &[u8]) {
     }
     let alive = answer(b"GET /v2/health/live HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", false);
     assert!(alive.starts_with(b"HTTP/1.1 200"), "the service is gone: {}", String::from_utf8_lossy(&alive));
+    told.starts_with(b"HTTP/1.1 2")
 }

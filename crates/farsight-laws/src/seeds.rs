@@ -18,10 +18,75 @@ use farsight_methods::smoke::{DetectorFile, SmokeConfig};
 use farsight_methods::ssd::SsdConfig;
 use farsight_onnx::Target;
 use farsight_synth::SceneConfig;
+use image::ImageFormat;
 
-/// None but those in `fuzz/corpus`.
-pub(crate) fn none() -> Vec<Vec<u8>> {
-    Vec::new()
+use crate::film::PIXELS;
+
+/// A car, a van and a region without labels.
+pub(crate) fn labels() -> Vec<Vec<u8>> {
+    let text = "\
+Car 0.00 0 1.55 608.40 182.50 719.60 281.90 1.52 1.66 4.07 0.80 1.71 13.60 1.62
+Van 0.10 1 1.55 400.00 150.00 500.00 250.00 2.10 1.90 5.00 -3.00 1.75 15.00 0.10
+DontCare -1 -1 -10 498.20 171.30 585.40 189.60 -1 -1 -1 -1000 -1000 -1000 -10
+";
+    vec![text.as_bytes().to_vec()]
+}
+
+/// A car, and a pedestrian with an error bar.
+pub(crate) fn results() -> Vec<Vec<u8>> {
+    let text = "\
+Car -1 -1 1.5500 614.0000 181.0000 727.0000 284.0000 1.5700 1.7300 4.1500 1.0000 1.7500 13.3000 1.6200 0.9000
+Pedestrian -1 -1 0.1000 10.0000 20.0000 30.0000 44.0000 1.7000 0.6000 0.8000 -9.0000 1.7000 20.0000 0.3000 0.5000 1.2000
+";
+    vec![text.as_bytes().to_vec()]
+}
+
+pub(crate) fn calibration() -> Vec<Vec<u8>> {
+    vec![b"P2: 721.5 0 609.6 44.9 0 721.5 172.9 0.2 0 0 1 0.003\nroad: 0.01 0.0 1.5 0.01 0.01 0.1\n".to_vec()]
+}
+
+/// Labels of two frames; velocities.
+pub(crate) fn track_labels() -> Vec<Vec<u8>> {
+    let car = "Car 0 0 -1.5 600 170 700 230 1.5 1.6 4.0 1.0 1.7 20.0 -1.57";
+    let dont_care = "1 -1 DontCare -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10";
+    let velocities = "frame,time_s,id,vx_mps,vy_mps,vz_mps,speed_mps\n0,0.0,1,0.5,0,-3,9\n";
+    vec![format!("0 7 {car}\n2 7 {car}\n{dont_care}\n").into_bytes(), velocities.as_bytes().to_vec()]
+}
+
+/// Oxts, poses and CSV.
+pub(crate) fn ego() -> Vec<Vec<u8>> {
+    let oxts = ["1.25"; 30].join(" ") + "\n";
+    let pose = |z: f64| format!("1 0 0 0 0 1 0 0 0 0 1 {z}\n");
+    let csv = "time_s,speed_mps,yaw_rate\n0.0,10.5,0.01\n0.1,10.6,-0.01\n";
+    vec![oxts.repeat(3).into_bytes(), (pose(0.0) + &pose(1.5)).into_bytes(), csv.as_bytes().to_vec()]
+}
+
+/// Three frames of a film as ffmpeg tells of them, and of a larger one.
+pub(crate) fn film() -> Vec<Vec<u8>> {
+    let film = |[width, height]: [usize; 2]| {
+        let stream = "[info]   Stream #0:0: Video: h264 (High), yuv420p, 40 kb/s, 25 fps, 25 tbr, 12800 tbn\n";
+        let frame = |number: usize| {
+            let time_s = number as f64 / 25.0;
+            format!(
+                "[Parsed_showinfo_0 @ 0x5] [info] n: {number} pts: 1 pts_time:{time_s} fmt:yuv420p s:{width}x{height} i:P\n"
+            )
+        };
+        let complaint = "[mov,mp4 @ 0x5] [error] a packet is broken\n";
+        let log: String = [stream.to_owned(), frame(0), frame(1), complaint.to_owned(), frame(2)].concat();
+        [log.as_bytes(), PIXELS, &vec![7; 3 * 3 * width * height]].concat()
+    };
+    vec![film([4, 2]), film([64, 36])]
+}
+
+/// An image of each kind that is written here, with and without colours.
+pub(crate) fn images() -> Vec<Vec<u8>> {
+    let pixels = image::RgbImage::from_fn(12, 9, |x, y| image::Rgb([(20 * x) as u8, (25 * y) as u8, 90]));
+    let kinds = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tiff];
+    let written = |format| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        pixels.write_to(&mut bytes, format).ok().map(|()| bytes.into_inner())
+    };
+    kinds.into_iter().filter_map(written).collect()
 }
 
 /// An image as a body and as a form, a question of the Open Inference Protocol, four points, what has no body.
@@ -54,7 +119,6 @@ pub(crate) fn requests() -> Vec<Vec<u8>> {
         post("/v1/calibrate", "application/json", corners),
         get("/openapi.json"),
         get("/metrics"),
-        get("/v1/videos/none/tracks"),
     ]
 }
 
@@ -80,7 +144,7 @@ fn toml_of<C: NetworkConfig>(config: &C) -> Vec<u8> {
 }
 
 pub(crate) fn model_config() -> Vec<Vec<u8>> {
-    vec![
+    let tables = vec![
         toml_of(&SmokeConfig::default()),
         toml_of(&CenterNet3dConfig::default()),
         toml_of(&MonoDleConfig::default()),
@@ -89,12 +153,19 @@ pub(crate) fn model_config() -> Vec<Vec<u8>> {
         toml_of(&SsdConfig::default()),
         toml_of(&RefinerConfig::default()),
         toml_of(&PlateReaderConfig::default()),
-    ]
+    ];
+    tables.into_iter().chain(train_config()).collect()
 }
 
+/// An answer as a line and in an array, a frame of tracks, the manifest of a part, results of an experiment.
 pub(crate) fn answers() -> Vec<Vec<u8>> {
-    let text = r#"{"image":"a.jpg","width":1242,"height":375,"camera":{"projection":[[721.5,0.0,609.5,44.8],[0.0,721.5,172.8,0.2],[0.0,0.0,1.0,0.003]],"from":"exif"},"detections":[],"model":{"name":"farsight-s","weights_sha256":"00","refiner_sha256":null,"plates_sha256":null}}"#;
-    vec![text.as_bytes().to_vec()]
+    let record = r#"{"image":"a.jpg","width":1242,"height":375,"camera":{"projection":[[721.5,0.0,609.5,44.8],[0.0,721.5,172.8,0.2],[0.0,0.0,1.0,0.003]],"from":"exif"},"detections":[],"model":{"name":"farsight-s","weights_sha256":"00","refiner_sha256":null,"plates_sha256":null}}"#;
+    let frame = r#"{"frame":0,"time_s":0.0,"tracks":[{"id":1,"class":"Car","score":0.9,"age":3,"box2d":[600.0,170.0,700.0,230.0],"dimensions_hwl":[1.5,1.6,4.0],"location":[1.0,1.7,20.0],"rotation_y":-1.57,"range_m":20.0,"range_sigma_m":1.0,"range_interval_m":[18.4,21.6],"velocity_mps":[0.0,0.0,-3.0],"velocity_sigma_mps":[0.1,0.1,0.5],"closing_mps":3.0,"closing_sigma_mps":0.5,"ttc_s":6.0,"ttc_interval_s":[5.0,8.0],"coasting":false}]}"#;
+    let manifest = r#"{"program_version":"0.1.0","words":["range","a.jpg"],"model":null,"shared":[{"name":"c.txt","sha256":"00"}],"items":1,"items_sha256":"00","parts":1,"part":1,"first_item":0,"inputs":[{"name":"a.jpg","sha256":null}],"done":1,"failed":[],"outputs":[{"path":"a.json","join":"array","bytes":2,"sha256":"00"}]}"#;
+    let results = r#"{"cells":[{"arm":"smoke","seed":1,"steps":1856,"ap3d":3.5,"mae":1.5}],"comparisons":[{"arm":"both","against":"smoke","metric":"mae","seeds":2,"difference":-0.1,"interval":[-0.2,0.0],"verdict":"undecided"}]}"#;
+    let lines = [record, "\n", record, "\n"].concat();
+    let array = ["[", record, ",", record, "]"].concat();
+    vec![lines.into_bytes(), array.into_bytes(), [frame, "\n"].concat().into_bytes(), manifest.into(), results.into()]
 }
 
 /// The model file of a network with fresh weights, with its hash and as from before there were hashes: mutants of the
@@ -185,9 +256,9 @@ pub(crate) fn experiment() -> Vec<Vec<u8>> {
 }
 
 /// The training configs that come with the project.
-#[cfg(feature = "train")]
 pub(crate) fn train_config() -> Vec<Vec<u8>> {
-    configs("")
+    let names_method = |text: &[u8]| String::from_utf8_lossy(text).lines().any(|line| line.starts_with("method = "));
+    configs("").into_iter().filter(|text| names_method(text)).collect()
 }
 
 /// The TOML files in a folder of `configs`.

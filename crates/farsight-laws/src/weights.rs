@@ -5,7 +5,7 @@ use std::path::Path;
 
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::weights::{WeightTensor, Weights};
-use farsight_import::tensors_from_pth;
+use farsight_import::read_pth;
 use farsight_import::tflite::read_convolutions;
 use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::gs3d::Gs3dConfig;
@@ -14,56 +14,65 @@ use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::SmokeConfig;
-use farsight_methods::ssd::SsdConfig;
+use farsight_methods::smoke::import::{ImportOptions, import};
+use farsight_methods::ssd::{self, SsdConfig};
+
+use crate::text::{accepted, as_file};
 
 /// A model file of a detector.
-pub(crate) fn detector(bytes: &[u8]) {
-    model::<SmokeConfig>(bytes);
-    model::<CenterNet3dConfig>(bytes);
-    model::<MonoDleConfig>(bytes);
-    model::<OftNetConfig>(bytes);
-    model::<Gs3dConfig>(bytes);
-    model::<SsdConfig>(bytes);
+pub(crate) fn detector(bytes: &[u8]) -> bool {
+    let models = [
+        model::<SmokeConfig>(bytes),
+        model::<CenterNet3dConfig>(bytes),
+        model::<MonoDleConfig>(bytes),
+        model::<OftNetConfig>(bytes),
+        model::<Gs3dConfig>(bytes),
+        model::<SsdConfig>(bytes),
+    ];
+    models.contains(&true)
 }
 
 /// A model file of a refiner.
-pub(crate) fn refiner(bytes: &[u8]) {
-    model::<RefinerConfig>(bytes);
+pub(crate) fn refiner(bytes: &[u8]) -> bool {
+    model::<RefinerConfig>(bytes)
 }
 
 /// A model file of a plate reader.
-pub(crate) fn plate_reader(bytes: &[u8]) {
-    model::<PlateReaderConfig>(bytes);
+pub(crate) fn plate_reader(bytes: &[u8]) -> bool {
+    model::<PlateReaderConfig>(bytes)
 }
 
-fn model<C: NetworkConfig>(bytes: &[u8]) {
+fn model<C: NetworkConfig>(bytes: &[u8]) -> bool {
     let path = Path::new("input.safetensors");
-    match Model::<C>::from_safetensors(bytes, path) {
-        Ok(model) => {
-            assert!(model.config.problem().is_none());
-            whole(model.weights.tensors.values());
-            model.weights.check_finite(path).expect("what was accepted");
-            let mut written = Vec::new();
-            model.weights.write_safetensors(&mut written).expect("memory takes all");
-            let again = Weights::from_safetensors(&written, path).expect("what was written");
-            assert_eq!(again, model.weights);
-        }
-        Err(error) => assert!(error.to_string().contains("input.safetensors"), "no file in: {error}"),
-    }
+    let Some(model) = accepted(Model::<C>::from_safetensors(bytes, path), path) else { return false };
+    assert!(model.config.problem().is_none());
+    whole(model.weights.tensors.values());
+    model.weights.check_finite(path).expect("what was accepted");
+    let mut written = Vec::new();
+    model.weights.write_safetensors(&mut written).expect("memory takes all");
+    let again = Weights::from_safetensors(&written, path).expect("what was written");
+    assert_eq!(again, model.weights);
+    true
 }
 
-/// A checkpoint of `PyTorch`, in the zip layout or the legacy one.
-pub(crate) fn pickle(bytes: &[u8]) {
-    if let Ok(tensors) = tensors_from_pth(bytes) {
-        whole(tensors.values());
-    }
+/// A checkpoint of `PyTorch`, in the zip layout or the legacy one, through a file as users have it.
+pub(crate) fn pickle(bytes: &[u8]) -> bool {
+    let (_folder, path) = as_file("input.pth", bytes);
+    let Some(tensors) = accepted(read_pth(&path), &path) else { return false };
+    whole(tensors.values());
+    // Whatever tensors it has: a model, or an error that names the file.
+    accepted(import(&path, ImportOptions::default()), &path);
+    true
 }
 
-/// A `TFLite` file.
-pub(crate) fn tflite(bytes: &[u8]) {
-    if let Ok(tensors) = read_convolutions(bytes) {
-        whole(tensors.values());
-    }
+/// A `TFLite` file, and as users have it.
+pub(crate) fn tflite(bytes: &[u8]) -> bool {
+    let (_folder, path) = as_file("input.tflite", bytes);
+    accepted(ssd::import::import(&path), &path);
+    accepted(import(&path, ImportOptions::default()), &path);
+    let Ok(tensors) = read_convolutions(bytes) else { return false };
+    whole(tensors.values());
+    true
 }
 
 fn whole<'a>(tensors: impl Iterator<Item = &'a WeightTensor>) {

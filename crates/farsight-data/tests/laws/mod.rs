@@ -13,10 +13,12 @@ use image::ImageFormat;
 const MAX_PIXELS: u64 = 1 << 18;
 
 /// Any bytes as an image file, and as EXIF data alone.
-pub fn image(bytes: &[u8]) {
+pub fn image(bytes: &[u8]) -> bool {
     let limits = ImageLimits { max_pixels: MAX_PIXELS };
     let name = Path::new("image");
-    match decode_image(bytes, name, limits) {
+    let read = decode_image(bytes, name, limits);
+    let is_accepted = read.is_ok();
+    match read {
         Ok(found) => {
             let size @ [width, height] = <[u32; 2]>::from(found.pixels.dimensions());
             let pixels = u64::from(width) * u64::from(height);
@@ -30,6 +32,7 @@ pub fn image(bytes: &[u8]) {
         Err(error) => assert!(error.to_string().starts_with("image: "), "{error}"),
     }
     focal_is_believable(&Exif::from_bytes(bytes), [4000, 3000]);
+    is_accepted
 }
 
 /// A focal length is one that a camera can have, however odd the data are.

@@ -1,4 +1,5 @@
-//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. What breaks a law, takes too long or
+//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. The minutes are of each target, and of
+//! its process's processor time, where the system tells it: a busy machine takes longer and tries as much. What breaks a law, takes too long or
 //! ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it.
 //!
 //! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no
@@ -15,8 +16,9 @@ use std::time::{Duration, Instant};
 use farsight_laws::mutate::{Random, mutated};
 use farsight_laws::{TARGETS, Target, named};
 
-/// An input that takes longer is kept, too.
+/// An input that takes longer is kept, too: of processor time, and by the clock.
 const SLOW: Duration = Duration::from_secs(5);
+const WAITED: Duration = Duration::from_secs(60);
 
 /// Address space of a target, KiB: what asks for more is a finding.
 const MEMORY_KIB: u64 = 6 << 20;
@@ -89,7 +91,11 @@ fn one(name: &str, seconds: &str, seed: &str) -> ExitCode {
         println!("no target {name}");
         return ExitCode::FAILURE;
     };
-    let (start, end) = (Instant::now(), Duration::from_secs_f64(seconds));
+    let (start, first, end) = (Instant::now(), processor_time(), Duration::from_secs_f64(seconds));
+    let spent = || match (first, processor_time()) {
+        (Some(first), Some(now)) => now.saturating_sub(first),
+        _ => start.elapsed(),
+    };
     let mut paths: Vec<PathBuf> = fs::read_dir(folder("corpus", name))
         .into_iter()
         .flatten()
@@ -100,26 +106,38 @@ fn one(name: &str, seconds: &str, seed: &str) -> ExitCode {
     inputs.extend((target.seeds)());
     set_hook(Box::new(|_| {}));
     let (mut random, mut tried, mut findings, mut slowest) = (Random::new(seed), 0_u64, 0, Duration::ZERO);
-    while start.elapsed() < end && findings < MAX_FINDINGS {
+    while spent() < end && findings < MAX_FINDINGS {
         let input = mutated(&inputs, &mut random);
         drop(fs::write(current(name), &input));
-        let begun = Instant::now();
+        let (begun, before) = (Instant::now(), spent());
         let panicked = catch_unwind(AssertUnwindSafe(|| (target.law)(&input))).err();
-        let taken = begun.elapsed();
+        // The system counts in hundredths of a second; the clock knows better of what is quick.
+        let (waited, worked) = (begun.elapsed(), spent().saturating_sub(before));
+        let taken = if waited < SLOW { waited } else { worked };
         slowest = slowest.max(taken);
         tried += 1;
-        if panicked.is_some() || taken > SLOW {
+        if panicked.is_some() || taken > SLOW || waited > WAITED {
             findings += 1;
-            let why = panicked.map_or_else(|| format!("took {taken:.1?}"), |panic| told(&*panic));
+            let why = panicked.map_or_else(|| format!("took {worked:.1?} in {waited:.1?}"), |panic| told(&*panic));
             println!("{name}: {why}; {}", kept(name, &input).display());
         }
     }
     drop(fs::remove_file(current(name)));
-    let (inputs, seconds) = (inputs.len(), start.elapsed().as_secs());
+    let (inputs, seconds, clock) = (inputs.len(), spent().as_secs(), start.elapsed().as_secs());
     println!(
-        "{name:14} {tried:>9} mutants of {inputs:>3} files in {seconds:>5} s, slowest {slowest:>8.1?}, {findings} findings"
+        "{name:14} {tried:>9} mutants of {inputs:>3} files in {seconds:>5} s of processor time ({clock:>5} s), slowest {slowest:>8.1?}, {findings} findings"
     );
     if findings == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Processor time of this process so far; none where the system does not tell.
+fn processor_time() -> Option<Duration> {
+    let stat = fs::read_to_string("/proc/self/stat").ok()?;
+    // The name of the program may have any character in it; what follows it is numbers.
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_ascii_whitespace().collect();
+    let ticks = |place: usize| fields.get(place)?.parse::<u64>().ok();
+    // Time in the program and in the system, in hundredths of a second (proc(5), utime and stime).
+    Some(Duration::from_millis(10 * (ticks(11)? + ticks(12)?)))
 }
 
 fn told(panic: &(dyn std::any::Any + Send)) -> String {

@@ -10,9 +10,14 @@ use farsight_methods::smoke::{DetectorFile, REGRESSION};
 use farsight_onnx::LocalHeadFile;
 
 /// Any bytes as a model file, of either kind.
-pub fn model(bytes: &[u8]) {
+pub fn model(bytes: &[u8]) -> bool {
     let path = Path::new("fuzz");
-    if let Ok(model) = DetectorFile::from_bytes(bytes.to_vec(), path) {
+    let read = DetectorFile::from_bytes(bytes.to_vec(), path);
+    if let Err(error) = &read {
+        assert!(error.to_string().starts_with("fuzz: "), "no file in: {error}");
+    }
+    let is_accepted = read.is_ok();
+    if let Ok(model) = read {
         assert!(model.config.problem().is_none());
         if let Ok(Some(cut)) = LocalHeadFile::new(&model.onnx, REGRESSION, path) {
             let [hidden, channels] = [cut.hidden.weight.shape[0], cut.hidden.weight.shape[1]];
@@ -26,4 +31,5 @@ pub fn model(bytes: &[u8]) {
             assert_eq!(tensor.shape.iter().product::<usize>(), tensor.values.len());
         }
     }
+    is_accepted
 }

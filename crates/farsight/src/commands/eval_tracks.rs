@@ -1,21 +1,22 @@
 //! `farsight eval-tracks`: how good tracks are.
 
+mod told;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use farsight::json::{FrameRecord, TrackRecord};
-use farsight_core::{Box2d, Box3d, Dimensions, ObjectClass};
+use farsight_core::ObjectClass;
 use farsight_eval::tracks::{
-    GroundTruthFrame, JudgedSequence, MAX_FRAMES, PredictedFrame, PredictedTrack, TracksReport, differences, differences_text,
-    judge, page, read_sequence, text,
+    GroundTruthFrame, JudgedSequence, TracksReport, differences, differences_text, judge, page, read_sequence, text,
 };
-use farsight_files::{read_text, write_atomically};
+use farsight_files::write_atomically;
 
 use super::Outcome;
 use crate::outputs;
 use crate::printer::Printer;
+use told::told;
 
 /// Arguments of `farsight eval-tracks`.
 #[derive(Debug, Args)]
@@ -118,42 +119,4 @@ fn judged(
         truth.len()
     );
     truth.iter().map(of_sequence).collect()
-}
-
-/// The lines of a file by the numbers of their frames.
-fn told(path: &Path) -> Result<Vec<Option<PredictedFrame>>> {
-    let text = read_text(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let mut frames = Vec::new();
-    for (line, number) in text.lines().zip(1..).filter(|(line, _)| !line.trim().is_empty()) {
-        let record: FrameRecord =
-            serde_json::from_str(line).with_context(|| format!("{}:{number}: no frame of tracks", path.display()))?;
-        let place = usize::try_from(record.frame).ok().filter(|place| *place < MAX_FRAMES);
-        let place = place.with_context(|| {
-            format!("{}:{number}: frame {}; expected one below {MAX_FRAMES}", path.display(), record.frame)
-        })?;
-        if frames.len() <= place {
-            frames.resize(place + 1, None);
-        }
-        let tracks = record.tracks.iter().map(told_track).collect();
-        frames[place] = Some(PredictedFrame { time_s: record.time_s, tracks });
-    }
-    Ok(frames)
-}
-
-fn told_track(track: &TrackRecord) -> PredictedTrack {
-    let [x1, y1, x2, y2] = track.box2d;
-    let [height, width, length] = track.dimensions_hwl;
-    let dimensions = Dimensions { height, width, length };
-    let speed = track.speed_mps.flatten().zip(track.speed_sigma_mps.flatten());
-    PredictedTrack {
-        id: track.id,
-        class: ObjectClass::from_name(&track.class),
-        box2d: Box2d::new(x1, y1, x2, y2),
-        box3d: Box3d { dimensions, location: track.location, yaw: track.rotation_y },
-        range_sigma_m: Some(track.range_sigma_m),
-        closing_mps: track.closing_mps.zip(track.closing_sigma_mps).map(|(mps, sigma)| [mps, sigma]),
-        ttc_s: track.ttc_s,
-        ttc_interval_s: track.ttc_interval_s,
-        speed_mps: speed.map(|(mps, sigma)| [mps, sigma]),
-    }
 }

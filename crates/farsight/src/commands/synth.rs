@@ -1,6 +1,7 @@
 //! `farsight synth`: a data set of rendered scenes in KITTI's layout.
 
 mod sequence;
+mod world;
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -28,6 +29,7 @@ use super::Outcome;
 use crate::printer::{Printer, counted, progress_bar};
 use crate::shard::manifest::{Join, Run};
 use crate::shard::{Part, ShardArgs, check_relative};
+use world::read_config;
 
 /// Arguments of `farsight synth`.
 #[derive(Debug, Args)]
@@ -272,15 +274,6 @@ fn check_files(folders: [&Path; 2], ids: &[String]) -> Result<()> {
     let Some(first) = missing.next() else { return Ok(()) };
     let count = 1 + missing.count();
     bail!("{}: no such file; {} missing in all", first.display(), counted(count, "file"))
-}
-
-fn read_config(path: &Path) -> Result<SceneConfig> {
-    let text = farsight_files::read_config(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let config: SceneConfig = toml::from_str(&text).with_context(|| path.display().to_string())?;
-    match config.problem() {
-        Some(problem) => bail!("{}: {problem}", path.display()),
-        None => Ok(config),
-    }
 }
 
 /// Whether the data set at whose side the plan at `path` lies was begun as `plan` says.

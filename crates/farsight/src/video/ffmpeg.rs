@@ -31,13 +31,23 @@ enum Said {
     Complaint(String),
 }
 
+/// No line of a log that tells anything is longer, bytes; the rest of it counts as another line.
+const MAX_LINE: u64 = 1 << 16;
+
 /// Number, time in seconds and pixels of a frame.
-pub(super) type Decoded = (u64, f64, RgbImage);
+pub type Decoded = (u64, f64, RgbImage);
 
 /// Reads a video.
 pub(super) struct Decoder {
-    path: PathBuf,
     child: Child,
+    frames: FrameStream,
+    is_over: bool,
+}
+
+/// Frames out of what ffmpeg says of a video: raw pixels, and a log that tells of each frame before it comes.
+#[derive(Debug)]
+pub struct FrameStream {
+    path: PathBuf,
     pixels: Receiver<Vec<u8>>,
     /// Those of the next frame that came with the last ones.
     rest: Vec<u8>,
@@ -45,7 +55,6 @@ pub(super) struct Decoder {
     fps: Option<f64>,
     next: u64,
     complaints: Vec<String>,
-    is_over: bool,
 }
 
 impl Decoder {
@@ -62,30 +71,16 @@ impl Decoder {
         let (Some(pixels), Some(log)) = (child.stdout.take(), child.stderr.take()) else {
             return Err(unstarted(ffmpeg, ErrorKind::BrokenPipe.into()));
         };
-        let (say, said) = channel();
-        thread::spawn(move || listen(log, &say));
-        let (give, given) = sync_channel(WAITING_PIECES);
-        thread::spawn(move || hand_on(pixels, &give));
-        Ok(Self {
-            path: video.to_owned(),
-            child,
-            pixels: given,
-            rest: Vec::new(),
-            log: said,
-            fps: None,
-            next: 0,
-            complaints: Vec::new(),
-            is_over: false,
-        })
+        Ok(Self { child, frames: FrameStream::new(video, pixels, log), is_over: false })
     }
 
     pub(super) fn path(&self) -> &Path {
-        &self.path
+        &self.frames.path
     }
 
     /// Frames a second, known from the first frame on.
     pub(super) fn fps(&self) -> Option<f64> {
-        self.fps
+        self.frames.fps
     }
 
     /// The next frame. The last answer of a video that broke off, or that was silent for longer than `patience`, is an
@@ -94,24 +89,60 @@ impl Decoder {
         if self.is_over {
             return None;
         }
+        let next = self.frames.next_frame(patience);
+        self.is_over = !matches!(next, Some(Ok(_)));
+        next.or_else(|| self.ended().err().map(Err))
+    }
+
+    /// Whether ffmpeg came to the end of the video.
+    fn ended(&mut self) -> Result<(), VideoError> {
+        let FrameStream { path, next, complaints, .. } = &self.frames;
+        let path = path.clone();
+        let status = match self.child.wait() {
+            Ok(status) => status,
+            Err(error) => return Err(VideoError::NoVideo { path, told: format!("ffmpeg was lost: {error}") }),
+        };
+        let told = complaints.join("; ");
+        if !status.success() || *next == 0 {
+            let told = if told.is_empty() { format!("ffmpeg ended with {status}") } else { told };
+            return Err(VideoError::NoVideo { path, told });
+        }
+        if told.is_empty() { Ok(()) } else { Err(VideoError::Damaged { path, told }) }
+    }
+}
+
+impl FrameStream {
+    /// Of the video `path`, which is only what errors call it. Both streams are read by threads, so that neither waits
+    /// for the other.
+    pub fn new(path: &Path, pixels: impl Read + Send + 'static, log: impl Read + Send + 'static) -> Self {
+        let (say, said) = channel();
+        thread::spawn(move || listen(log, &say));
+        let (give, given) = sync_channel(WAITING_PIECES);
+        thread::spawn(move || hand_on(pixels, &give));
+        Self {
+            path: path.to_owned(),
+            pixels: given,
+            rest: Vec::new(),
+            log: said,
+            fps: None,
+            next: 0,
+            complaints: Vec::new(),
+        }
+    }
+
+    /// The next frame; none when the log ends. After an error there is no other.
+    ///
+    /// # Errors
+    /// When the pixels end early, a frame has no time or too many pixels, or nothing came for longer than `patience`.
+    pub fn next_frame(&mut self, patience: Option<Duration>) -> Option<Result<Decoded, VideoError>> {
         loop {
             match received(&self.log, patience) {
                 Ok(Said::Fps(fps)) => self.fps = self.fps.or(Some(fps)),
                 Ok(Said::Complaint(text)) if self.complaints.len() < TOLD_COMPLAINTS => self.complaints.push(text),
                 Ok(Said::Complaint(_)) => {}
-                Ok(Said::Frame(time_s, size)) => {
-                    let frame = self.frame(time_s, size, patience);
-                    self.is_over = frame.is_err();
-                    return Some(frame);
-                }
-                Err(RecvTimeoutError::Timeout) => {
-                    self.is_over = true;
-                    return Some(Err(self.stalled(patience)));
-                }
-                Err(RecvTimeoutError::Disconnected) => {
-                    self.is_over = true;
-                    return self.ended().err().map(Err);
-                }
+                Ok(Said::Frame(time_s, size)) => return Some(self.frame(time_s, size, patience)),
+                Err(RecvTimeoutError::Timeout) => return Some(Err(self.stalled(patience))),
+                Err(RecvTimeoutError::Disconnected) => return None,
             }
         }
     }
@@ -152,21 +183,6 @@ impl Decoder {
         };
         self.next += 1;
         Ok((self.next - 1, time_s, image))
-    }
-
-    /// Whether ffmpeg came to the end of the video.
-    fn ended(&mut self) -> Result<(), VideoError> {
-        let path = self.path.clone();
-        let status = match self.child.wait() {
-            Ok(status) => status,
-            Err(error) => return Err(VideoError::NoVideo { path, told: format!("ffmpeg was lost: {error}") }),
-        };
-        let told = self.complaints.join("; ");
-        if !status.success() || self.next == 0 {
-            let told = if told.is_empty() { format!("ffmpeg ended with {status}") } else { told };
-            return Err(VideoError::NoVideo { path, told });
-        }
-        if told.is_empty() { Ok(()) } else { Err(VideoError::Damaged { path, told }) }
     }
 }
 
@@ -236,7 +252,7 @@ fn listen(log: impl Read, say: &Sender<Said>) {
     let mut line = Vec::new();
     loop {
         line.clear();
-        match log.read_until(b'\n', &mut line) {
+        match log.by_ref().take(MAX_LINE).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return,
             Ok(_) => {}
         }
@@ -251,7 +267,7 @@ fn listen(log: impl Read, say: &Sender<Said>) {
 fn said(line: &str) -> Option<Said> {
     let is_frame = line.contains("showinfo") && line.contains(" pts_time:");
     if is_frame {
-        let time_s = after(line, " pts_time:")?.parse().ok();
+        let time_s = after(line, " pts_time:")?.parse().ok().filter(|time_s: &f64| time_s.is_finite());
         let (width, height) = after(line, " s:")?.split_once('x')?;
         return Some(Said::Frame(time_s, [width.parse().ok()?, height.parse().ok()?]));
     }
@@ -262,7 +278,7 @@ fn said(line: &str) -> Option<Said> {
     if line.contains("Stream #") && line.contains("Video:") {
         let before = line.split(" fps").next()?;
         let fps: f64 = before.rsplit([' ', ',']).next()?.parse().ok()?;
-        return (fps > 0.0).then_some(Said::Fps(fps));
+        return (fps > 0.0 && fps.is_finite()).then_some(Said::Fps(fps));
     }
     None
 }
@@ -294,6 +310,8 @@ mod tests {
                  [SAR 1:1 DAR 16:9], 40 kb/s, 29.97 fps, 30k tbr, 12800 tbn (default)",
                 Some(Said::Fps(29.97)),
             ),
+            ("[x] showinfo: pts_time:inf s:64x36", Some(Said::Frame(None, [64, 36]))),
+            ("[info]   Stream #0:0: Video: x, inf fps, 30k tbr", None),
             ("[info]   Stream #0:1: Audio: aac, 48000 Hz, stereo", None),
             (
                 "[mov,mp4,m4a @ 0x5] [error] moov atom not found",

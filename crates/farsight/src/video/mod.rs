@@ -33,6 +33,6 @@ mod tracker;
 pub use ego::{EgoError, EgoFile};
 pub use error::VideoError;
 pub use events::{Event, EventFinder, EventKind};
-pub use ffmpeg::unstarted;
+pub use ffmpeg::{Decoded, FrameStream, unstarted};
 pub use source::{VideoFrame, VideoFrames, VideoOptions, VideoSource, is_video};
 pub use tracker::{DEFAULT_LOW_SCORE, FrameWarning, TrackingResult, VideoTracker, low_score};

@@ -136,7 +136,7 @@ fn unwritable(path: &Path) -> String {
 
 /// The records in an array or in lines, and as they stand there; none where there is no file. A last line that was cut
 /// is left out.
-fn read(path: &Path) -> Result<Vec<(ImageRecord, String)>> {
+pub(super) fn read(path: &Path) -> Result<Vec<(ImageRecord, String)>> {
     let text = match text_up_to(path, MAX_ANSWERS) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
