@@ -152,9 +152,10 @@ mod tests {
         for scratch in [Scratch::file(&file).unwrap().0, Scratch::folder(&folder.path().join("other")).unwrap()] {
             assert!(scratch.path().exists());
         }
-        assert_eq!((names(folder.path()), names(&place)), (vec!["a.mp4".to_owned(), "parts".to_owned()], vec![
-            "one".to_owned()
-        ]));
+        assert_eq!(
+            (names(folder.path()), names(&place)),
+            (vec!["a.mp4".to_owned(), "parts".to_owned()], vec!["one".to_owned()])
+        );
         assert!(Scratch::file(&place).is_err() && Scratch::file(Path::new("/")).is_err());
     }
 

@@ -3,9 +3,9 @@
 // They are the program's, not the library's.
 #[path = "../../farsight/src/commands/range/answers.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]
-mod range_answers;
+pub(crate) mod range_answers;
 #[path = "../../farsight/src/commands/eval_tracks/told.rs"]
-mod told_tracks;
+pub(crate) mod told_tracks;
 
 /// What the manifest of a part needs of its room.
 mod shard {
@@ -18,6 +18,8 @@ mod shard {
     }
 }
 
+use std::path::Path;
+
 use serde_json::Value;
 
 use crate::experiment::results::Results;
@@ -28,7 +30,7 @@ use shard::manifest::{FILE, Manifest};
 /// Answers of `farsight range` and `farsight track`, the manifest of a part, the results of an experiment: what is
 /// accepted says the same when it is written and read again.
 pub(crate) fn answers(bytes: &[u8]) -> bool {
-    let kinds = [ranged(bytes), tracked(bytes), manifest(bytes), results(bytes)];
+    let kinds = [ranged(bytes), tracked(bytes), manifest_law(bytes), results(bytes)];
     kinds.contains(&true)
 }
 
@@ -60,7 +62,12 @@ fn tracked(bytes: &[u8]) -> bool {
     accepted(told_tracks::told(&path), &path).is_some_and(|frames| !frames.is_empty())
 }
 
-fn manifest(bytes: &[u8]) -> bool {
+/// Reads the manifest in a folder.
+pub(crate) fn manifest(folder: &Path) -> anyhow::Result<()> {
+    Manifest::read(folder).map(drop)
+}
+
+fn manifest_law(bytes: &[u8]) -> bool {
     let (folder, path) = as_file(FILE, bytes);
     let Some(manifest) = accepted(Manifest::read(folder.path()), &path) else { return false };
     let text = serde_json::to_string(&manifest).expect("what was read");

@@ -6,7 +6,7 @@
 mod metrics;
 #[path = "../../farsight/src/experiment/plan.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]
-mod plan;
+pub(crate) mod plan;
 
 #[path = "../../farsight/src/experiment/results.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]

@@ -26,6 +26,7 @@ mod answers;
 mod experiment;
 mod film;
 pub mod mutate;
+pub mod readers;
 mod request;
 mod seeds;
 mod text;

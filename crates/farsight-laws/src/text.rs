@@ -3,9 +3,9 @@
 // They are the program's, not the library's.
 #[path = "../../farsight/src/untrained.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]
-mod untrained;
+pub(crate) mod untrained;
 #[path = "../../farsight/src/commands/synth/world.rs"]
-mod world;
+pub(crate) mod world;
 
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};

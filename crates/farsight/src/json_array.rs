@@ -14,10 +14,7 @@ pub(crate) const MAX_ANSWERS: u64 = 1 << 30;
 ///
 /// # Errors
 /// When it is no array, and where `take` gives up.
-pub(crate) fn each_element<E>(
-    array: &[u8],
-    take: impl FnMut(String) -> Result<(), E>,
-) -> serde_json::Result<()> {
+pub(crate) fn each_element<E>(array: &[u8], take: impl FnMut(String) -> Result<(), E>) -> serde_json::Result<()> {
     let mut reader = serde_json::Deserializer::from_slice(array);
     reader.deserialize_seq(Elements(take))?;
     reader.end()

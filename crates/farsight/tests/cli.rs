@@ -403,6 +403,32 @@ fn one_road_and_plates_need_error_bars() {
 }
 
 #[test]
+fn large_images_are_drawn_at_a_scale_that_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    small_model(folder.path());
+    image::RgbImage::new(4000, 3000).save(folder.path().join("large.png")).unwrap();
+    image::RgbImage::new(96, 64).save(folder.path().join("small.png")).unwrap();
+    let told = |arguments: &[&str], image: &str| {
+        let common = ["--hfov", "80", "--model", "m.safetensors", image];
+        let (status, _, err) = farsight_in(folder.path(), &[arguments, &common].concat());
+        assert_eq!(status, 0, "{err}");
+        err
+    };
+    let (range, track) = (["range", "--out", "out"], ["track", "--fps", "10", "--out", "film"]);
+    for (command, note) in [
+        (&range[..], "large.png: a large image, drawn at 1/2 of its size\n"),
+        (&track, "note: large frames, drawn at 1/2 of their size\n"),
+    ] {
+        let err = told(command, "large.png");
+        assert_eq!(err.matches(note).count(), 1, "{err}");
+        assert!(!told(command, "small.png").contains("drawn at"));
+    }
+    for picture in ["out/large.png", "film/000000.png"] {
+        assert!(folder.path().join(picture).is_file(), "{picture}");
+    }
+}
+
+#[test]
 fn a_model_that_is_none() {
     let expected =
         "error: model: no \"farsight.model\" in its metadata; expected a file written by `farsight export`\n";

@@ -176,13 +176,14 @@ fn numbers_and_options_that_mean_nothing_here_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let range = ["range", "a.png", "--hfov", "80"];
     let eval = ["eval", "--labels", ".", "--results", "."];
-    let table: [(&[&str], &[&str], &str); 21] = [
+    let table: [(&[&str], &[&str], &str); 22] = [
         (&range, &["--cx", "600"], "'--hfov <DEG>' cannot be used with"),
         (&range, &["--fy", "600"], "'--hfov <DEG>' cannot be used with"),
         (&["range", "a.png", "--calib", "c.txt"], &["--cy", "9"], "'--calib <FILE>' cannot be used with"),
         (&range, &["--above-road", "-1.65"], "expected metres, from 0.2 to 50, any or none"),
         (&range, &["--max-overlap", "-1"], "expected a number above 0 and at most 1"),
         (&range, &["--min-score", "-1"], "expected at least 0 and less than 1"),
+        (&range, &["--json", "a.json", "--resume", "--mcap", "a.mcap"], "expected no --mcap or --rerun beside it"),
         (&eval, &["--min-score", "NaN"], "expected a finite number"),
         (&eval, &["--geometric-baselines", "--camera-height", "-1"], "expected a positive number of metres"),
         (&eval, &["--geometric-baselines", "--camera-height", "inf"], "expected a positive number of metres"),
@@ -319,11 +320,17 @@ fn pipes_and_devices_are_refused_as_any_input_and_not_waited_for() {
 fn a_config_is_read_as_the_training_would() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
+    let class = |name: &str| {
+        format!("method = \"smoke\"\n[[model.classes]]\nclass = \"{name}\"\ndimensions_lhw = [3.88, 1.63, 1.53]\n")
+    };
     for (config, expected) in [
         ("method = \"smoke\"\n[modell]\nwidth = 0.5\n", "unknown field `modell`"),
         ("method = \"smoke\"\n[augmentation]\nflip = 0.5\n", "unknown field `flip`"),
         ("method = \"smoke\"\n[model]\nside = 96\n", "unknown field `side`"),
         ("farthest_m = 75.0\n", "unknown field `farthest_m`"),
+        (&class("Carr"), "model.classes names Carr; expected Car, as KITTI writes it"),
+        (&class(""), "model.classes names \"\"; expected one word"),
+        (&class("bus stop"), "model.classes names \"bus stop\"; expected one word"),
         (
             "[model]\nwidth = 0.5\n",
             "method is missing; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",

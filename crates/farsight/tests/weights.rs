@@ -15,6 +15,15 @@ use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 use farsight_methods::ssd::SsdModel;
 use program::{done, farsight, root};
 
+/// Those that this build may run; weights are told before one is looked for.
+const ENGINES: &[&str] = &[
+    "rten",
+    "onnxruntime",
+    "openvino",
+    #[cfg(feature = "train")]
+    "libtorch",
+];
+
 /// A small network with fresh weights.
 fn model() -> SmokeModel {
     let (norm, neck) = (NormKind::Batch, NeckKind::Plain);
@@ -78,7 +87,7 @@ fn weights_that_are_not_finite_are_told_with_file_and_tensor() {
                 tensor.values[..count].fill(value);
             });
             bad.write(&folder.join("m.safetensors")).unwrap();
-            for engine in ["rten", "onnxruntime", "openvino"] {
+            for engine in ENGINES {
                 let told = refusal(folder, "m.safetensors", &["--engine", engine]);
                 let expected = format!("has {value} at place 0; expected finite numbers");
                 assert!(told.contains("m.safetensors: tensor \"") && told.contains(&expected), "{told}");
@@ -148,7 +157,10 @@ fn a_header_that_asks_for_huge_maps_is_refused_before_they_are_made() {
         let output = command.current_dir(folder).output().unwrap();
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.contains("m.safetensors: its value \"image\" takes 805 MB for an image; no model of ours"), "{told}");
+        assert!(
+            told.contains("m.safetensors: its value \"image\" takes 805 MB for an image; no model of ours"),
+            "{told}"
+        );
     }
 }
 
@@ -239,15 +251,122 @@ fn files_from_before_the_hash_are_told_once() {
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     assert!(!range("m.safetensors").contains("has no hash"));
-    // The same file without its hash: the key is replaced by one of the same length that means nothing.
-    let bytes = fs::read(folder.join("m.safetensors")).unwrap();
-    let key = b"farsight.file_sha256";
-    let at = bytes.windows(key.len()).position(|window| window == key).unwrap();
-    let mut old = bytes.clone();
-    old[at..at + key.len()].copy_from_slice(b"farsight.file_sha-no");
+    let old = without_hash(&fs::read(folder.join("m.safetensors")).unwrap());
     fs::write(folder.join("old.safetensors"), old).unwrap();
     let told = range("old.safetensors");
     assert_eq!(told.matches("note: old.safetensors: has no hash, so damage to it would not be noticed").count(), 1);
+}
+
+/// `bytes` with another key in the place of the hash's, of the same length.
+fn without_hash(bytes: &[u8]) -> Vec<u8> {
+    let key = b"farsight.file_sha256";
+    let at = bytes.windows(key.len()).position(|window| window == key).unwrap();
+    let mut old = bytes.to_vec();
+    old[at..at + key.len()].copy_from_slice(b"farsight.file_sha-no");
+    old
+}
+
+#[test]
+fn an_onnx_file_without_a_hash_is_told_once_and_its_constants_are_looked_at() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let small = model();
+    small.write(&folder.join("m.safetensors")).unwrap();
+    done(folder, &["export", "--model", "m.safetensors", "--out", "m.onnx"]);
+    let old = without_hash(&fs::read(folder.join("m.onnx")).unwrap());
+    fs::write(folder.join("old.onnx"), &old).unwrap();
+    let note = "old.onnx: has no hash, so damage to it would not be noticed";
+    let output = farsight(folder, &["range", &image(), "--hfov", "81", "--model", "old.onnx"]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && told.matches(note).count() == 1, "{told}");
+
+    // The last layer of the regression has no norm that would be folded into it: it stands there as it was made.
+    let values = &small.weights.tensors["heads.predictor.regression_head.3.weight"].values;
+    let bytes: Vec<u8> = values[..8].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let at = old.windows(bytes.len()).position(|window| window == bytes).unwrap();
+    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let mut bad = old.clone();
+        bad[at + 12..at + 16].copy_from_slice(&value.to_le_bytes());
+        fs::write(folder.join("old.onnx"), bad).unwrap();
+        let told = refusal(folder, "old.onnx", &[]);
+        let expected = format!("\" has {value} at place 3; expected finite numbers");
+        assert!(told.contains("error: old.onnx: constant \"") && told.contains(&expected), "{told}");
+    }
+}
+
+#[test]
+fn second_stages_are_checked_as_detectors_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    model().write(&folder.join("m.safetensors")).unwrap();
+    for (option, name) in [("--refiner", "farsight-refiner"), ("--plates", "farsight-plates")] {
+        let path = root().join(format!("models/{name}.safetensors"));
+        let (whole, weights) = (fs::read(&path).unwrap(), Weights::read(&path).unwrap());
+        let told = || refusal(folder, "m.safetensors", &[option, "stage.safetensors"]);
+        for share in [2, 5, 9] {
+            let mut flipped = whole.clone();
+            flipped[whole.len() / 10 * share] ^= 0x40;
+            fs::write(folder.join("stage.safetensors"), flipped).unwrap();
+            let told = told();
+            assert!(told.contains("stage.safetensors: its contents have the hash "), "{told}");
+        }
+        for value in [f32::NAN, f32::INFINITY] {
+            let mut bad = weights.clone();
+            bad.tensors.get_mut("answer.bias").unwrap().values[1] = value;
+            bad.write(&folder.join("stage.safetensors")).unwrap();
+            let expected = format!("stage.safetensors: tensor \"answer.bias\" has {value} at place 1; expected finite");
+            let told = told();
+            assert!(told.contains(&expected), "{told}");
+        }
+        let config: serde_json::Value = serde_json::from_str(&weights.metadata[CONFIG_KEY]).unwrap();
+        for (key, value, expected) in [
+            ("side", 1_u64 << 40, "model.side is 1099511627776; expected a multiple of "),
+            ("hidden", 1 << 40, "model.hidden has 1099511627776; expected 1 to 4096"),
+        ] {
+            let (mut bad, mut absurd) = (weights.clone(), config.clone());
+            absurd[key] = value.into();
+            bad.metadata.insert(CONFIG_KEY.to_owned(), absurd.to_string());
+            bad.write(&folder.join("stage.safetensors")).unwrap();
+            let told = told();
+            let header = "stage.safetensors: \"farsight.model\" in the header: ";
+            assert!(told.contains(header) && told.contains(expected), "{told}");
+        }
+        fs::write(folder.join("stage.safetensors"), without_hash(&whole)).unwrap();
+        let output = farsight(
+            folder,
+            &["range", &image(), "--hfov", "81", "--model", "m.safetensors", option, "stage.safetensors"],
+        );
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(told.matches("note: stage.safetensors: has no hash").count(), 1, "{told}");
+    }
+}
+
+#[test]
+fn every_command_that_takes_a_model_tells_of_a_missing_hash() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    model().write(&folder.join("m.safetensors")).unwrap();
+    let old = without_hash(&fs::read(folder.join("m.safetensors")).unwrap());
+    fs::write(folder.join("old.safetensors"), old).unwrap();
+    let image = image();
+    for arguments in [
+        &["info", "old.safetensors"][..],
+        &["export", "--model", "old.safetensors", "--out", "m.onnx"],
+        &["prune", "--model", "old.safetensors", "--keep", "0.5", "--out", "p.safetensors"],
+        &["bench", "--model", "old.safetensors", "--image", &image, "--runs", "1", "--images", "0"],
+        // What follows cannot be done; the file is told all the same.
+        &["parity", "--model", "old.safetensors", "--golden", "old.safetensors"],
+    ] {
+        let output = farsight(folder, arguments);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        let note = "note: old.safetensors: has no hash, so damage to it would not be noticed";
+        assert_eq!(told.matches(note).count(), 1, "{arguments:?}: {told}");
+    }
+    // Weights that are not the shipped ones do without what is made for those.
+    let output =
+        farsight(folder, &["bench", "--model", "m.safetensors", "--image", &image, "--runs", "1", "--images", "2"]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(told.matches("m.safetensors: not the shipped weights").count(), 1, "{told}");
 }
 
 #[test]

@@ -15,8 +15,9 @@ pub(crate) fn problem_of_sizes(name: &str, side: usize, channels: &[usize], hidd
     if side == 0 || !side.is_multiple_of(multiple) || side > 1024 {
         return Some(format!("{name}.side is {side}; expected a multiple of {multiple}, at most 1024"));
     }
-    let mut wrong = channels.iter().chain([&hidden]).filter(|count| !(1..=4096).contains(*count));
-    wrong.next().map(|count| format!("{name}.channels or {name}.hidden has {count}; expected 1 to 4096"))
+    let named = channels.iter().map(|count| ("channels", *count)).chain([("hidden", hidden)]);
+    let mut wrong = named.filter(|(_, count)| !(1..=4096).contains(count));
+    wrong.next().map(|(field, count)| format!("{name}.{field} has {count}; expected 1 to 4096"))
 }
 
 /// From a cut-out of `side` x `side` pixels to `[batch, hidden, 1, 1]`: every level halves the map, and the last one is

@@ -114,6 +114,7 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
     let class = base().classes[0].clone();
     let heights_px = [20.0, 10.0];
     let score = ScoreCalibration { peak: 1.0, height: 0.0, height_squared: 0.0, bias: 0.0, heights_px };
+    let named = |name: &str| vec![ClassReference { class: ObjectClass::from_name(name), ..class.clone() }];
     let upside_down = ClassReference { score: Some(score), ..class.clone() };
     let no_fit = RangeError { bias: f64::INFINITY, depth: 1.0, score: 0.0, cut: 0.0 };
     let table = [
@@ -138,7 +139,14 @@ fn wrong_values_say_what_was_found_and_what_was_expected() {
             "model.level_channels is [16, 16, 16, 1099511627776, 16, 16]; expected six multiples of 16 from 16 to 4096",
         ),
         (SmokeConfig { classes: vec![], ..base() }, "model.classes is empty; expected at least one class"),
-        (SmokeConfig { classes: vec![class.clone(), class], ..base() }, "model.classes names Car twice"),
+        (SmokeConfig { classes: vec![class.clone(), class.clone()], ..base() }, "model.classes names Car twice"),
+        (
+            SmokeConfig { classes: named("Carr"), ..base() },
+            "model.classes names Carr; expected Car, as KITTI writes it",
+        ),
+        (SmokeConfig { classes: named("car"), ..base() }, "model.classes names car; expected Car, as KITTI writes it"),
+        (SmokeConfig { classes: named("bus stop"), ..base() }, "model.classes names \"bus stop\"; expected one word"),
+        (SmokeConfig { classes: named(""), ..base() }, "model.classes names \"\"; expected one word"),
         (
             SmokeConfig { classes: vec![upside_down], ..base() },
             "model.classes has Car with a score that no fit gives; expected finite numbers and heights_px with 0 < smallest <= largest",
