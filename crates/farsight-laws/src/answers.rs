@@ -7,25 +7,14 @@ pub(crate) mod range_answers;
 #[path = "../../farsight/src/commands/eval_tracks/told.rs"]
 pub(crate) mod told_tracks;
 
-/// What the manifest of a part needs of its room.
-mod shard {
-    #[path = "../../../farsight/src/shard/manifest.rs"]
-    #[allow(dead_code, reason = "the program uses the rest")]
-    pub(super) mod manifest;
-
-    pub(super) fn words() -> Vec<String> {
-        Vec::new()
-    }
-}
-
 use std::path::Path;
 
 use serde_json::Value;
 
 use crate::experiment::results::Results;
+use crate::shard::manifest::{FILE, Manifest};
 use crate::text::{accepted, as_file};
 use range_answers::AnswerFile;
-use shard::manifest::{FILE, Manifest};
 
 /// Answers of `farsight range` and `farsight track`, the manifest of a part, the results of an experiment: what is
 /// accepted says the same when it is written and read again.

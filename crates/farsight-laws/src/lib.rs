@@ -29,6 +29,7 @@ pub mod mutate;
 pub mod readers;
 mod request;
 mod seeds;
+mod shard;
 mod text;
 #[cfg(feature = "train")]
 mod training;

@@ -98,7 +98,8 @@ pub(crate) fn track_labels(bytes: &[u8]) -> bool {
         assert_eq!((judged.image.len(), judged.space.len()), (frames.len(), frames.len()));
     }
     let good = folder.path().join("labels.txt");
-    std::fs::write(&good, "0 1 Car 0 0 -1.5 600 170 700 230 1.5 1.6 4.0 1.0 1.7 20.0 -1.57\n").expect("a file of labels");
+    std::fs::write(&good, "0 1 Car 0 0 -1.5 600 170 700 230 1.5 1.6 4.0 1.0 1.7 20.0 -1.57\n")
+        .expect("a file of labels");
     let velocities = accepted(read_sequence(&good, Some(&path)), &path);
     if let Some([frame]) = velocities.as_deref() {
         assert!(frame.tracks[0].velocity_mps.is_none_or(|mps| mps.iter().all(|value| value.is_finite())));
