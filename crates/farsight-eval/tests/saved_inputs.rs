@@ -7,7 +7,7 @@ mod laws;
 use std::fs;
 use std::path::Path;
 
-fn replay(target: &str, law: fn(&[u8])) {
+fn replay(target: &str, law: fn(&[u8]) -> bool) {
     let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut replayed = 0;
     for folder in [project.join("fuzz/corpus").join(target), project.join("fuzz/artifacts").join(target)] {

@@ -3,7 +3,7 @@
 // They are the program's, not the library's.
 #[path = "../../farsight/src/commands/range/answers.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]
-pub(crate) mod range_answers;
+mod range_answers;
 #[path = "../../farsight/src/commands/eval_tracks/told.rs"]
 pub(crate) mod told_tracks;
 
@@ -49,6 +49,11 @@ fn ranged(bytes: &[u8]) -> bool {
 fn tracked(bytes: &[u8]) -> bool {
     let (_folder, path) = as_file("input.jsonl", bytes);
     accepted(told_tracks::told(&path), &path).is_some_and(|frames| !frames.is_empty())
+}
+
+/// Reads answers of `farsight range`.
+pub(crate) fn answers_of(path: &Path) -> anyhow::Result<()> {
+    range_answers::read(path).map(drop)
 }
 
 /// Reads the manifest in a folder.

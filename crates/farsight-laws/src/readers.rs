@@ -10,7 +10,7 @@ use farsight_graph::weights::Weights;
 use farsight_methods::ssd;
 use farsight_onnx::OnnxModel;
 
-use crate::answers::{manifest, range_answers, told_tracks};
+use crate::answers::{answers_of, manifest, told_tracks};
 use crate::experiment::{plan::Experiment, results::Results};
 use crate::text::{untrained, world};
 
@@ -49,8 +49,8 @@ pub const TEXT: &[Reader] = &[
     reader("training config", "run.toml", |path| told(untrained::read(path))),
     reader("experiment's plan", "plan.toml", |path| told(Experiment::read(path))),
     reader("experiment's results", "results.json", |path| told(Results::read(path))),
-    reader("answers", "answers.json", |path| told(range_answers::read(path))),
-    reader("answers by lines", "answers.jsonl", |path| told(range_answers::read(path))),
+    reader("answers", "answers.json", |path| told(answers_of(path))),
+    reader("answers by lines", "answers.jsonl", |path| told(answers_of(path))),
     reader("tracks", "tracks.jsonl", |path| told(told_tracks::told(path))),
     reader("manifest", "manifest.json", |path| told(manifest(path.parent().unwrap_or(path)))),
 ];
