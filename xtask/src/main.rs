@@ -20,7 +20,7 @@ cargo xtask COMMAND
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
-  fuzz [--minutes N]       every fuzz target for N minutes each (default 1), training's too; what breaks a law goes to fuzz/artifacts
+  fuzz [--minutes N]       every fuzz target for N minutes of processor time each (default 1), training's too; what breaks a law goes to fuzz/artifacts
   wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment,
                            --test=slice with one test on a local Ray of two workers, --test=ray with all of those alone
   dist [--no-wheel]        the archives of a release into target/dist: program, wheel, SBOM, checksums, crates for the registry

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
-use farsight_data::kitti::rows::{Row, rows_from_text, rows_from_text_lenient};
-use farsight_data::kitti::{Calibration, DevkitRow, RowKind, rows_as_devkit, text_from_labels, text_from_results};
+use farsight_data::kitti::rows::{rows_from_text, rows_from_text_lenient};
+use farsight_data::kitti::{Calibration, DevkitRow, Row, RowKind, rows_as_devkit, text_from_labels, text_from_results};
 use farsight_eval::ap::{Metric, OverlapSet};
 use farsight_eval::explain::{ExplainOptions, explain};
 use farsight_eval::ranging::RangingOptions;
