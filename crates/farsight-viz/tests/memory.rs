@@ -102,7 +102,9 @@ fn pictures_take_memory_in_proportion_to_their_images() {
         ([12_000, 9000], "108 megapixels"),
     ];
     for (size @ [width, height], what) in cases {
-        for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+        // The largest are photographs.
+        let is_huge = u64::from(width) * u64::from(height) > 50_000_000;
+        for format in [ImageFormat::Png, ImageFormat::Jpeg].into_iter().skip(usize::from(is_huge)) {
             let bytes = file(size, format);
             let camera = Camera::from_hfov(65.0, width as usize, height as usize).unwrap();
             let detections = [detection(&camera)];

@@ -106,9 +106,7 @@ fn cases() -> Vec<Case> {
         Case::new("range in --hfov 81 --model in/m.safetensors --mcap all.mcap"),
         Case::new("merge in/parts --out merged"),
         Case::new("eval-tracks --labels in/tracks.txt --tracks in/tracks.jsonl --json judged.json --report page.html"),
-        Case::new("calibrate in --hfov 81 --model farsight-s --effort fast --out pole.txt"),
-        Case { varies: Some("figures.json"), ..Case::new(MEASURE) },
-        Case::new(ROBUSTNESS),
+        Case::new("calibrate in/000000.jpg --hfov 81 --model farsight-s --refiner none --plates none --out pole.txt"),
         Case {
             status: 1,
             ..Case::new("parity --model in/m.safetensors --golden in/golden.safetensors --json parity.json")
@@ -120,7 +118,10 @@ fn cases() -> Vec<Case> {
     } else {
         println!("skipped: there is no ffmpeg, so no film was broken off");
     }
-    // Minutes each.
+    // Ten seconds and more each, and minutes.
+    if asked_tries().is_some() {
+        cases.extend([Case { varies: Some("figures.json"), ..Case::new(MEASURE) }, Case::new(ROBUSTNESS)]);
+    }
     if cfg!(feature = "train") && asked_tries().is_some() {
         cases.push(Case::new(FINE_TUNE).resumed("--resume"));
     }
@@ -128,8 +129,8 @@ fn cases() -> Vec<Case> {
 }
 
 const MEASURE: &str =
-    "measure --config in/measure.toml --folder kitti=in/k --model in/m.safetensors --out figures.json";
-const ROBUSTNESS: &str = "robustness --data in/k --model farsight-s --effort fast --corruptions contrast --severities 1 \
+    "measure --config in/measure.toml --folder kitti=in/k --model farsight-s --out figures.json";
+const ROBUSTNESS: &str = "robustness --data in/k --model farsight-s --refiner none --plates none --corruptions contrast --severities 1 \
                           --json worse.json --plot worse.png";
 const BENCH: &str = "bench --model in/m.safetensors --image in/000000.jpg --runs 1 --images 0 --json bench.json";
 const FINE_TUNE: &str = "fine-tune --data in/scenes --model in/half.safetensors --epochs 1 --fit-on in/held-out --out \

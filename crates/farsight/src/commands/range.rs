@@ -126,11 +126,6 @@ impl RangeArgs {
             writes_files || !self.resume,
             "--resume goes by the files of an earlier run; expected --json FILE, --out or --kitti beside it"
         );
-        let records = self.recordings.mcap.is_some() || self.recordings.rerun.is_some();
-        ensure!(
-            !(records && self.resume),
-            "--resume leaves out images that a recording would lack; expected no --mcap or --rerun beside it"
-        );
         Ok(())
     }
 }
