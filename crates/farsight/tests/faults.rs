@@ -128,8 +128,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-const MEASURE: &str =
-    "measure --config in/measure.toml --folder kitti=in/k --model farsight-s --out figures.json";
+const MEASURE: &str = "measure --config in/measure.toml --folder kitti=in/k --model farsight-s --out figures.json";
 const ROBUSTNESS: &str = "robustness --data in/k --model farsight-s --refiner none --plates none --corruptions contrast --severities 1 \
                           --json worse.json --plot worse.png";
 const BENCH: &str = "bench --model in/m.safetensors --image in/000000.jpg --runs 1 --images 0 --json bench.json";

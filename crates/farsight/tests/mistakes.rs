@@ -183,7 +183,11 @@ fn numbers_and_options_that_mean_nothing_here_are_refused() {
         (&range, &["--above-road", "-1.65"], "expected metres, from 0.2 to 50, any or none"),
         (&range, &["--max-overlap", "-1"], "expected a number above 0 and at most 1"),
         (&range, &["--min-score", "-1"], "expected at least 0 and less than 1"),
-        (&range, &["--json", "a.json", "--resume", "--mcap", "a.mcap"], "'--resume' cannot be used with '--mcap <FILE>'"),
+        (
+            &range,
+            &["--json", "a.json", "--resume", "--mcap", "a.mcap"],
+            "'--resume' cannot be used with '--mcap <FILE>'",
+        ),
         (&eval, &["--min-score", "NaN"], "expected a finite number"),
         (&eval, &["--geometric-baselines", "--camera-height", "-1"], "expected a positive number of metres"),
         (&eval, &["--geometric-baselines", "--camera-height", "inf"], "expected a positive number of metres"),

@@ -157,10 +157,7 @@ fn a_header_that_asks_for_huge_maps_is_refused_before_they_are_made() {
         let output = command.current_dir(folder).output().unwrap();
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(
-            told.contains(": its value \"image\" takes 805 MB for an image; no model of ours"),
-            "{told}"
-        );
+        assert!(told.contains(": its value \"image\" takes 805 MB for an image; no model of ours"), "{told}");
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::{self, JoinHandle};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use farsight::RgbImage;
 use farsight::video::unstarted;
 use farsight_files::Scratch;
@@ -29,6 +29,9 @@ const MAX_FPS: f64 = 120.0;
 
 /// A gap in time is shown for at most so long, seconds.
 const MAX_STILL_S: f64 = 10.0;
+
+/// What ffmpeg says, and ends with 0, when what it kept in memory could not be written at the end.
+const UNCLOSED: &str = "Error closing file";
 
 /// A film that grows beside its target, and takes its place when it is whole.
 pub(super) struct Film {
@@ -82,7 +85,9 @@ impl Film {
         let (scratch, _) = Scratch::file(&self.target).with_context(|| self.unwritable())?;
         let [width, height] = size;
         let mut command = Command::new(&self.ffmpeg);
-        command.args(["-nostdin", "-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
+        // Without -xerror, ffmpeg 5 ends with 0 although the disk is full.
+        command.args(["-nostdin", "-hide_banner", "-xerror", "-loglevel", "error", "-y"]);
+        command.args(["-f", "rawvideo", "-pix_fmt", "rgb24"]);
         command.args(["-video_size", &format!("{width}x{height}"), "-framerate", &fps.to_string(), "-i", "pipe:0"]);
         // Most codecs want even sides.
         command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]);
@@ -103,24 +108,30 @@ impl Film {
         Ok(Run { child, log, scratch, size, fps, begin_s, written: 0 })
     }
 
-    fn failed(&self, mut run: Run) -> anyhow::Error {
+    /// What there is to tell of an ffmpeg that could not write.
+    fn failed(&self, run: Run) -> anyhow::Error {
+        match self.ended(run) {
+            Ok(_) => anyhow!("{}: could not be written: ffmpeg takes no more pictures", self.target.display()),
+            Err(error) => error,
+        }
+    }
+
+    /// Waits for the end of ffmpeg; the film beside its target, if it is whole.
+    fn ended(&self, mut run: Run) -> Result<Scratch> {
         drop(run.child.stdin.take());
-        let status = run.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
+        let status = run.child.wait().with_context(|| format!("{}: ffmpeg was lost", self.target.display()))?;
         let told = run.log.join().unwrap_or_default();
-        anyhow!("{}: could not be written: ffmpeg ended with {status}: {told}", self.target.display())
+        let is_whole = status.success() && !told.contains(UNCLOSED);
+        ensure!(is_whole, "{}: could not be written: ffmpeg ended with {status}: {told}", self.target.display());
+        Ok(run.scratch)
     }
 
     /// Ends the film and puts it into its place.
     pub(super) fn finish(mut self) -> Result<()> {
-        let Some(mut run) = self.run.take() else {
+        let Some(run) = self.run.take() else {
             bail!("{}: no frame to write", self.target.display());
         };
-        drop(run.child.stdin.take());
-        let status = run.child.wait().with_context(|| format!("{}: ffmpeg was lost", self.target.display()))?;
-        if !status.success() {
-            return Err(self.failed(run));
-        }
-        run.scratch.persist().with_context(|| self.unwritable())
+        self.ended(run)?.persist().with_context(|| self.unwritable())
     }
 
     fn unwritable(&self) -> String {
