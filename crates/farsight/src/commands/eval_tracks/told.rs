@@ -45,3 +45,24 @@ fn told_track(track: &TrackRecord) -> PredictedTrack {
         speed_mps: speed.map(|(mps, sigma)| [mps, sigma]),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn frames_have_their_places_and_one_that_no_film_has_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tracks.jsonl");
+        let line = |frame: usize| format!("{{\"frame\":{frame},\"time_s\":0.5,\"tracks\":[]}}\n");
+        fs::write(&path, line(2)).unwrap();
+        let frames = told(&path).unwrap();
+        assert_eq!(frames.iter().map(Option::is_some).collect::<Vec<_>>(), [false, false, true]);
+        // Sixty bytes that ask for hundreds of megabytes of empty frames.
+        fs::write(&path, line(0) + &line(MAX_FRAMES)).unwrap();
+        let error = told(&path).unwrap_err().to_string();
+        assert!(error.ends_with("tracks.jsonl:2: frame 200000; expected one below 200000"), "{error}");
+    }
+}
