@@ -14,6 +14,8 @@ use farsight::json::{DetectionRecord, ImageRecord, SCHEMA_VERSION};
 use farsight::{
     Camera, CameraSource, EngineKind, Error, Exif, ModelSource, Pipeline, RangeKind, Road, StageSource, read_image,
 };
+use farsight_core::road::RoadPlane;
+use farsight_data::kitti::Calibration;
 use program::{done, root};
 
 fn scene(id: &str) -> PathBuf {
@@ -74,6 +76,22 @@ fn eval_measures_what_range_shows() {
     done(folder, &[&range[..], &["sure-shown", "--min-score", "0.5", "--max-overlap", "1"]].concat());
     assert_eq!(rows("sure"), rows("sure-shown"));
     assert!(rows("sure").concat().lines().count() < rows("evaluated").concat().lines().count());
+    // So is the road that the calibration files tell (`farsight calibrate`), unless another one is named.
+    for id in ["000000", "000001", "000002"] {
+        let file = folder.join(format!("data/training/calib/{id}.txt"));
+        let mut calibration = Calibration::read(&file).unwrap();
+        // Not the rendered camera's height, so that what stands on this road has moved.
+        calibration.road = Some(RoadPlane { slope: 0.0, tilt: 0.0, height_m: 2.4, sigmas: [0.002, 0.002, 0.02] });
+        calibration.write(&file).unwrap();
+    }
+    done(folder, &[&eval[..], &["over-road"]].concat());
+    done(folder, &[&range[..], &["over-road-shown", "--min-score", "0.05"]].concat());
+    assert_eq!(rows("over-road"), rows("over-road-shown"));
+    assert_ne!(rows("over-road"), rows("evaluated"));
+    done(folder, &[&eval[..], &["named-road", "--above-road", "none"]].concat());
+    done(folder, &[&range[..], &["named-road-shown", "--min-score", "0.05", "--above-road", "none"]].concat());
+    assert_eq!(rows("named-road"), rows("named-road-shown"));
+    assert_ne!(rows("named-road"), rows("over-road"));
 }
 
 #[test]

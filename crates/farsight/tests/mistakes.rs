@@ -14,6 +14,7 @@ use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::Weights;
+use farsight_methods::centernet3d::{CenterNet3dConfig, CenterNet3dModel};
 use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::config::SmokeConfig;
 use program::{done, farsight, root};
@@ -304,6 +305,14 @@ fn doctor_knows_models_their_parts_and_checkpoints() {
     write_small_model(folder);
     fs::copy(root().join("models/farsight-refiner.safetensors"), folder.join("r.safetensors")).unwrap();
     fs::copy(root().join("models/farsight-plates.safetensors"), folder.join("p.safetensors")).unwrap();
+    // Detectors of other methods, whole and without their weights.
+    fs::copy(root().join("models/farsight-w.safetensors"), folder.join("w.safetensors")).unwrap();
+    let config = CenterNet3dConfig { input: [96, 64], width: 0.25, neck: NeckKind::Plain, ..Default::default() };
+    let weights = initial_weights(&config.graph(), 1);
+    CenterNet3dModel::new(config, weights).unwrap().write(&folder.join("c.safetensors")).unwrap();
+    let mut hollow = Weights::read(&folder.join("c.safetensors")).unwrap();
+    hollow.tensors.clear();
+    hollow.write(&folder.join("hollow.safetensors")).unwrap();
     let mut checkpoint = Weights::default();
     checkpoint.metadata.insert("farsight.progress".to_owned(), "{}".to_owned());
     checkpoint.write(&folder.join("checkpoint.safetensors")).unwrap();
@@ -316,9 +325,12 @@ fn doctor_knows_models_their_parts_and_checkpoints() {
         .map(|m| (m["path"].as_str().unwrap(), m["kind"].as_str().unwrap(), m["problem"].is_null()))
         .collect();
     let expected = [
+        ("./c.safetensors", "detector", true),
+        ("./hollow.safetensors", "detector", false),
         ("./m.safetensors", "detector", true),
         ("./p.safetensors", "plate_reader", true),
         ("./r.safetensors", "refiner", true),
+        ("./w.safetensors", "detector", true),
         ("./x.onnx", "detector", false),
     ];
     assert_eq!(state, expected);

@@ -11,6 +11,7 @@ use farsight::Library;
 use farsight::detector::has_libtorch;
 use farsight::libraries::data_folder;
 use farsight_graph::weights::Weights;
+use farsight_methods::detectors::Description;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::smoke::SmokeModel;
@@ -177,9 +178,17 @@ fn model_state(path: &Path) -> Option<ModelState> {
     } else if path.extension().is_some_and(|extension| extension == "onnx") {
         (ModelKind::Detector, OnnxModel::read(path).map(drop).map_err(anyhow::Error::from))
     } else {
-        (ModelKind::Detector, SmokeModel::read(path).map(drop).map_err(anyhow::Error::from))
+        (ModelKind::Detector, read_detector(path))
     };
     Some(ModelState { path: path.display().to_string(), kind, problem: read.err().map(|error| error.to_string()) })
+}
+
+/// Reads a detector of any method.
+fn read_detector(path: &Path) -> Result<()> {
+    if Description::of_model_file(path)?.is_none() {
+        SmokeModel::read(path)?;
+    }
+    Ok(())
 }
 
 fn advice(engines: &[EngineState], machine: &Machine) -> Vec<String> {
