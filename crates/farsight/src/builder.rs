@@ -31,6 +31,7 @@ pub struct PipelineBuilder {
     model: ModelSource,
     engine: EngineOptions,
     second_stage_engine: Option<EngineKind>,
+    second_stage_precision: Option<Precision>,
     refiner: StageSource,
     plates: StageSource,
     road: Option<Road>,
@@ -108,10 +109,17 @@ impl PipelineBuilder {
         self
     }
 
-    /// Another engine for refiner and plate reader, in single precision; its library is looked for.
+    /// Another engine for refiner and plate reader, in single precision unless another is chosen for them; its library
+    /// is looked for.
     #[must_use]
     pub fn second_stage_engine(self, kind: EngineKind) -> Self {
         Self { second_stage_engine: Some(kind), ..self }
+    }
+
+    /// In which numbers refiner and plate reader compute; by default in those of the detector on its engine.
+    #[must_use]
+    pub fn second_stage_precision(self, precision: Precision) -> Self {
+        Self { second_stage_precision: Some(precision), ..self }
     }
 
     /// Refines what was found.
@@ -218,7 +226,7 @@ impl PipelineBuilder {
     fn assembled(&self, opened: OpenDetector) -> Result<Pipeline, Error> {
         let family = opened.family()?;
         let is_shipped = family.is_some();
-        let second = self.second_stage_engine.map_or_else(|| self.engine.clone(), |kind| self.second_engine(kind));
+        let second = self.second_engine();
         let refiner =
             second_stage::model(&self.refiner, is_shipped, || shipped::refiner(family.unwrap_or(Family::Smoke)))?;
         // It takes every plate for a European one.
@@ -268,11 +276,14 @@ impl PipelineBuilder {
         Ok(Pipeline::new(stages, settings, info, left_out.map(|(stage, _)| stage).collect())?)
     }
 
-    /// The engine of the second stages, where it is named: the library that is named is the other engine's.
-    fn second_engine(&self, kind: EngineKind) -> EngineOptions {
-        if kind == self.engine.kind {
-            return self.engine.clone();
-        }
-        EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
+    /// The engine of the second stages. A library that is named is that of the detector's engine.
+    fn second_engine(&self) -> EngineOptions {
+        let engine = match self.second_stage_engine {
+            Some(kind) if kind != self.engine.kind => {
+                EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
+            }
+            _ => self.engine.clone(),
+        };
+        EngineOptions { precision: self.second_stage_precision.unwrap_or(engine.precision), ..engine }
     }
 }

@@ -10,8 +10,8 @@ use crate::loader::ItemKey;
 /// is the first law that is broken.
 ///
 /// A frame is equal whenever it is asked for, and equal to what is asked for alone: name, pixels, camera, road, labels,
-/// time, pose, annotations. Frames of an epoch have names of their own. A data set that is not labelled has no labels. Every
-/// frame has the annotations that are named. Epochs have the same frames, or, of an endless data set, new ones.
+/// time, pose, annotations. Frames of an epoch have names of their own. A data set that is not labelled has no labels.
+/// Every frame has the annotations that are named. Epochs have the same frames, or, of an endless data set, new ones.
 /// [`CachedDataset`] gives the same.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight::detector::open_detector;
-use farsight::model_file::{SHIPPED_PLATES, detector_of_word, read_own, refiner_of_word};
+use farsight::model_file::{SHIPPED_PLATES, refiner_of_word, with_own};
 use farsight::second_stage::refiner;
 use farsight::shipped::{self, Family};
 use farsight::{Camera, EngineOptions, ModelSource};
@@ -16,11 +16,10 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::quantize::{RANGES_KEY, StoredRanges, layers_of};
 use farsight_graph::transform::Network;
 use farsight_methods::Detector;
+use farsight_methods::method::{DetectorMethod, ModelTaker};
 use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
 use farsight_methods::refiner::{Refiner, RefinerModel};
 use farsight_methods::roi::RoiRunner;
-use farsight_methods::smoke::SmokeDetector;
-use farsight_methods::ssd::{SsdDetector, SsdModel};
 use farsight_onnx::{Facts, Target, int8_outputs};
 use farsight_runtime::{Calibration, Runner};
 use image::RgbImage;
@@ -47,12 +46,6 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
         let look = |runner, model: &RefinerModel| refiner_behind(runner, model, Path::new(family.name()));
         return measured(&shipped::refiner(family)?, args, printer, look);
     }
-    if detector_of_word(path) == Some(Family::World) {
-        return measured(&shipped::world()?, args, printer, |runner, model| Ok(ssd(runner, model)));
-    }
-    if SsdModel::is_one(path) {
-        return measured(&SsdModel::read(path)?, args, printer, |runner, model| Ok(ssd(runner, model)));
-    }
     if RefinerModel::is_one(path) {
         let look = |runner, model: &RefinerModel| refiner_behind(runner, model, &args.detector);
         return measured(&RefinerModel::read(path)?, args, printer, look);
@@ -60,10 +53,28 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if PlateReaderModel::is_one(path) {
         return measured(&PlateReaderModel::read(path)?, args, printer, |runner, model| plates(runner, model, args));
     }
-    let model = read_own(path)?;
-    measured(&model, args, printer, |runner, model| {
-        Ok(detector(Box::new(SmokeDetector::new(runner, &model.config, None))))
-    })
+    with_own(path, Ranges { args, printer })?
+}
+
+/// Measures the ranges of a detector.
+struct Ranges<'a> {
+    args: &'a ExportArgs,
+    printer: &'a mut Printer,
+}
+
+impl ModelTaker for Ranges<'_> {
+    type Answer = Result<Outcome>;
+
+    fn take<C: DetectorMethod>(self, model: Model<C>) -> Result<Outcome> {
+        let Self { args, printer } = self;
+        let is_one = Network::new(&model).parts(C::OUTPUTS).len() == 1;
+        let path = args.model.display();
+        ensure!(is_one, "{path}: {}, two networks with a sampler between them; --int8 is for one network", C::NAME);
+        measured(&model, args, printer, |runner, model| {
+            let whole = model.config.clone().detector(runner, None, None);
+            Ok(detector(whole.context("a network in one part")?))
+        })
+    }
 }
 
 /// Shows the images to the network of `model` through `look`, and writes its file with the ranges that were seen.
@@ -130,10 +141,6 @@ fn detector(mut detector: Box<dyn Detector>) -> Look {
         detector.detect_batch(&[(image, camera)], &DecodeOptions::default())?;
         Ok(())
     })
-}
-
-fn ssd(runner: Box<dyn Runner>, model: &SsdModel) -> Look {
-    detector(Box::new(SsdDetector::new(runner, model.config.clone())))
 }
 
 /// The refiner of `model` at what the detector called `first` finds.
