@@ -208,7 +208,8 @@ fn rooms_use_rooms_of_lower_floors() {
         floors.extend(rooms.filter_map(|room| Some((room.to_owned(), floor?))));
     }
     assert!(floors.len() > 10, "{floors:?}");
-    let unplaced: Vec<_> = crates().into_iter().map(|(name, _)| name).filter(|name| !floors.contains_key(name)).collect();
+    let unplaced: Vec<_> =
+        crates().into_iter().map(|(name, _)| name).filter(|name| !floors.contains_key(name)).collect();
     assert!(unplaced.is_empty(), "not in the picture of ARCHITECTURE.md: {unplaced:?}");
     for (name, folder) in crates() {
         let floor = &floors[&name];

@@ -24,7 +24,7 @@ pub enum ReadError {
 /// When it says none, one of another method or one that cannot be used, or lacks an output of it.
 pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
     let failed = |problem| OnnxError::new(source, problem);
-    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
+    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::UnknownProducer))?;
     if let Some(found) = onnx.facts().get(key::METHOD).filter(|found| *found != C::METHOD) {
         return Err(failed(OnnxProblem::Method { found: found.to_owned(), expected: C::NAME, method: C::METHOD }));
     }

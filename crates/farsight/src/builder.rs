@@ -228,9 +228,9 @@ impl PipelineBuilder {
         let is_shipped = family.is_some();
         let second = self.second_engine();
         let refiner =
-            second_stage::model(&self.refiner, is_shipped, || shipped::refiner(family.unwrap_or(Family::Smoke)))?;
+            second_stage::model(&self.refiner, is_shipped, || shipped::refiner(family.unwrap_or(Family::FarsightS)))?;
         // It takes every plate for a European one.
-        let has_plates = family == Some(Family::Smoke) && self.refiner == StageSource::Default;
+        let has_plates = family == Some(Family::FarsightS) && self.refiner == StageSource::Default;
         let plates = second_stage::model(&self.plates, has_plates, shipped::plates)?;
         let info = ModelInfo {
             name: opened.name.to_string_lossy().into_owned(),
@@ -244,7 +244,7 @@ impl PipelineBuilder {
                 .map(|model| Ok::<_, Error>(second_stage::refiner(&model, &second)?.with_effort(self.effort)))
                 .transpose()?,
             plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
-            height_doubts: Vec::new(),
+            height_conflicts: Vec::new(),
         };
         let needs_error_bars =
             [(PLATE_READER, self.plates.is_asked_for()), (ROAD, self.road.is_some_and(|road| road != Road::Ignored))];
@@ -272,8 +272,8 @@ impl PipelineBuilder {
             ("plate reader", self.plates == StageSource::Default),
             ("road plane", self.road.is_none()),
         ];
-        let left_out = made_for_shipped.into_iter().filter(|(_, is_unsaid)| *is_unsaid && !is_shipped);
-        Ok(Pipeline::new(stages, settings, info, left_out.map(|(stage, _)| stage).collect())?)
+        let disabled_stages = made_for_shipped.into_iter().filter(|(_, is_unsaid)| *is_unsaid && !is_shipped);
+        Ok(Pipeline::new(stages, settings, info, disabled_stages.map(|(stage, _)| stage).collect())?)
     }
 
     /// The engine of the second stages. A library that is named is that of the detector's engine.

@@ -126,8 +126,8 @@ fn check_precision(onnx: &OnnxModel, engine: &EngineOptions, source: &Path) -> R
 fn network(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorNetwork, Error> {
     let (form, target, name) = (engine.form(), engine.kind.target(), source.name());
     let path = match source {
-        ModelSource::Shipped(Family::World) => return Ok(from_model(&shipped::world()?, form, target, name)?),
-        ModelSource::Shipped(Family::Smoke) => return Ok(from_model(&shipped::smoke()?, form, target, name)?),
+        ModelSource::Shipped(Family::FarsightW) => return Ok(from_model(&shipped::ssd()?, form, target, name)?),
+        ModelSource::Shipped(Family::FarsightS) => return Ok(from_model(&shipped::smoke()?, form, target, name)?),
         ModelSource::Memory { onnx, second, .. } => {
             return Ok(from_parts((**onnx).clone(), second.as_deref().cloned()));
         }

@@ -57,7 +57,7 @@ pub use engine_options::{EngineKind, EngineOptions, Precision};
 pub use error::Error;
 pub use farsight_core::camera::CameraError;
 pub use farsight_core::lens::LensError;
-pub use farsight_core::road::{HeightDoubt, Road, RoadPlane};
+pub use farsight_core::road::{HeightConflict, Road, RoadPlane};
 pub use farsight_core::{Box2d, Box3d, Camera, Detection, Lens, ObjectClass};
 pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage, Undistorter};
 pub use farsight_methods::refiner::Effort;

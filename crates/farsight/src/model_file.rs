@@ -28,7 +28,7 @@ pub const SHIPPED: &str = "shipped";
 pub const SHIPPED_PLATES: &str = "shipped-plates";
 
 /// The family whose detector `path` is the word for.
-pub fn detector_of_word(path: &Path) -> Option<Family> {
+pub fn shipped_detector(path: &Path) -> Option<Family> {
     match path.to_str()? {
         SHIPPED => Some(Family::default()),
         word => Family::ALL.into_iter().find(|family| family.name() == word),
@@ -36,8 +36,8 @@ pub fn detector_of_word(path: &Path) -> Option<Family> {
 }
 
 /// The family whose refiner `path` is the word for, where a model of any kind is expected.
-pub fn refiner_of_word(path: &Path) -> Option<Family> {
-    detector_of_word(Path::new(path.to_str()?.strip_suffix("-refiner")?))
+pub fn shipped_refiner(path: &Path) -> Option<Family> {
+    shipped_detector(Path::new(path.to_str()?.strip_suffix("-refiner")?))
 }
 
 /// Whether the file may be what is `expected`.
@@ -82,9 +82,9 @@ pub fn check_detector(path: &Path) -> Result<(), Error> {
 /// # Errors
 /// When the file is none; what `farsight export` made of one is told.
 pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
-    match detector_of_word(path) {
-        Some(Family::Smoke) => return Ok(shipped::smoke()?),
-        Some(Family::World) => {
+    match shipped_detector(path) {
+        Some(Family::FarsightS) => return Ok(shipped::smoke()?),
+        Some(Family::FarsightW) => {
             let found = <SsdConfig as NetworkConfig>::NAME;
             return Err(kind_error(path, found, "a SMOKE, \"farsight-s\" for the one that comes with the program"));
         }
@@ -98,9 +98,9 @@ pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
 /// # Errors
 /// When the file is none; what `farsight export` made of one is told.
 pub fn with_own<T: ModelTaker>(path: &Path, taker: T) -> Result<T::Answer, Error> {
-    match detector_of_word(path) {
-        Some(Family::Smoke) => return Ok(taker.take(shipped::smoke()?)),
-        Some(Family::World) => return Ok(taker.take(shipped::world()?)),
+    match shipped_detector(path) {
+        Some(Family::FarsightS) => return Ok(taker.take(shipped::smoke()?)),
+        Some(Family::FarsightW) => return Ok(taker.take(shipped::ssd()?)),
         None => {}
     }
     let weights = own_weights(path)?;
@@ -110,8 +110,8 @@ pub fn with_own<T: ModelTaker>(path: &Path, taker: T) -> Result<T::Answer, Error
 
 /// Whether `path` is no SMOKE but a detector of another method.
 pub fn is_other_detector(path: &Path) -> bool {
-    match detector_of_word(path) {
-        Some(family) => family == Family::World,
+    match shipped_detector(path) {
+        Some(family) => family == Family::FarsightW,
         None => {
             let metadata = Weights::read_metadata(path).unwrap_or_default();
             metadata.get(METHOD_KEY).is_some_and(|tag| tag != SmokeConfig::METHOD && is_detector(tag))

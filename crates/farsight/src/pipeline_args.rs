@@ -53,12 +53,12 @@ impl PrecisionName {
 /// [`Effort`] as it is written on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum EffortName {
-    /// One look at each object, or two; no mirror images
+    /// One iteration of the refiner for each object, or two; no mirror images
     Fast,
-    /// Three looks at what is promising, and a mirror image
+    /// Three iterations for what is promising, and a mirror image
     #[default]
     Normal,
-    /// Three looks and a mirror image, whatever the score
+    /// Three iterations and a mirror image, whatever the score
     Best,
 }
 
@@ -234,7 +234,7 @@ pub(crate) struct PipelineArgs {
     pub(crate) second_stage_precision: Option<PrecisionName>,
     #[command(flatten)]
     pub(crate) second_stage: SecondStageArgs,
-    /// How much is done for each object: how often the refiner looks at it, and whether at its mirror image, too
+    /// How much is done for each object: how many iterations of the refiner, and whether for its mirror image, too
     #[arg(long, value_enum, default_value_t = EffortName::Normal)]
     pub(crate) effort: EffortName,
     #[command(flatten)]
@@ -278,8 +278,8 @@ impl PipelineArgs {
 }
 
 /// Says when what was found contradicts what was said of the camera.
-pub(crate) fn tell_doubt(pipeline: &Pipeline, printer: &mut Printer) {
-    if let Some((images, doubt)) = pipeline.height_doubt() {
+pub(crate) fn tell_height_conflict(pipeline: &Pipeline, printer: &mut Printer) {
+    if let Some((images, doubt)) = pipeline.height_conflict() {
         printer.warning(&format!("{doubt} ({})", counted(images, "image")));
     }
 }
@@ -294,11 +294,11 @@ pub(crate) fn tell_unhashed(files: impl IntoIterator<Item = PathBuf>, printer: &
 /// As [`open`], and says what is left out because the weights are not those that it is made for.
 pub(crate) fn open_and_tell(builder: &PipelineBuilder, printer: &mut Printer) -> Result<Pipeline> {
     let pipeline = open(builder)?;
-    let (model, left_out) = (&pipeline.info().name, pipeline.left_out());
-    if !left_out.is_empty() {
-        let left_out = left_out.join(", ");
+    let (model, disabled_stages) = (&pipeline.info().name, pipeline.disabled_stages());
+    if !disabled_stages.is_empty() {
+        let disabled_stages = disabled_stages.join(", ");
         printer.note(&format!(
-            "{model}: not the shipped weights, so without what is made for those: {left_out} (--refiner, --plates and --above-road choose them)"
+            "{model}: not the shipped weights, so without what is made for those: {disabled_stages} (--refiner, --plates and --above-road choose them)"
         ));
     }
     Ok(pipeline)

@@ -37,7 +37,7 @@ impl ModelSource {
     /// another is named.
     pub fn from_word(word: impl Into<PathBuf>) -> Self {
         let path = word.into();
-        model_file::detector_of_word(&path).map_or(Self::File(path), Self::Shipped)
+        model_file::shipped_detector(&path).map_or(Self::File(path), Self::Shipped)
     }
 
     /// What errors and records call it.

@@ -11,9 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use farsight::shipped::Family;
-use farsight::{
-    Camera, EngineKind, EngineOptions, Error, ModelSource, Pipeline, Precision, StageSource, read_image,
-};
+use farsight::{Camera, EngineKind, EngineOptions, Error, ModelSource, Pipeline, Precision, StageSource, read_image};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::{Model, NetworkConfig};
@@ -388,11 +386,11 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
         // A scene in which each stage has a say.
         let plates_matter = |scene: &&str| {
             let without = builder().plates(StageSource::Off).open().unwrap();
-            family == Family::World || sure(&without, scene) != sure(&whole, scene)
+            family == Family::FarsightW || sure(&without, scene) != sure(&whole, scene)
         };
         let scene = ["000000", "000001", "000002", "000003"].into_iter().find(plates_matter);
         let scene = scene.expect("a scene with a number plate that can be read");
-        assert_eq!(whole.info().plates_sha256.is_some(), family == Family::Smoke);
+        assert_eq!(whole.info().plates_sha256.is_some(), family == Family::FarsightS);
         let expected = sure(&whole, scene);
         assert!(expected.len() > 2, "{expected:?} prove little");
         for &kind in &kinds {
@@ -418,9 +416,8 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
 #[test]
 fn the_second_stages_have_a_precision_of_their_own() {
     let expected = sure(&Pipeline::shipped().unwrap(), "000000");
-    let asked = |kind, precision| {
-        Pipeline::builder().second_stage_engine(kind).second_stage_precision(precision).open()
-    };
+    let asked =
+        |kind, precision| Pipeline::builder().second_stage_engine(kind).second_stage_precision(precision).open();
     assert!(matches!(asked(EngineKind::Rten, Precision::Int8), Err(Error::Option { engine: EngineKind::Rten, .. })));
     for kind in kinds().into_iter().filter(|kind| kind.library().is_some()) {
         let single = asked(kind, Precision::F32).unwrap();

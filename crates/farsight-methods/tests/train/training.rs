@@ -18,8 +18,8 @@ use farsight_methods::training::train_on;
 use farsight_train::config::{RenderedConfig, ValidateConfig};
 use farsight_train::executor::{Precision, values_from_tensor};
 use farsight_train::metrics::{Metrics, StepSummary};
-use farsight_train::training::{FileOptions, fit, fit_on};
 use farsight_train::training::{CHECKPOINT_FILE, Callback, Job, Start, TrainError};
+use farsight_train::training::{FileOptions, fit, fit_on};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -116,7 +116,7 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     };
     let terms = |batch: i64| {
         let targets = BatchTargets::new(&vec![image.clone(); batch as usize], &vec![true; batch as usize], Device::Cpu);
-        loss(&codec, &maps(batch, 3), &maps(batch, 8), &targets, CornerWeights::alike(37.5 * batch as f64)).1
+        loss(&codec, &maps(batch, 3), &maps(batch, 8), &targets, CornerWeights::uniform(37.5 * batch as f64)).1
     };
     let (one, eight) = (terms(1), terms(8));
     for ((name, a), (_, b)) in one.named().iter().zip(eight.named()) {
@@ -147,8 +147,8 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
         let (objective, terms) = loss(&codec, &maps(3), &regression, &targets, weights);
         (terms, Tensor::run_backward(&[objective], &[regression], false, false).remove(0))
     };
-    let alike = CornerWeights { image: 1.0, ..CornerWeights::alike(37.5) };
-    let (once, gradient) = learn(alike);
+    let uniform = CornerWeights { image: 1.0, ..CornerWeights::uniform(37.5) };
+    let (once, gradient) = learn(uniform);
 
     // What a factor of 0 takes away, a factor of 3 adds twice, in the part's own channels and nowhere else.
     let check = |own: Range<i64>, weights: [CornerWeights; 2]| {
@@ -165,9 +165,9 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
         let moved: Vec<_> = (0..8).filter(moves).collect();
         assert!(moved.len() > 1 && moved.iter().all(|channel| own.contains(channel)), "{own:?}: {moved:?}");
     };
-    check(6..8, [0.0, 3.0].map(|orientation| CornerWeights { orientation, ..alike }));
-    check(3..6, [0.0, 3.0].map(|dimensions| CornerWeights { dimensions, ..alike }));
-    check(0..8, [0.0, 3.0].map(|image| CornerWeights { image, ..alike }));
+    check(6..8, [0.0, 3.0].map(|orientation| CornerWeights { orientation, ..uniform }));
+    check(3..6, [0.0, 3.0].map(|dimensions| CornerWeights { dimensions, ..uniform }));
+    check(0..8, [0.0, 3.0].map(|image| CornerWeights { image, ..uniform }));
 }
 
 #[test]

@@ -71,12 +71,12 @@ fn read(path: &Path) -> Result<Description> {
         return untrained::read(path);
     }
     let told_of = |(description, facts): (Description, Facts)| with(description, told(&facts));
-    match model_file::detector_of_word(path) {
-        Some(Family::World) => return Ok(told_of(Description::of_model(&shipped::world()?))),
-        Some(Family::Smoke) => return Ok(told_of(Description::of_model(&shipped::smoke()?))),
+    match model_file::shipped_detector(path) {
+        Some(Family::FarsightW) => return Ok(told_of(Description::of_model(&shipped::ssd()?))),
+        Some(Family::FarsightS) => return Ok(told_of(Description::of_model(&shipped::smoke()?))),
         None => {}
     }
-    if let Some(family) = model_file::refiner_of_word(path) {
+    if let Some(family) = model_file::shipped_refiner(path) {
         return Ok(told_of(Description::of_model(&shipped::refiner(family)?)));
     }
     if path == Path::new(model_file::SHIPPED_PLATES) {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight::detector::open_detector;
-use farsight::model_file::{SHIPPED_PLATES, refiner_of_word, with_own};
+use farsight::model_file::{SHIPPED_PLATES, shipped_refiner, with_own};
 use farsight::second_stage::refiner;
 use farsight::shipped::{self, Family};
 use farsight::{Camera, EngineOptions, ModelSource};
@@ -38,7 +38,7 @@ const MIN_SCORE: f64 = 0.1;
 /// Runs the command.
 pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let path = args.model.as_path();
-    let family = refiner_of_word(path);
+    let family = shipped_refiner(path);
     if path == Path::new(SHIPPED_PLATES) {
         return measured(&shipped::plates()?, args, printer, |runner, model| plates(runner, model, args));
     }
@@ -160,7 +160,7 @@ fn refiner_behind(runner: Box<dyn Runner>, model: &RefinerModel, first: &Path) -
 fn plates(runner: Box<dyn Runner>, model: &PlateReaderModel, args: &ExportArgs) -> Result<Look> {
     let engine = EngineOptions::default();
     let mut detector = open_detector(&ModelSource::from_word(&args.detector), &engine)?;
-    let mut refiner = refiner(&shipped::refiner(Family::Smoke)?, &engine)?;
+    let mut refiner = refiner(&shipped::refiner(Family::FarsightS)?, &engine)?;
     let mut reader = PlateReader::new(RoiRunner::new(runner), model.config.clone());
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     Ok(Box::new(move |image, camera| {
