@@ -163,6 +163,7 @@ impl DetectorLoss for CenterNet3dLoss {
             offset: objects.rows(|object| object.offset),
         }
     }
+
     fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
         let [heatmap, depth, rotation, dimensions, size, offset] = [0, 1, 2, 3, 4, 5].map(|place| &outputs[place]);
         let at = |map: &Tensor| at_cells(map, &batch.cells);

@@ -215,6 +215,7 @@ impl DetectorLoss for MonoDleLoss {
             dimensions: taught.rows(|object| object.dimensions_hwl),
         }
     }
+
     fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
         let [heatmap, box_offset, box_size, depth, center_offset, dimensions, heading] =
             [0, 1, 2, 3, 4, 5, 6].map(|place| &outputs[place]);
