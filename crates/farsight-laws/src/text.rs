@@ -15,15 +15,8 @@ use farsight_core::ObjectClass;
 use farsight_data::annotations::{Annotations, FileFormat, Plates};
 use farsight_data::kitti::split::split_from_text;
 use farsight_eval::tracks::{MAX_FRAMES, judge, read_sequence};
-use farsight_graph::model::NetworkConfig;
-use farsight_methods::centernet3d::CenterNet3dConfig;
-use farsight_methods::gs3d::Gs3dConfig;
-use farsight_methods::monodle::MonoDleConfig;
-use farsight_methods::oftnet::OftNetConfig;
-use farsight_methods::plate_reader::PlateReaderConfig;
-use farsight_methods::refiner::RefinerConfig;
-use farsight_methods::smoke::SmokeConfig;
-use farsight_methods::ssd::SsdConfig;
+use farsight_methods::each_method;
+use farsight_methods::method::{Method, MethodVisitor};
 use farsight_synth::SceneConfig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -140,26 +133,29 @@ pub(crate) fn scene_config(bytes: &[u8]) -> bool {
 
 /// What a network is made of, of every method.
 pub(crate) fn model_config(bytes: &[u8]) -> bool {
-    let networks = [
-        network::<SmokeConfig>(bytes),
-        network::<CenterNet3dConfig>(bytes),
-        network::<MonoDleConfig>(bytes),
-        network::<OftNetConfig>(bytes),
-        network::<Gs3dConfig>(bytes),
-        network::<SsdConfig>(bytes),
-        network::<RefinerConfig>(bytes),
-        network::<PlateReaderConfig>(bytes),
-    ];
+    let mut configs = Configs { bytes, accepted: false };
+    each_method(&mut configs);
     // As users have it: a table in the config of a training.
     let (_folder, path) = as_file("input.toml", bytes);
-    accepted(untrained::read(&path), &path).is_some() || networks.contains(&true)
+    accepted(untrained::read(&path), &path).is_some() || configs.accepted
 }
 
-fn network<C: NetworkConfig>(bytes: &[u8]) -> bool {
-    let Some(config) = toml_round_trip::<C>(bytes).filter(|config| config.problem().is_none()) else { return false };
-    let graph = config.graph();
-    assert!(C::OUTPUTS.iter().all(|output| graph.tap(output).is_some()));
-    true
+struct Configs<'a> {
+    bytes: &'a [u8],
+    /// Whether it is the config of any method.
+    accepted: bool,
+}
+
+impl MethodVisitor for Configs<'_> {
+    fn visit<C: Method>(&mut self) {
+        let Some(config) = toml_round_trip::<C>(self.bytes) else { return };
+        if config.problem().is_none() {
+            let graph = config.graph();
+            assert!(C::OUTPUTS.iter().all(|output| graph.tap(output).is_some()));
+            assert!(config.counted_input().iter().all(|side| *side > 0) && !config.facts().is_empty());
+            self.accepted = true;
+        }
+    }
 }
 
 fn toml_round_trip<T: DeserializeOwned + Serialize + PartialEq + Debug>(bytes: &[u8]) -> Option<T> {

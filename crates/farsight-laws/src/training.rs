@@ -3,13 +3,8 @@
 use std::path::Path;
 
 use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
-use farsight_methods::centernet3d::train::CenterNet3dTask;
-use farsight_methods::gs3d::train::Gs3dTask;
-use farsight_methods::monodle::train::MonoDleTask;
-use farsight_methods::oftnet::train::OftNetTask;
-use farsight_methods::plate_reader::train::PlateReaderTask;
-use farsight_methods::refiner::train::RefinerTask;
-use farsight_methods::smoke::train::SmokeTask;
+use farsight_methods::each_task;
+use farsight_methods::training::TaskVisitor;
 use farsight_train::checkpoint::{data_of, read};
 use farsight_train::config::RunConfig;
 use farsight_train::task::{RunOf, Task};
@@ -18,16 +13,21 @@ use crate::text::{accepted, as_file};
 
 /// A config of a training, of every method, through a file as users have it.
 pub(crate) fn config(bytes: &[u8]) -> bool {
-    let runs = [
-        run::<SmokeTask>(bytes),
-        run::<CenterNet3dTask>(bytes),
-        run::<MonoDleTask>(bytes),
-        run::<OftNetTask>(bytes),
-        run::<Gs3dTask>(bytes),
-        run::<RefinerTask>(bytes),
-        run::<PlateReaderTask>(bytes),
-    ];
-    runs.contains(&true)
+    let mut runs = Runs { bytes, accepted: false };
+    each_task(&mut runs);
+    runs.accepted
+}
+
+struct Runs<'a> {
+    bytes: &'a [u8],
+    /// Whether it is the config of any method.
+    accepted: bool,
+}
+
+impl TaskVisitor for Runs<'_> {
+    fn visit<T: Task>(&mut self) {
+        self.accepted |= run::<T>(self.bytes);
+    }
 }
 
 fn run<T: Task>(bytes: &[u8]) -> bool {

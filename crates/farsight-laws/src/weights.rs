@@ -7,29 +7,32 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_import::read_pth;
 use farsight_import::tflite::read_convolutions;
-use farsight_methods::centernet3d::CenterNet3dConfig;
-use farsight_methods::gs3d::Gs3dConfig;
-use farsight_methods::monodle::MonoDleConfig;
-use farsight_methods::oftnet::OftNetConfig;
+use farsight_methods::each_detector;
+use farsight_methods::method::{DetectorMethod, DetectorVisitor};
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
-use farsight_methods::smoke::SmokeConfig;
 use farsight_methods::smoke::import::{ImportOptions, import};
-use farsight_methods::ssd::{self, SsdConfig};
+use farsight_methods::ssd;
 
 use crate::text::{accepted, as_file};
 
-/// A model file of a detector.
+/// A model file of a detector, of every method.
 pub(crate) fn detector(bytes: &[u8]) -> bool {
-    let models = [
-        model::<SmokeConfig>(bytes),
-        model::<CenterNet3dConfig>(bytes),
-        model::<MonoDleConfig>(bytes),
-        model::<OftNetConfig>(bytes),
-        model::<Gs3dConfig>(bytes),
-        model::<SsdConfig>(bytes),
-    ];
-    models.contains(&true)
+    let mut models = Models { bytes, accepted: false };
+    each_detector(&mut models);
+    models.accepted
+}
+
+struct Models<'a> {
+    bytes: &'a [u8],
+    /// Whether it is a model of any method.
+    accepted: bool,
+}
+
+impl DetectorVisitor for Models<'_> {
+    fn visit<C: DetectorMethod>(&mut self) {
+        self.accepted |= model::<C>(self.bytes);
+    }
 }
 
 /// A model file of a refiner.
