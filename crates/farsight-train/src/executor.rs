@@ -73,6 +73,20 @@ impl Precision {
     }
 }
 
+/// Whether a device multiplies bfloat16 by itself. A CPU that does not emulates it, tens of times slower than single
+/// precision.
+pub fn has_bf16(device: Device) -> bool {
+    match device {
+        #[cfg(target_arch = "x86_64")]
+        Device::Cpu => std::arch::is_x86_feature_detected!("avx512bf16"),
+        #[cfg(target_arch = "aarch64")]
+        Device::Cpu => std::arch::is_aarch64_feature_detected!("bf16"),
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        Device::Cpu => false,
+        _ => true,
+    }
+}
+
 /// What numbers of this kind are summed in: double precision stays, all else becomes single.
 pub fn wide_kind(kind: Kind) -> Kind {
     if kind == Kind::Double { Kind::Double } else { Kind::Float }
