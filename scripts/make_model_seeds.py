@@ -1,6 +1,7 @@
 """Writes fuzz/corpus/model: a small ONNX file with all that Farsight's reader looks at, and broken variants of it.
 
-Needs the packages onnx and numpy. Run from the project's root: python scripts/make_model_seeds.py
+ONNX's own package writes them, so that the reader is held against a writer that is not ours (what ours writes is among
+the seeds of farsight-laws anyhow). Needs the packages onnx and numpy. Run from the project's root: python scripts/make_model_seeds.py
 """
 
 import copy

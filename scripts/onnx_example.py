@@ -1,7 +1,6 @@
 """What an exported detector finds, without Farsight: python scripts/onnx_example.py MODEL.onnx IMAGE.ppm CALIB.txt
-
-IMAGE is a binary PPM, CALIB a text with a line "P2: " and 12 numbers (3x4 projection). docs/onnx.md explains each step.
-The answers are those of `farsight range --refiner none --plates none --above-road none --max-overlap 1 --json -`.
+IMAGE is a binary PPM, CALIB a text with "P2: " and 12 numbers (3x4 projection). docs/onnx.md explains each step. The
+answers are those of `farsight range --refiner none --plates none --above-road none --max-overlap 1 --json -`.
 """
 import json
 import sys
@@ -68,11 +67,14 @@ def detect(session, image, P):
     return sorted((one for one in found if one["score"] > least), key=lambda one: -one["score"])
 
 
-if __name__ == "__main__":
-    _, model, image, calib = sys.argv
-    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
-    data = open(image, "rb").read()
+def main(detect):
+    session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
+    data = open(sys.argv[2], "rb").read()
     width, height = map(int, data.split(maxsplit=3)[1:3])
     pixels = np.frombuffer(data, np.uint8)[-3 * width * height :].reshape(height, width, 3)
-    P2 = next(line for line in open(calib) if line.startswith("P2:"))
-    print(json.dumps(detect(session, pixels, np.array(P2.split()[1:], float).reshape(3, 4)), default=float, indent=1))
+    P2 = next(line for line in open(sys.argv[3]) if line.startswith("P2:")).split()[1:]
+    print(json.dumps(detect(session, pixels, np.array(P2, float).reshape(3, 4)), default=float, indent=1))
+
+
+if __name__ == "__main__":
+    main(detect)

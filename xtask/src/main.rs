@@ -123,10 +123,20 @@ fn check() -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let everything = ["--workspace", "--all-targets", "--features", "farsight/train,farsight-laws/train"];
     run(cargo(None).args(["fmt", "--all", "--check"]))?;
+    // `cargo fmt` does not see modules that a macro makes.
+    run(Command::new("rustfmt").args(["--check", "--edition", "2024"]).args(method_folders()?))?;
     run(cargo(Some(&libtorch)).arg("clippy").args(everything).args(["--", "-D", "warnings"]))?;
     // The everyday build, without libtorch.
     run(cargo(None).args(["clippy", "--package", "farsight", "--", "-D", "warnings"]))?;
     run(cargo(Some(&libtorch)).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
+}
+
+/// The modules of the methods, which a table makes.
+fn method_folders() -> Result<Vec<PathBuf>, String> {
+    let folder = root().join("crates/farsight-methods/src");
+    let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let modules = entries.filter_map(|entry| Some(entry.ok()?.path().join("mod.rs")));
+    Ok(modules.filter(|module| module.is_file()).collect())
 }
 
 /// The folder of KITTI frames that the arguments or the environment name.

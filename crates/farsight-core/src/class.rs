@@ -72,7 +72,7 @@ impl ObjectClass {
 
     /// Whether this is `known`, one of KITTI's, by its name in any case: the devkit compares like that, so `car` and
     /// `dontcare` count.
-    pub fn is_in_any_case(&self, known: &Self) -> bool {
+    pub fn eq_ignore_case(&self, known: &Self) -> bool {
         match self {
             Self::Other(name) => name.eq_ignore_ascii_case(known.name()),
             _ => self == known,

@@ -26,7 +26,7 @@ impl Label {
     /// How much of `box2d`, pixels of the original image, lies on this: of a region that was not labelled the share
     /// that it covers, as in the devkit, of an object intersection over union.
     pub fn overlap_2d(&self, box2d: &Box2d) -> f64 {
-        if self.class.is_in_any_case(&ObjectClass::DontCare) {
+        if self.class.eq_ignore_case(&ObjectClass::DontCare) {
             covered_share_2d(box2d, &self.box2d)
         } else {
             iou_2d(box2d, &self.box2d)

@@ -23,7 +23,8 @@ pub fn covered_share_2d(a: &Box2d, b: &Box2d) -> f64 {
 ///
 /// ```
 /// use farsight_core::{Box3d, Dimensions, overlap::iou_bev};
-/// let parked = Box3d { dimensions: Dimensions { height: 1.5, width: 2.0, length: 4.0 }, location: [0.0, 1.6, 20.0], yaw: 0.3 };
+/// let dimensions = Dimensions { height: 1.5, width: 2.0, length: 4.0 };
+/// let parked = Box3d { dimensions, location: [0.0, 1.6, 20.0], yaw: 0.3 };
 /// assert_eq!(iou_bev(&parked, &parked), 1.0);
 /// ```
 pub fn iou_bev(a: &Box3d, b: &Box3d) -> f64 {

@@ -8,7 +8,7 @@
 
 mod plane;
 
-pub use plane::{HeightDoubt, RoadPlane};
+pub use plane::{HeightConflict, RoadPlane};
 
 use crate::linear::{dot, solved};
 use crate::scale::{ScalePrior, is_scaled};

@@ -1,6 +1,7 @@
 //! How many augmented training samples a second the loader prepares from a data set, and what they spend their time on.
 //!
-//! `cargo run --release -p farsight-data --example loader_speed -- --data DIR [--size 1280x384] [--workers 2] [--seconds 10]`
+//! `cargo run --release -p farsight-data --example loader_speed -- --data DIR`, and `--size 1280x384`, `--workers 2`,
+//! `--seconds 10`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

@@ -1,5 +1,6 @@
 //! One labelled image.
 
+use farsight_core::road::RoadPlane;
 use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
@@ -14,6 +15,8 @@ pub struct Frame {
     pub image: RgbImage,
     /// The camera of `image`.
     pub camera: Camera,
+    /// The road under a camera that was calibrated.
+    pub road: Option<RoadPlane>,
     /// What is in it, in the order of the label file.
     pub labels: Vec<Label>,
     /// When it was taken, nanoseconds from a zero that the frames of one sequence share.
@@ -27,8 +30,8 @@ pub struct Frame {
 impl Frame {
     /// A frame of which nothing else is known.
     pub fn new(id: impl Into<String>, image: RgbImage, camera: Camera, labels: Vec<Label>) -> Self {
-        let (timestamp_ns, world_from_camera, annotations) = (None, None, Annotations::default());
-        Self { id: id.into(), image, camera, labels, timestamp_ns, world_from_camera, annotations }
+        let (road, timestamp_ns, world_from_camera, annotations) = (None, None, None, Annotations::default());
+        Self { id: id.into(), image, camera, road, labels, timestamp_ns, world_from_camera, annotations }
     }
 
     /// The same frame with one more annotation.

@@ -35,7 +35,7 @@ pub use exif::{Exif, FocalFromExif, FocalProblem, focal};
 pub use formats::{open_dataset, open_labelled};
 pub use frame::Frame;
 pub use image_io::{
-    Foreign, IMAGE_FORMATS, ImageError, ImageHeader, ImageLimits, ImageWarning, LoadedImage, decode_image,
+    IMAGE_FORMATS, ImageError, ImageHeader, ImageLimits, ImageWarning, LoadedImage, UnsupportedFormat, decode_image,
     has_image_extension, image_named, load_image, read_header, read_image,
 };
 pub use kitti::KittiDataset;

@@ -9,9 +9,6 @@ use image::RgbImage;
 use crate::annotations::DepthMap;
 use crate::{ColorJitter, Frame, Reflections, Shadow, Sharpness, network_input};
 
-/// Input pixels per cell of the map of surface depths.
-pub const SURFACE_STRIDE: usize = 4;
-
 /// What is done to one frame to make a network's input of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transform {
@@ -48,9 +45,6 @@ pub struct Sample {
     pub labels: Vec<Label>,
     /// Whether the regression head may learn from it.
     pub regress: bool,
-    /// z of what is seen amid each cell of the feature map, metres, row by row; infinite where nothing is. Only where
-    /// the frame knows it.
-    pub surface_m: Option<Vec<f32>>,
 }
 
 impl Transform {
@@ -120,25 +114,25 @@ impl Transform {
             camera: self.camera(&frame.camera, width),
             labels: frame.labels.iter().map(|label| self.label(label, width, rules.size)).collect(),
             regress: self.regress,
-            surface_m: frame
-                .annotation::<DepthMap>()
-                .map(|DepthMap { depth_m }| self.surface(depth_m, frame.image.dimensions(), rules)),
         }
     }
 
-    /// Looks `depth_m`, of an image of this size, up amid the cells of the feature map.
-    fn surface(&self, depth_m: &[f32], (width, height): (u32, u32), rules: &InputRules) -> Vec<f32> {
-        let map_size = rules.size.map(|side| side / SURFACE_STRIDE);
+    /// z of what is seen amid each cell of a map with a cell for `stride` pixels of the input a side, metres, row by
+    /// row; infinite where nothing is. None where `frame` does not know it.
+    pub fn surface_m(&self, frame: &Frame, rules: &InputRules, stride: usize) -> Option<Vec<f32>> {
+        let DepthMap { depth_m } = frame.annotation()?;
+        let (width, height) = frame.image.dimensions();
+        let map_size = rules.size.map(|side| side / stride);
         let Some(image_from_input) = self.input_from_image(width as usize).inverse() else {
-            return vec![f32::INFINITY; map_size[0] * map_size[1]];
+            return Some(vec![f32::INFINITY; map_size[0] * map_size[1]]);
         };
-        let amid = |cell: usize| (cell * SURFACE_STRIDE) as f64 + (SURFACE_STRIDE as f64 - 1.0) / 2.0;
+        let amid = |cell: usize| (cell * stride) as f64 + (stride as f64 - 1.0) / 2.0;
         let cells = (0..map_size[1]).flat_map(|row| (0..map_size[0]).map(move |column| [column, row]));
         let depth_at = |cell: [usize; 2]| {
             let [x, y] = image_from_input.apply(cell.map(amid)).map(f64::round);
             let inside = x >= 0.0 && y >= 0.0 && x < f64::from(width) && y < f64::from(height);
             if inside { depth_m[y as usize * width as usize + x as usize] } else { f32::INFINITY }
         };
-        cells.map(depth_at).collect()
+        Some(cells.map(depth_at).collect())
     }
 }

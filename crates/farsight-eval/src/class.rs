@@ -52,14 +52,14 @@ impl EvaluatedClass {
 
     /// The evaluated class that `class` is, if any.
     pub fn of(class: &ObjectClass) -> Option<Self> {
-        Self::ALL.into_iter().find(|evaluated| class.is_in_any_case(&evaluated.object_class()))
+        Self::ALL.into_iter().find(|evaluated| class.eq_ignore_case(&evaluated.object_class()))
     }
 
     /// What an object of `class` is to this class.
     pub fn role(self, class: &ObjectClass) -> Role {
-        if class.is_in_any_case(&self.object_class()) {
+        if class.eq_ignore_case(&self.object_class()) {
             Role::Own
-        } else if self.neighbour().is_some_and(|neighbour| class.is_in_any_case(&neighbour)) {
+        } else if self.neighbour().is_some_and(|neighbour| class.eq_ignore_case(&neighbour)) {
             Role::Neighbour
         } else {
             Role::Other
@@ -90,7 +90,7 @@ mod tests {
         for name in ["Car", "car", "CAR"] {
             assert_eq!(EvaluatedClass::of(&ObjectClass::from_name(name)), Some(EvaluatedClass::Car), "{name}");
         }
-        assert!(ObjectClass::from_name("dontcare").is_in_any_case(&ObjectClass::DontCare));
+        assert!(ObjectClass::from_name("dontcare").eq_ignore_case(&ObjectClass::DontCare));
     }
 
     #[test]

@@ -119,7 +119,7 @@ pub fn explain(frame: &Frame, options: &ExplainOptions) -> Explanation {
 }
 
 fn unmatched_object(class: &ObjectClass) -> ObjectOutcome {
-    if class.is_in_any_case(&ObjectClass::DontCare) { ObjectOutcome::DontCare } else { ObjectOutcome::NotEvaluated }
+    if class.eq_ignore_case(&ObjectClass::DontCare) { ObjectOutcome::DontCare } else { ObjectOutcome::NotEvaluated }
 }
 
 /// One frame for one class and difficulty.

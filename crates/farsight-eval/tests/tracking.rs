@@ -1,5 +1,5 @@
-//! Tracking metrics: laws, and the answers of `TrackEval` and `motrics` where they are installed (`pip install trackeval
-//! motrics`).
+//! Tracking metrics: laws, and the answers of `TrackEval` and `motrics` where they are installed
+//! (`pip install trackeval motrics`).
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
 use std::io::Write;

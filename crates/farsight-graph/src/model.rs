@@ -24,7 +24,7 @@ pub const PRUNED_KEY: &str = "farsight.narrowed";
 pub const ATTRIBUTION_KEY: &str = "farsight.source.attribution";
 
 /// The method of files that have no tag: there was no other when they were written.
-const FIRST_METHOD: &str = "smoke";
+pub const FIRST_METHOD: &str = "smoke";
 
 /// Config of a network: it stands in the header of the network's file, as JSON.
 pub trait NetworkConfig: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {

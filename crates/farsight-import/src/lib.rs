@@ -1,9 +1,9 @@
-//! Tensors of PyTorch checkpoints.
+//! Tensors of files that other programs wrote: PyTorch's checkpoints, and TFLite's networks ([`tflite`]).
 //!
 //! [`read_pth`] reads what `torch.save` writes, in the zip layout (PyTorch 1.6 and later) and in the legacy stream
 //! before it. What the names mean is the business of the method that they belong to.
 //!
-//! Such files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`]
+//! PyTorch's files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`]
 //! and the module behind it. A hostile file gives an error; it cannot make the program panic or take memory out of
 //! proportion to its own size.
 

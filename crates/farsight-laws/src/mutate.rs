@@ -25,7 +25,7 @@ impl Random {
 }
 
 /// No input grows beyond this, bytes.
-const LARGEST: usize = 1 << 20;
+pub const LARGEST: usize = 1 << 20;
 
 /// Numbers at which programs err, as text.
 const WORDS: [&str; 26] = [

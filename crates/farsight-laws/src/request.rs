@@ -42,8 +42,8 @@ fn address() -> SocketAddr {
     server.address()
 }
 
-/// All that comes back for `bytes`. Nothing more comes after them if they are `all`, which the service takes for a client
-/// that went away.
+/// All that comes back for `bytes`. Nothing more comes after them if they are `all`, which the service takes for a
+/// client that went away.
 fn answer(bytes: &[u8], all: bool) -> Vec<u8> {
     let mut stream = TcpStream::connect(address()).expect("the service accepts");
     stream.set_read_timeout(Some(PATIENCE)).expect("a time limit");

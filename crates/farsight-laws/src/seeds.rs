@@ -8,16 +8,15 @@ use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_graph::model::{CONFIG_KEY, METHOD_KEY, Model, NetworkConfig};
 use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
-use farsight_methods::centernet3d::CenterNet3dConfig;
-use farsight_methods::gs3d::Gs3dConfig;
-use farsight_methods::monodle::MonoDleConfig;
-use farsight_methods::oftnet::OftNetConfig;
+use farsight_methods::method::{DetectorMethod, DetectorVisitor, Method, MethodVisitor};
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
 use farsight_methods::smoke::{DetectorFile, SmokeConfig};
-use farsight_methods::ssd::SsdConfig;
+use farsight_methods::{each_detector, each_method};
 use farsight_onnx::Target;
 use farsight_synth::SceneConfig;
+
+use crate::mutate;
 
 /// None but those in `fuzz/corpus`.
 pub(crate) fn none() -> Vec<Vec<u8>> {
@@ -80,16 +79,17 @@ fn toml_of<C: NetworkConfig>(config: &C) -> Vec<u8> {
 }
 
 pub(crate) fn model_config() -> Vec<Vec<u8>> {
-    vec![
-        toml_of(&SmokeConfig::default()),
-        toml_of(&CenterNet3dConfig::default()),
-        toml_of(&MonoDleConfig::default()),
-        toml_of(&OftNetConfig::default()),
-        toml_of(&Gs3dConfig::default()),
-        toml_of(&SsdConfig::default()),
-        toml_of(&RefinerConfig::default()),
-        toml_of(&PlateReaderConfig::default()),
-    ]
+    let mut defaults = Defaults(Vec::new());
+    each_method(&mut defaults);
+    defaults.0
+}
+
+struct Defaults(Vec<Vec<u8>>);
+
+impl MethodVisitor for Defaults {
+    fn visit<C: Method>(&mut self) {
+        self.0.push(toml_of(&C::default()));
+    }
 }
 
 pub(crate) fn answers() -> Vec<Vec<u8>> {
@@ -136,9 +136,34 @@ fn small_smoke() -> SmokeConfig {
     }
 }
 
+/// A small network of each method; the methods without such are left to mutants of the others' headers.
 pub(crate) fn detector() -> Vec<Vec<u8>> {
-    model_file(small_smoke())
+    let mut small = Small(model_file(small_smoke()));
+    each_detector(&mut small);
+    small.0
 }
+
+struct Small(Vec<Vec<u8>>);
+
+impl DetectorVisitor for Small {
+    /// The default of the method with every field that makes it large made small, where it still is a network.
+    fn visit<C: DetectorMethod>(&mut self) {
+        let Ok(serde_json::Value::Object(mut fields)) = serde_json::to_value(C::default()) else { return };
+        for (name, small) in SMALL {
+            if let (Some(field), Ok(small)) = (fields.get_mut(name), serde_json::from_str(small)) {
+                *field = small;
+            }
+        }
+        let Ok(config) = serde_json::from_value::<C>(fields.into()) else { return };
+        if config.problem().is_none() {
+            self.0.extend(model_file(config).into_iter().filter(|file| file.len() <= mutate::LARGEST));
+        }
+    }
+}
+
+/// Fields of configs, and values that make small networks, JSON.
+const SMALL: [(&str, &str); 4] =
+    [("input", "[96, 64]"), ("width", "0.125"), ("neck", "\"plain\""), ("norm", "\"batch\"")];
 
 pub(crate) fn refiner() -> Vec<Vec<u8>> {
     model_file(RefinerConfig { side: 16, channels: [1, 2, 1, 2], hidden: 2, ..RefinerConfig::default() })

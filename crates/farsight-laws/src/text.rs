@@ -6,15 +6,8 @@ use std::path::Path;
 use farsight::json::ImageRecord;
 use farsight_data::annotations::{FileAnnotation, Plates};
 use farsight_data::kitti::split::split_from_text;
-use farsight_graph::model::NetworkConfig;
-use farsight_methods::centernet3d::CenterNet3dConfig;
-use farsight_methods::gs3d::Gs3dConfig;
-use farsight_methods::monodle::MonoDleConfig;
-use farsight_methods::oftnet::OftNetConfig;
-use farsight_methods::plate_reader::PlateReaderConfig;
-use farsight_methods::refiner::RefinerConfig;
-use farsight_methods::smoke::SmokeConfig;
-use farsight_methods::ssd::SsdConfig;
+use farsight_methods::each_method;
+use farsight_methods::method::{Method, MethodVisitor};
 use farsight_synth::SceneConfig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -63,21 +56,19 @@ pub(crate) fn scene_config(bytes: &[u8]) {
 
 /// What a network is made of, of every method.
 pub(crate) fn model_config(bytes: &[u8]) {
-    network::<SmokeConfig>(bytes);
-    network::<CenterNet3dConfig>(bytes);
-    network::<MonoDleConfig>(bytes);
-    network::<OftNetConfig>(bytes);
-    network::<Gs3dConfig>(bytes);
-    network::<SsdConfig>(bytes);
-    network::<RefinerConfig>(bytes);
-    network::<PlateReaderConfig>(bytes);
+    each_method(&mut Configs(bytes));
 }
 
-fn network<C: NetworkConfig>(bytes: &[u8]) {
-    let Some(config) = toml_round_trip::<C>(bytes) else { return };
-    if config.problem().is_none() {
-        let graph = config.graph();
-        assert!(C::OUTPUTS.iter().all(|output| graph.tap(output).is_some()));
+struct Configs<'a>(&'a [u8]);
+
+impl MethodVisitor for Configs<'_> {
+    fn visit<C: Method>(&mut self) {
+        let Some(config) = toml_round_trip::<C>(self.0) else { return };
+        if config.problem().is_none() {
+            let graph = config.graph();
+            assert!(C::OUTPUTS.iter().all(|output| graph.tap(output).is_some()));
+            assert!(config.counted_input().iter().all(|side| *side > 0) && !config.facts().is_empty());
+        }
     }
 }
 

@@ -1,12 +1,9 @@
 //! Laws of what trainings read: configs and checkpoints.
 
-use farsight_methods::centernet3d::train::CenterNet3dTask;
-use farsight_methods::gs3d::train::Gs3dTask;
-use farsight_methods::monodle::train::MonoDleTask;
-use farsight_methods::oftnet::train::OftNetTask;
-use farsight_methods::plate_reader::train::PlateReaderTask;
-use farsight_methods::refiner::train::RefinerTask;
-use farsight_methods::smoke::train::SmokeTask;
+use std::path::Path;
+
+use farsight_methods::each_task;
+use farsight_methods::training::TaskVisitor;
 use farsight_train::checkpoint::{data_of, read};
 use farsight_train::config::RunConfig;
 use farsight_train::task::{RunOf, Task};
@@ -16,17 +13,19 @@ pub(crate) fn config(bytes: &[u8]) {
     let folder = tempfile::tempdir().expect("a folder for the file");
     let path = folder.path().join("input.toml");
     std::fs::write(&path, bytes).expect("a file for the bytes");
-    run::<SmokeTask>(&path);
-    run::<CenterNet3dTask>(&path);
-    run::<MonoDleTask>(&path);
-    run::<OftNetTask>(&path);
-    run::<Gs3dTask>(&path);
-    run::<RefinerTask>(&path);
-    run::<PlateReaderTask>(&path);
+    each_task(&mut Runs(&path));
 }
 
-fn run<T: Task>(path: &std::path::Path) {
-    let read = |path: &std::path::Path| -> Result<RunOf<T>, _> { RunConfig::read(path) };
+struct Runs<'a>(&'a Path);
+
+impl TaskVisitor for Runs<'_> {
+    fn visit<T: Task>(&mut self) {
+        run::<T>(self.0);
+    }
+}
+
+fn run<T: Task>(path: &Path) {
+    let read = |path: &Path| -> Result<RunOf<T>, _> { RunConfig::read(path) };
     match read(path) {
         Ok(run) => {
             assert!(run.problem().is_none());

@@ -7,23 +7,22 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_import::tensors_from_pth;
 use farsight_import::tflite::read_convolutions;
-use farsight_methods::centernet3d::CenterNet3dConfig;
-use farsight_methods::gs3d::Gs3dConfig;
-use farsight_methods::monodle::MonoDleConfig;
-use farsight_methods::oftnet::OftNetConfig;
+use farsight_methods::each_detector;
+use farsight_methods::method::{DetectorMethod, DetectorVisitor};
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
-use farsight_methods::smoke::SmokeConfig;
-use farsight_methods::ssd::SsdConfig;
 
-/// A model file of a detector.
+/// A model file of a detector, of every method.
 pub(crate) fn detector(bytes: &[u8]) {
-    model::<SmokeConfig>(bytes);
-    model::<CenterNet3dConfig>(bytes);
-    model::<MonoDleConfig>(bytes);
-    model::<OftNetConfig>(bytes);
-    model::<Gs3dConfig>(bytes);
-    model::<SsdConfig>(bytes);
+    each_detector(&mut Models(bytes));
+}
+
+struct Models<'a>(&'a [u8]);
+
+impl DetectorVisitor for Models<'_> {
+    fn visit<C: DetectorMethod>(&mut self) {
+        model::<C>(self.0);
+    }
 }
 
 /// A model file of a refiner.

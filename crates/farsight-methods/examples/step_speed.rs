@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let start = Instant::now();
         let maps = network.forward(&input, Mode::Train, &outputs);
         let divisor = CORNER_DIVISOR_PER_IMAGE * batch_size as f64;
-        let (objective, _) = loss(&codec, &maps[0], &maps[1], &targets, CornerWeights::alike(divisor));
+        let (objective, _) = loss(&codec, &maps[0], &maps[1], &targets, CornerWeights::uniform(divisor));
         let parameters: Vec<Tensor> =
             network.trainable_parameters().map(|(_, tensor)| tensor.shallow_clone()).collect();
         let gradients = Tensor::run_backward(&[objective], &parameters, false, false);

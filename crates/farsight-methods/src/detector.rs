@@ -2,8 +2,7 @@
 
 use farsight_core::detection::DecodeOptions;
 use farsight_core::{Camera, ClassReference, Detection, ObjectClass};
-use farsight_graph::model::NetworkConfig;
-use farsight_runtime::{EngineError, Runner, StageTimes};
+use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 use thiserror::Error;
 
@@ -23,6 +22,12 @@ pub trait Detector: Send {
 
     /// Width and height, pixels, of the network's input for an image of `image_size` taken by `camera`.
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2];
+
+    /// Looks at all images with an input of this width and height, whatever their cameras: to time it. Whether it can.
+    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
+        let _ = size;
+        false
+    }
 
     /// What to tell the user of `camera` (of an image of `image_size`), if the model never saw one like it.
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera>;
@@ -45,20 +50,6 @@ pub trait Detector: Send {
     /// # Errors
     /// When the engine fails.
     fn share(&self) -> Result<Box<dyn Detector>, EngineError>;
-}
-
-/// A method that detects with one network, or with two and a sampler between them, and no part of it left to the
-/// decoder.
-pub trait WholeNetwork: NetworkConfig {
-    /// The detector of this config, whose network `runner` runs; what comes after a sampler is run by `second`. None
-    /// where that is missing.
-    fn detector(self, runner: Box<dyn Runner>, second: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>>;
-
-    /// Width and height, pixels, of the input for which multiply-accumulates are counted.
-    fn counted_input(&self) -> [usize; 2];
-
-    /// What there is to tell of it, by name.
-    fn facts(&self) -> Vec<(&'static str, String)>;
 }
 
 /// An image for which there is no answer.

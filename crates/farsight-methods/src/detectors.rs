@@ -1,130 +1,47 @@
-//! Which methods detect: a file says its method by a tag, and here the tag becomes a detector.
+//! From files to detectors: a file says its method by a tag, and here the tag becomes a detector.
 
 use std::path::{Path, PathBuf};
 
-use farsight_graph::graph::Graph;
-use farsight_graph::model::{METHOD_KEY, Model, ModelError, NetworkConfig};
+use farsight_graph::init::initial_weights;
+use farsight_graph::model::{FIRST_METHOD, Model, ModelError, method_of};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::Weights;
-use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
+use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
 use farsight_runtime::Runner;
 
-use crate::Detector;
-use crate::centernet3d::CenterNet3dConfig;
-use crate::detector::WholeNetwork;
-use crate::gs3d::Gs3dConfig;
-use crate::monodle::MonoDleConfig;
-use crate::oftnet::OftNetConfig;
-use crate::ssd::SsdConfig;
+use crate::DETECTORS;
+use crate::detector::Detector;
+use crate::method::{DetectorMethod, Method};
 
-pub use crate::file::{ReadError, config_of};
+pub use crate::file::{ReadError, config_of, facts_of};
 
-/// What a method of [`METHODS`] can do with files.
-struct Method {
+/// What a detector can do with files.
+pub(crate) struct Entry {
     tag: &'static str,
-    /// Whether it is trained here.
-    is_trained: bool,
-    onnx: FromWeights,
+    from_weights: FromWeights,
+    from_table: fn(toml::Table, Target, &Path) -> Result<Parts, ReadError>,
     make: Make,
-    describe_model: DescribeModel,
-    describe_onnx: fn(&OnnxModel, &Path) -> Result<Description, OnnxError>,
-    describe_table: fn(toml::Table) -> Result<Description, String>,
+    local_head: Option<&'static str>,
 }
 
-impl Method {
-    const fn new<C: WholeNetwork>(is_trained: bool) -> Self {
+impl Entry {
+    pub(crate) const fn new<C: DetectorMethod>() -> Self {
         Self {
             tag: C::METHOD,
-            is_trained,
-            onnx: parts_of::<C>,
+            from_weights: parts_of::<C>,
+            from_table: untrained_parts::<C>,
             make: detector_of::<C>,
-            describe_model: |weights, path| Ok(Description::of_model(&Model::<C>::from_weights(weights, path)?)),
-            describe_onnx: |onnx, path| Ok(Description::new(&config_of::<C>(onnx, path)?)),
-            describe_table: |table| {
-                let config: C = table.try_into().map_err(|error: toml::de::Error| error.to_string())?;
-                config.problem().map_or_else(|| Ok(Description::new(&config)), Err)
-            },
+            local_head: C::LOCAL_HEAD,
         }
     }
-}
 
-/// The methods. SMOKE has a way of its own ([`crate::smoke::DetectorFile`]): its regression head may be computed at the
-/// peaks alone.
-const METHODS: [Method; 5] = [
-    Method::new::<CenterNet3dConfig>(true),
-    Method::new::<MonoDleConfig>(true),
-    Method::new::<OftNetConfig>(true),
-    Method::new::<Gs3dConfig>(true),
-    Method::new::<SsdConfig>(false),
-];
-
-/// Tags of the methods listed here that can be trained, in whatever build.
-pub fn trained_methods() -> impl Iterator<Item = &'static str> {
-    METHODS.iter().filter(|method| method.is_trained).map(|method| method.tag)
-}
-
-/// What a model file describes, and what it says of itself.
-type DescribeModel = fn(Weights, &Path) -> Result<(Description, Facts), ModelError>;
-
-/// What a config of a detector describes.
-pub struct Description {
-    /// What such a network is called, with its article.
-    pub name: &'static str,
-    /// Width and height, pixels, of the input for which multiply-accumulates are counted.
-    pub input: [usize; 2],
-    /// The network.
-    pub graph: Graph,
-    /// What there is to tell of it, by name.
-    pub facts: Vec<(&'static str, String)>,
-}
-
-impl Description {
-    fn new<C: WholeNetwork>(config: &C) -> Self {
-        Self { name: C::NAME, input: config.counted_input(), graph: config.graph(), facts: config.facts() }
-    }
-
-    /// That of a model, and what its file says of itself.
-    pub fn of_model<C: WholeNetwork>(model: &Model<C>) -> (Self, Facts) {
-        (Self::new(&model.config), Facts::new(model, Target::default()))
-    }
-
-    /// That of the table `[model]` of a training's config, if its method is listed here.
-    ///
-    /// # Errors
-    /// What is wrong with the table.
-    pub fn of_table(tag: &str, table: toml::Table) -> Option<Result<Self, String>> {
-        let method = METHODS.iter().find(|method| method.is_trained && method.tag == tag)?;
-        Some((method.describe_table)(table))
-    }
-
-    /// That of a model file (safetensors) of ours, and what the file says of itself, if its method is listed here.
-    ///
-    /// # Errors
-    /// When the file is of such a method and broken.
-    pub fn of_model_file(path: &Path) -> Result<Option<(Self, Facts)>, ModelError> {
-        let Some(method) = method_of_file(path) else { return Ok(None) };
-        (method.describe_model)(Weights::read(path)?, path).map(Some)
-    }
-
-    /// That of an ONNX file of ours, if its method is listed here; `source` is only what errors call it.
-    ///
-    /// # Errors
-    /// When the file's config is none.
-    pub fn of_onnx(onnx: &OnnxModel, source: &Path) -> Result<Option<Self>, OnnxError> {
-        let tag = onnx.facts().get(key::METHOD);
-        let method = tag.and_then(|tag| METHODS.iter().find(|method| method.tag == tag));
-        method.map(|method| (method.describe_onnx)(onnx, source)).transpose()
+    /// That of a tag. Of a tag that is none it is the first method's, whose reader says what was expected.
+    fn of(tag: Option<&str>) -> &'static Self {
+        DETECTORS.iter().find(|entry| entry.tag == tag.unwrap_or(FIRST_METHOD)).unwrap_or(&DETECTORS[0])
     }
 }
 
-/// The method that a model file says.
-fn method_of_file(path: &Path) -> Option<&'static Method> {
-    let metadata = Weights::read_metadata(path).unwrap_or_default();
-    let tag = metadata.get(METHOD_KEY)?;
-    METHODS.iter().find(|method| method.tag == tag)
-}
-
-/// A network of such a method, or a part of one, ready to be started.
+/// A network, or a part of one, ready to be started.
 pub struct Part {
     /// Its ONNX form, with what the file says.
     pub onnx: OnnxModel,
@@ -132,22 +49,27 @@ pub struct Part {
     pub trained: Option<Network>,
 }
 
-/// The network of such a method.
+/// The network of a detector.
 pub struct DetectorNetwork {
     /// The network, or what of it is before its sampler.
     pub first: Part,
     /// What comes after the sampler; none of methods without one.
     pub second: Option<Part>,
-    make: Make,
+    entry: &'static Entry,
 }
 
 impl DetectorNetwork {
-    fn new<C: WholeNetwork>(parts: Parts) -> Self {
-        let (first, second) = parts;
-        Self { first, second, make: detector_of::<C> }
+    /// The network without the head that need only be computed at the peaks, and the head, if it has such a one;
+    /// `source` is only what errors call it.
+    ///
+    /// # Errors
+    /// When the file is not what its metadata say.
+    pub fn local_head(&self, source: &Path) -> Result<Option<LocalHeadFile>, OnnxError> {
+        self.entry.local_head.map_or(Ok(None), |name| LocalHeadFile::new(&self.first.onnx, name, source))
     }
 
-    /// The detector, whose network `runner` runs, and `second` its second part; `source` is only what errors call it.
+    /// The detector, whose network `runner` runs, and `second` its second part; `head` is what the network that
+    /// `runner` runs has left out. `source` is only what errors call it.
     ///
     /// # Errors
     /// When the file's config is none, or a part is missing.
@@ -155,15 +77,23 @@ impl DetectorNetwork {
         &self,
         runner: Box<dyn Runner>,
         second: Option<Box<dyn Runner>>,
+        head: Option<&LocalHeadFile>,
         source: &Path,
     ) -> Result<Box<dyn Detector>, OnnxError> {
-        (self.make)(runner, second, &self.first.onnx, source)
+        (self.entry.make)(Runners { runner, second, head }, &self.first.onnx, source)
     }
+}
+
+/// What runs a detector.
+struct Runners<'a> {
+    runner: Box<dyn Runner>,
+    second: Option<Box<dyn Runner>>,
+    head: Option<&'a LocalHeadFile>,
 }
 
 /// What becomes of the weights of a model file, in a form and for a target; the path is only what errors call it.
 type FromWeights = fn(Weights, NetworkForm, Target, &Path) -> Result<Parts, ReadError>;
-type Make = fn(Box<dyn Runner>, Option<Box<dyn Runner>>, &OnnxModel, &Path) -> Result<Box<dyn Detector>, OnnxError>;
+type Make = fn(Runners<'_>, &OnnxModel, &Path) -> Result<Box<dyn Detector>, OnnxError>;
 type Parts = (Part, Option<Part>);
 
 /// Under which [`key::PART`] the first and the second part of a network are known.
@@ -185,40 +115,61 @@ pub enum NetworkForm {
     Int8,
 }
 
-/// The network of a model file (safetensors) of ours, if it is of a method that is listed here.
+/// The network of a detector's model file (safetensors) of ours.
 ///
 /// # Errors
-/// When the file is of such a method and broken.
-pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result<Option<DetectorNetwork>, ReadError> {
-    let Some(method) = method_of_file(path) else { return Ok(None) };
+/// When the file is none, or broken.
+pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result<DetectorNetwork, ReadError> {
     let weights = Weights::read(path).map_err(ModelError::from)?;
-    let (first, second) = (method.onnx)(weights, form, target, path)?;
-    Ok(Some(DetectorNetwork { first, second, make: method.make }))
+    let entry = Entry::of(Some(method_of(&weights)));
+    let (first, second) = (entry.from_weights)(weights, form, target, path)?;
+    Ok(DetectorNetwork { first, second, entry })
 }
 
 /// The network of `model`; `source` is only what errors call it.
 ///
 /// # Errors
 /// When the weights do not fit the network.
-pub fn from_model<C: WholeNetwork>(
+pub fn from_model<C: DetectorMethod>(
     model: &Model<C>,
     form: NetworkForm,
     target: Target,
     source: &Path,
 ) -> Result<DetectorNetwork, ReadError> {
-    Ok(DetectorNetwork::new::<C>(parts_of_model(model, form, target, source)?))
+    let (first, second) = parts_of_model(model, form, target, source)?;
+    Ok(DetectorNetwork { first, second, entry: Entry::of(Some(C::METHOD)) })
 }
 
-/// The network of an ONNX file of ours, if it is of a method that is listed here; a second part is read from the file
-/// beside it ([`second_path`]).
+/// The network that the table `[model]` of a training's config describes, with random weights; `source` is only what
+/// errors call it. None of a method that is no detector.
+///
+/// # Errors
+/// When the table describes no network.
+pub fn untrained(
+    tag: &str,
+    table: toml::Table,
+    target: Target,
+    source: &Path,
+) -> Option<Result<DetectorNetwork, ReadError>> {
+    let entry = DETECTORS.iter().find(|entry| entry.tag == tag)?;
+    let parts = (entry.from_table)(table, target, source);
+    Some(parts.map(|(first, second)| DetectorNetwork { first, second, entry }))
+}
+
+/// The network of an ONNX file of ours; a second part is read from the file beside it ([`second_path`]).
 ///
 /// # Errors
 /// When that is missing or of another model, or the file itself is a second part.
-pub fn from_onnx(onnx: OnnxModel, path: &Path) -> Result<Option<DetectorNetwork>, OnnxError> {
-    let tag = onnx.facts().get(key::METHOD);
-    let Some(method) = tag.and_then(|tag| METHODS.iter().find(|method| method.tag == tag)) else { return Ok(None) };
-    let second = second_part(&onnx, path)?.map(|onnx| Part { onnx, trained: None });
-    Ok(Some(DetectorNetwork { first: Part { onnx, trained: None }, second, make: method.make }))
+pub fn from_onnx(onnx: OnnxModel, path: &Path) -> Result<DetectorNetwork, OnnxError> {
+    let second = second_part(&onnx, path)?;
+    Ok(from_parts(onnx, second))
+}
+
+/// The network whose parts are in memory.
+pub fn from_parts(first: OnnxModel, second: Option<OnnxModel>) -> DetectorNetwork {
+    let entry = Entry::of(first.facts().get(key::METHOD));
+    let part = |onnx| Part { onnx, trained: None };
+    DetectorNetwork { first: part(first), second: second.map(part), entry }
 }
 
 /// The second part that belongs to the first part `onnx`, which is the file `path`; none of a whole network.
@@ -247,7 +198,7 @@ fn second_part(onnx: &OnnxModel, path: &Path) -> Result<Option<OnnxModel>, OnnxE
 ///
 /// # Errors
 /// When the weights do not fit the network, or its file keeps no ranges for 8 bits.
-pub fn in_form<C: NetworkConfig>(
+pub fn in_form<C: Method>(
     model: &Model<C>,
     form: NetworkForm,
     target: Target,
@@ -256,22 +207,28 @@ pub fn in_form<C: NetworkConfig>(
     Ok(parts_of_model(model, form, target, source)?.0.onnx)
 }
 
-fn parts_of<C: NetworkConfig>(
-    weights: Weights,
-    form: NetworkForm,
-    target: Target,
-    source: &Path,
-) -> Result<Parts, ReadError> {
+fn parts_of<C: Method>(weights: Weights, form: NetworkForm, target: Target, source: &Path) -> Result<Parts, ReadError> {
     parts_of_model(&Model::<C>::from_weights(weights, source)?, form, target, source)
 }
 
-fn parts_of_model<C: NetworkConfig>(
+/// The parts of a network with random weights.
+fn untrained_parts<C: Method>(table: toml::Table, target: Target, source: &Path) -> Result<Parts, ReadError> {
+    let bad = |problem: String| ModelError::BadConfig { path: source.to_owned(), problem };
+    let config: C = table.try_into().map_err(|error: toml::de::Error| bad(error.to_string()))?;
+    if let Some(problem) = config.problem() {
+        return Err(bad(problem).into());
+    }
+    let weights = initial_weights(&config.graph(), 0);
+    parts_of_model(&Model::new(config, weights)?, NetworkForm::Deployable, target, source)
+}
+
+fn parts_of_model<C: Method>(
     model: &Model<C>,
     form: NetworkForm,
     target: Target,
     source: &Path,
 ) -> Result<Parts, ReadError> {
-    let facts = Facts::new(model, target);
+    let facts = facts_of(model, target);
     let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
     let written = |network: &Network, facts: &Facts| -> Result<OnnxModel, OnnxError> {
         OnnxModel::from_bytes(write(network, facts, target).map_err(failed)?, source)
@@ -299,13 +256,13 @@ fn parts_of_model<C: NetworkConfig>(
     Ok((part(first, PARTS[0])?, Some(part(second, PARTS[1])?)))
 }
 
-fn detector_of<C: WholeNetwork>(
-    runner: Box<dyn Runner>,
-    second: Option<Box<dyn Runner>>,
+fn detector_of<C: DetectorMethod>(
+    runners: Runners<'_>,
     onnx: &OnnxModel,
     source: &Path,
 ) -> Result<Box<dyn Detector>, OnnxError> {
+    let Runners { runner, second, head } = runners;
     let missing =
         || OnnxError::new(source, OnnxProblem::Part { found: "a whole network".to_owned(), expected: PARTS[0] });
-    config_of::<C>(onnx, source)?.detector(runner, second).ok_or_else(missing)
+    config_of::<C>(onnx, source)?.detector(runner, second, head).ok_or_else(missing)
 }

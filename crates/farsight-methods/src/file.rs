@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use farsight_graph::model::{ModelError, NetworkConfig};
-use farsight_onnx::{OnnxError, OnnxModel, OnnxProblem, key};
+use farsight_graph::model::{Model, ModelError, NetworkConfig};
+use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, key};
+
+use crate::method::Method;
 
 /// A file that is no detector of a method that is known here.
 #[derive(Debug, thiserror::Error)]
@@ -22,7 +24,7 @@ pub enum ReadError {
 /// When it says none, one of another method or one that cannot be used, or lacks an output of it.
 pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C, OnnxError> {
     let failed = |problem| OnnxError::new(source, problem);
-    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::Foreign))?;
+    let text = onnx.facts().get(key::MODEL).ok_or_else(|| failed(OnnxProblem::UnknownProducer))?;
     if let Some(found) = onnx.facts().get(key::METHOD).filter(|found| *found != C::METHOD) {
         return Err(failed(OnnxProblem::Method { found: found.to_owned(), expected: C::NAME, method: C::METHOD }));
     }
@@ -39,5 +41,20 @@ pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C,
             return Err(failed(OnnxProblem::Value { kind: "output", name, found }));
         }
     }
+    let graph = config.graph();
+    for &name in outputs {
+        let expected = graph.tap(name).map(|node| graph.nodes[node].channels);
+        if let Some((found, expected)) = onnx.channels(name).zip(expected).filter(|(found, expected)| found != expected)
+        {
+            return Err(failed(OnnxProblem::Channels { name, found: found as u64, expected }));
+        }
+    }
     Ok(config)
+}
+
+/// What the ONNX file of `model` says.
+pub fn facts_of<C: Method>(model: &Model<C>, target: Target) -> Facts {
+    let mut facts = Facts::new(model, target);
+    model.config.onnx_facts().into_iter().for_each(|(key, fact)| facts.set(key, fact));
+    facts
 }

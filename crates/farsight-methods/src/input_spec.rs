@@ -49,6 +49,12 @@ impl InputSpec {
         InputRules { size: [width, whole.max(height)], ..self.rules }
     }
 
+    /// Makes inputs of this width, whatever the camera.
+    pub fn fix_size(&mut self, size: [usize; 2]) {
+        self.rules.size = size;
+        self.focal_range_px = None;
+    }
+
     /// Writes the network's input for `image`, taken by `camera`, to `input`; returns its width and height and how it
     /// sees the image.
     ///

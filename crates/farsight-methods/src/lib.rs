@@ -8,20 +8,18 @@
 mod batch;
 pub mod box_mlp;
 pub mod center_map;
-pub mod centernet3d;
 mod checks;
+pub mod description;
 pub mod detector;
+#[cfg(feature = "train")]
+pub mod detector_task;
 pub mod detectors;
 mod file;
-pub mod gs3d;
 pub mod input_spec;
-pub mod monodle;
-pub mod oftnet;
-pub mod plate_reader;
-pub mod refiner;
+pub mod method;
 pub mod roi;
-pub mod smoke;
-pub mod ssd;
+#[macro_use]
+mod table;
 #[cfg(feature = "train")]
 mod tensors;
 #[cfg(feature = "train")]
@@ -29,3 +27,19 @@ pub mod training;
 
 pub use detector::{DetectError, Detector, UnfamiliarCamera};
 pub use input_spec::InputSpec;
+
+// A line is all that a method has outside its folder.
+methods! {
+    detectors {
+        smoke: SmokeConfig, SmokeTask;
+        centernet3d: CenterNet3dConfig, CenterNet3dTask;
+        monodle: MonoDleConfig, MonoDleTask;
+        oftnet: OftNetConfig, OftNetTask;
+        gs3d: Gs3dConfig, Gs3dTask;
+        ssd: SsdConfig;
+    }
+    second_stages {
+        refiner: RefinerConfig, RefinerTask;
+        plate_reader: PlateReaderConfig, PlateReaderTask;
+    }
+}

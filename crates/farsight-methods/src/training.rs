@@ -1,32 +1,34 @@
 //! Which methods can be trained: a config file says the method by its tag.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use farsight_data::Dataset;
 use farsight_graph::model::NetworkConfig;
 use farsight_train::config::{RunConfig, RunConfigError, method_of, read_method};
 use farsight_train::task::{RunOf, Task};
-use farsight_train::training::{Callback, FileOptions, TrainError, fit_file};
+use farsight_train::training::{Callback, FileOptions, Job, TrainError, fit_file, fit_on};
 
-use crate::centernet3d::train::CenterNet3dTask;
-use crate::gs3d::train::Gs3dTask;
-use crate::monodle::train::MonoDleTask;
-use crate::oftnet::train::OftNetTask;
-use crate::plate_reader::train::PlateReaderTask;
-use crate::refiner::train::RefinerTask;
-use crate::smoke::train::SmokeTask;
+use crate::TASKS;
 
 /// What can be done with the config of a method.
-struct Method {
+pub(crate) struct Entry {
     tag: &'static str,
     train: fn(&Path, &FileOptions, &mut dyn Callback) -> Result<PathBuf, TrainError>,
+    train_on: fn(toml::Table, &Path, Arc<dyn Dataset>, &FileOptions, &mut dyn Callback) -> Result<PathBuf, TrainError>,
     check: fn(toml::Table, &Path) -> Result<(), RunConfigError>,
 }
 
-impl Method {
-    const fn new<T: Task>() -> Self {
+impl Entry {
+    pub(crate) const fn new<T: Task>() -> Self {
         Self {
             tag: T::Model::METHOD,
             train: fit_file::<T>,
+            train_on: |table, path, dataset, options, callback| {
+                let run: RunOf<T> = RunConfig::from_table(table, path)?;
+                let FileOptions { out, resume, .. } = options.clone();
+                fit_on::<T>(&Job { run, out, resume }, dataset, callback)
+            },
             check: |table, path| -> Result<(), RunConfigError> {
                 let run: Result<RunOf<T>, _> = RunConfig::from_table(table, path);
                 run.map(drop)
@@ -35,23 +37,18 @@ impl Method {
     }
 }
 
-/// The methods.
-const METHODS: [Method; 7] = [
-    Method::new::<SmokeTask>(),
-    Method::new::<CenterNet3dTask>(),
-    Method::new::<MonoDleTask>(),
-    Method::new::<OftNetTask>(),
-    Method::new::<Gs3dTask>(),
-    Method::new::<RefinerTask>(),
-    Method::new::<PlateReaderTask>(),
-];
+/// Does something with every task.
+pub trait TaskVisitor {
+    /// Does it with this one.
+    fn visit<T: Task>(&mut self);
+}
 
 /// Their tags.
-pub const TAGS: [&str; METHODS.len()] = {
-    let mut tags = [""; METHODS.len()];
+pub const TAGS: [&str; TASKS.len()] = {
+    let mut tags = [""; TASKS.len()];
     let mut place = 0;
-    while place < METHODS.len() {
-        tags[place] = METHODS[place].tag;
+    while place < TASKS.len() {
+        tags[place] = TASKS[place].tag;
         place += 1;
     }
     tags
@@ -66,6 +63,22 @@ pub fn train(path: &Path, options: &FileOptions, callback: &mut dyn Callback) ->
     (method(&tag).train)(path, options, callback)
 }
 
+/// Trains the method that the config `table` names on `dataset`, whatever data it names itself; `path` is only what
+/// errors call the config. Returns the path of the model.
+///
+/// # Errors
+/// As [`train`].
+pub fn train_on(
+    table: toml::Table,
+    path: &Path,
+    dataset: Arc<dyn Dataset>,
+    options: &FileOptions,
+    callback: &mut dyn Callback,
+) -> Result<PathBuf, TrainError> {
+    let tag = method_of(&table, &TAGS, path)?;
+    (method(&tag).train_on)(table, path, dataset, options, callback)
+}
+
 /// Checks the config of a training that is in memory; `path` is only what errors call it.
 ///
 /// # Errors
@@ -77,6 +90,6 @@ pub fn check(table: &toml::Table, path: &Path) -> Result<(), RunConfigError> {
 }
 
 /// The method of a tag that is known.
-fn method(tag: &str) -> &'static Method {
-    METHODS.iter().find(|method| method.tag == tag).unwrap_or_else(|| unreachable!("a method that is known"))
+fn method(tag: &str) -> &'static Entry {
+    TASKS.iter().find(|method| method.tag == tag).unwrap_or_else(|| unreachable!("a method that is known"))
 }

@@ -74,7 +74,7 @@ pub enum OnnxProblem {
     },
     /// It was not written by us.
     #[error("no \"{0}\" in its metadata; expected a file written by `farsight export`", crate::key::MODEL)]
-    Foreign,
+    UnknownProducer,
     /// It ends too early, between two parts.
     #[error("no \"{}\" in its metadata; the file has been cut short", crate::key::WEIGHTS_SHA256)]
     Cut,

@@ -223,7 +223,7 @@ fn checked(bytes: &[u8]) -> Result<Checked, OnnxProblem> {
     let model = Message::new(bytes);
     let facts = facts(model)?;
     let has_hash = seal::check(model)?;
-    facts.get(key::MODEL).ok_or(OnnxProblem::Foreign)?;
+    facts.get(key::MODEL).ok_or(OnnxProblem::UnknownProducer)?;
     facts.get(key::WEIGHTS_SHA256).ok_or(OnnxProblem::Cut)?;
     let graph = model.last(field::MODEL_GRAPH)?.ok_or(OnnxProblem::NoGraph)?;
     if let Some(function) = model.all(field::MODEL_FUNCTIONS).next() {

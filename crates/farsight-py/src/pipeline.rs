@@ -132,26 +132,26 @@ impl Pipeline {
 }
 
 /// An image that was looked at.
-struct Looked {
+struct ProcessedImage {
     json: String,
     pixels: RgbImage,
     warnings: Vec<String>,
 }
 
-impl Looked {
+impl ProcessedImage {
     fn answer(self, py: Python<'_>) -> Answer<'_> {
         (self.json, PyBytes::new(py, self.pixels.as_raw()), self.warnings)
     }
 }
 
 impl Pipeline {
-    fn look(&self, path: &Path, image: LoadedImage, views: &ViewSource) -> PyResult<Looked> {
+    fn look(&self, path: &Path, image: LoadedImage, views: &ViewSource) -> PyResult<ProcessedImage> {
         let ranged = self.inner.range_image(path, &image, views).map_err(|error| errors::range(&error))?;
         let json = serde_json::to_string(&ranged.record).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let unfamiliar = ranged.unfamiliar.map(|warning| warning.to_string());
         let LoadedImage { pixels, warnings, .. } = image;
         let odd = warnings.iter().map(|warning| format!("{}: {warning}", path.display()));
-        Ok(Looked { json, pixels, warnings: odd.chain(unfamiliar).collect() })
+        Ok(ProcessedImage { json, pixels, warnings: odd.chain(unfamiliar).collect() })
     }
 }
 

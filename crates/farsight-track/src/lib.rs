@@ -14,9 +14,9 @@
 //! them: the distance of each image, with a factor that drifts slowly, and the height of the box in the image, which
 //! tells changes of distance much better than distance. The height's own errors are correlated in time and modelled so.
 //!
-//! Objects move in two ways that take turns, evenly and with a foot on a pedal: an interacting multiple model (`modes`).
-//! Where the camera's own motion is known, what probably stands still is told as if it did, and its distance follows
-//! from how fast it comes nearer. The filter goes on without that assumption.
+//! Objects move in two ways that take turns, evenly and with a foot on a pedal: an interacting multiple model
+//! (`modes`). Where the camera's own motion is known, what probably stands still is told as if it did, and its distance
+//! follows from how fast it comes nearer. The filter goes on without that assumption.
 
 mod acceleration;
 mod assignment;

@@ -102,6 +102,18 @@ pub trait Callback {
 /// # Errors
 /// See [`TrainError`].
 pub fn fit<T: Task>(job: &Job<RunOf<T>>, callback: &mut dyn Callback) -> Result<PathBuf, TrainError> {
+    fit_on::<T>(job, dataset(&job.run.data, job.run.train.seed)?, callback)
+}
+
+/// [`fit`] on the frames of `source`, whatever the job's config says of data: those of a program, or in memory.
+///
+/// # Errors
+/// See [`TrainError`].
+pub fn fit_on<T: Task>(
+    job: &Job<RunOf<T>>,
+    source: Arc<dyn Dataset>,
+    callback: &mut dyn Callback,
+) -> Result<PathBuf, TrainError> {
     let Job { run, out, resume } = job;
     let train = &run.train;
     crate::set_threads((train.threads > 0).then_some(train.threads));
@@ -109,7 +121,9 @@ pub fn fit<T: Task>(job: &Job<RunOf<T>>, callback: &mut dyn Callback) -> Result<
         // What cannot be measured on is told before the first step.
         open_labelled(root, Some(split))?;
     }
-    let source = dataset(&run.data, train.seed)?;
+    if source.is_empty() {
+        return Err(TrainError::NoFrames(source.name().into()));
+    }
     let frames = if run.data.limit == 0 { source.len() } else { run.data.limit.min(source.len()) };
     let data = Fingerprint::of(&*source, frames)?;
     let sampler = Arc::new(T::sampler(run, source)?);

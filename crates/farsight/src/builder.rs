@@ -31,6 +31,7 @@ pub struct PipelineBuilder {
     model: ModelSource,
     engine: EngineOptions,
     second_stage_engine: Option<EngineKind>,
+    second_stage_precision: Option<Precision>,
     refiner: StageSource,
     plates: StageSource,
     road: Option<Road>,
@@ -108,10 +109,17 @@ impl PipelineBuilder {
         self
     }
 
-    /// Another engine for refiner and plate reader, in single precision; its library is looked for.
+    /// Another engine for refiner and plate reader, in single precision unless another is chosen for them; its library
+    /// is looked for.
     #[must_use]
     pub fn second_stage_engine(self, kind: EngineKind) -> Self {
         Self { second_stage_engine: Some(kind), ..self }
+    }
+
+    /// In which numbers refiner and plate reader compute; by default in those of the detector on its engine.
+    #[must_use]
+    pub fn second_stage_precision(self, precision: Precision) -> Self {
+        Self { second_stage_precision: Some(precision), ..self }
     }
 
     /// Refines what was found.
@@ -218,11 +226,11 @@ impl PipelineBuilder {
     fn assembled(&self, opened: OpenDetector) -> Result<Pipeline, Error> {
         let family = opened.family()?;
         let is_shipped = family.is_some();
-        let second = self.second_stage_engine.map_or_else(|| self.engine.clone(), |kind| self.second_engine(kind));
+        let second = self.second_engine();
         let refiner =
-            second_stage::model(&self.refiner, is_shipped, || shipped::refiner(family.unwrap_or(Family::Smoke)))?;
+            second_stage::model(&self.refiner, is_shipped, || shipped::refiner(family.unwrap_or(Family::FarsightS)))?;
         // It takes every plate for a European one.
-        let has_plates = family == Some(Family::Smoke) && self.refiner == StageSource::Default;
+        let has_plates = family == Some(Family::FarsightS) && self.refiner == StageSource::Default;
         let plates = second_stage::model(&self.plates, has_plates, shipped::plates)?;
         let info = ModelInfo {
             name: opened.name.to_string_lossy().into_owned(),
@@ -236,7 +244,7 @@ impl PipelineBuilder {
                 .map(|model| Ok::<_, Error>(second_stage::refiner(&model, &second)?.with_effort(self.effort)))
                 .transpose()?,
             plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
-            height_doubts: Vec::new(),
+            height_conflicts: Vec::new(),
         };
         let needs_error_bars =
             [(PLATE_READER, self.plates.is_asked_for()), (ROAD, self.road.is_some_and(|road| road != Road::Ignored))];
@@ -264,15 +272,18 @@ impl PipelineBuilder {
             ("plate reader", self.plates == StageSource::Default),
             ("road plane", self.road.is_none()),
         ];
-        let left_out = made_for_shipped.into_iter().filter(|(_, is_unsaid)| *is_unsaid && !is_shipped);
-        Ok(Pipeline::new(stages, settings, info, left_out.map(|(stage, _)| stage).collect())?)
+        let disabled_stages = made_for_shipped.into_iter().filter(|(_, is_unsaid)| *is_unsaid && !is_shipped);
+        Ok(Pipeline::new(stages, settings, info, disabled_stages.map(|(stage, _)| stage).collect())?)
     }
 
-    /// The engine of the second stages, where it is named: the library that is named is the other engine's.
-    fn second_engine(&self, kind: EngineKind) -> EngineOptions {
-        if kind == self.engine.kind {
-            return self.engine.clone();
-        }
-        EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
+    /// The engine of the second stages. A library that is named is that of the detector's engine.
+    fn second_engine(&self) -> EngineOptions {
+        let engine = match self.second_stage_engine {
+            Some(kind) if kind != self.engine.kind => {
+                EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
+            }
+            _ => self.engine.clone(),
+        };
+        EngineOptions { precision: self.second_stage_precision.unwrap_or(engine.precision), ..engine }
     }
 }

@@ -154,7 +154,7 @@ impl CameraSource {
                     }
                 },
                 // What it is matters more than its camera, and is told when it is its turn.
-                Err(ImageError::Foreign { .. } | ImageError::NoFile { .. }) => return Ok(Self::Exif),
+                Err(ImageError::UnsupportedFormat { .. } | ImageError::NoFile { .. }) => return Ok(Self::Exif),
                 Err(_) => {}
             }
         }

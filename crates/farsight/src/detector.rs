@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use farsight_methods::Detector;
-use farsight_methods::detectors::{self, DetectorNetwork, Part};
-use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
+use farsight_methods::detectors::{DetectorNetwork, Part, from_model, from_model_file, from_onnx, from_parts};
+use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
 
@@ -38,44 +38,35 @@ impl OpenDetector {
     }
 }
 
-/// The detector of `source` on `engine`. Its regression head is only computed where it is needed, if it is of that
-/// kind.
+/// The detector of `source` on `engine`. A head that need only be computed at the peaks is computed there.
 pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing) -> Result<OpenDetector, Error> {
     engine.check()?;
     let name = source.name().to_owned();
-    if let Some(network) = other_method(source, engine)? {
-        let onnx = &network.first.onnx;
-        check_precision(onnx, engine, &name)?;
-        let weights_sha256 = onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
-        let start = |part: &Part| match (engine.kind, &part.trained) {
-            (EngineKind::Libtorch, Some(trained)) => libtorch::start_network(engine, trained),
-            (EngineKind::Libtorch, None) => Err(libtorch::no_onnx().into()),
-            _ => engine.start(part.onnx.clone(), &name),
-        };
-        let (runner, second) = (start(&network.first)?, network.second.as_ref().map(start).transpose()?);
-        let detector = network.detector(runner, second, &name)?;
-        return Ok(OpenDetector { detector, name, weights_sha256 });
-    }
-    if engine.kind == EngineKind::Libtorch {
-        let model = own_model(source)?;
-        let weights_sha256 = Some(model.weights.sha256());
-        let detector = SmokeDetector::new(engine.start_libtorch(&model, &name)?, &model.config, None);
-        return Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 });
-    }
-    let DetectorFile { onnx, mut config } = read(source, engine)?;
-    check_precision(&onnx, engine, &name)?;
-    if let Some(size) = timing.input {
-        config.input = size;
-        // The camera must not change the size.
-        config.focal_range_px = None;
-    }
-    let weights_sha256 = onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
-    let detector = if timing.dense_head {
-        SmokeDetector::new(engine.start(onnx, &name)?, &config, None)
-    } else {
-        smoke(engine, onnx, &config, &name)?
+    let network = network(source, engine)?;
+    check_precision(&network.first.onnx, engine, &name)?;
+    let weights_sha256 = network.first.onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
+    let is_cut = engine.kind != EngineKind::Libtorch && !timing.dense_head;
+    let head = if is_cut { network.local_head(&name)? } else { None };
+    let runner = match &head {
+        Some(cut) => engine.start(cut.model.clone(), &name)?,
+        None => start(&network.first, engine, &name)?,
     };
-    Ok(OpenDetector { detector: Box::new(detector), name, weights_sha256 })
+    let second = network.second.as_ref().map(|part| start(part, engine, &name)).transpose()?;
+    let mut detector = network.detector(runner, second, head.as_ref(), &name)?;
+    if let Some(size) = timing.input
+        && !detector.set_input_size(size)
+    {
+        return Err(model_file::kind_error(&name, "a model whose inputs have sizes of their own", "no size for it"));
+    }
+    Ok(OpenDetector { detector, name, weights_sha256 })
+}
+
+/// Starts a network, or a part of one, on `engine`.
+fn start(part: &Part, engine: &EngineOptions, name: &Path) -> Result<Box<dyn Runner>, Error> {
+    match (engine.kind, &part.trained) {
+        (EngineKind::Libtorch, Some(trained)) => engine.start_libtorch_network(trained, name),
+        _ => engine.start(part.onnx.clone(), name),
+    }
 }
 
 /// The detector of `source` on `engine`, without anything that follows it.
@@ -92,19 +83,22 @@ pub fn open_detector(source: &ModelSource, engine: &EngineOptions) -> Result<Box
 /// # Errors
 /// When the engine cannot run it.
 pub fn smoke_detector(engine: &EngineOptions, file: DetectorFile, source: &Path) -> Result<SmokeDetector, Error> {
-    smoke(engine, file.onnx, &file.config, source)
+    let DetectorFile { onnx, config } = file;
+    Ok(match LocalHeadFile::new(&onnx, REGRESSION, source)? {
+        Some(cut) => {
+            let head = SparseHead::new(&cut);
+            SmokeDetector::new(engine.start(cut.model, source)?, &config, Some(head))
+        }
+        None => SmokeDetector::new(engine.start(onnx, source)?, &config, None),
+    })
 }
 
-/// The whole network of the model at `path`, every output as it is.
+/// The whole network of the model at `path`, every output as it is; of one with a sampler what is before that.
 ///
 /// # Errors
 /// When the file is no detector, or the engine cannot run it.
 pub fn open_network(engine: &EngineOptions, path: &Path) -> Result<Box<dyn Runner>, Error> {
-    let source = ModelSource::from_word(path);
-    match engine.kind {
-        EngineKind::Libtorch => engine.start_libtorch(&own_model(&source)?, path),
-        _ => engine.start(read(&source, engine)?.onnx, path),
-    }
+    start(&network(&ModelSource::from_word(path), engine)?.first, engine, path)
 }
 
 /// The network of a model in memory on libtorch's CPU, the reference for exported files; none where libtorch is not
@@ -121,71 +115,27 @@ pub fn has_libtorch() -> bool {
     libtorch::IS_BUILT_IN
 }
 
-fn smoke(engine: &EngineOptions, onnx: OnnxModel, config: &SmokeConfig, source: &Path) -> Result<SmokeDetector, Error> {
-    Ok(match LocalHeadFile::new(&onnx, REGRESSION, source)? {
-        Some(cut) => {
-            let head = SparseHead::new(&cut);
-            SmokeDetector::new(engine.start(cut.model, source)?, config, Some(head))
-        }
-        None => SmokeDetector::new(engine.start(onnx, source)?, config, None),
-    })
-}
-
 /// An ONNX file is in 8 bits or not, whatever is asked for.
 fn check_precision(onnx: &OnnxModel, engine: &EngineOptions, source: &Path) -> Result<(), Error> {
     let is_there = engine.precision != Precision::Int8 || onnx.facts().get(key::QUANTIZATION).is_some();
     if is_there { Ok(()) } else { Err(OnnxError::new(source, OnnxProblem::NoRanges).into()) }
 }
 
-/// The network of a file whose method is not SMOKE.
-fn other_method(source: &ModelSource, engine: &EngineOptions) -> Result<Option<DetectorNetwork>, Error> {
-    let (form, target) = (engine.form(), engine.kind.target());
+/// The network of `source` in the form that suits the engine: that of an ONNX file, or of a model file of our own,
+/// which becomes one in memory.
+fn network(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorNetwork, Error> {
+    let (form, target, name) = (engine.form(), engine.kind.target(), source.name());
     let path = match source {
-        ModelSource::Shipped(Family::World) => {
-            let model = shipped::world()?;
-            return Ok(Some(detectors::from_model(&model, form, target, source.name())?));
+        ModelSource::Shipped(Family::FarsightW) => return Ok(from_model(&shipped::ssd()?, form, target, name)?),
+        ModelSource::Shipped(Family::FarsightS) => return Ok(from_model(&shipped::smoke()?, form, target, name)?),
+        ModelSource::Memory { onnx, second, .. } => {
+            return Ok(from_parts((**onnx).clone(), second.as_deref().cloned()));
         }
         ModelSource::File(path) => path,
-        ModelSource::Shipped(Family::Smoke) | ModelSource::Memory { .. } => return Ok(None),
     };
     model_file::check_detector(path)?;
     if is_safetensors(path).map_err(|error| OnnxError::new(path, OnnxProblem::Read(error)))? {
-        return Ok(detectors::from_model_file(path, form, target)?);
+        return Ok(from_model_file(path, form, target)?);
     }
-    Ok(detectors::from_onnx(OnnxModel::read(path)?, path)?)
-}
-
-/// The model in the form that suits the engine: an ONNX file, or one of our own that becomes one in memory.
-fn read(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorFile, Error> {
-    let target = engine.kind.target();
-    let in_int8 = |model: &SmokeModel| -> Result<DetectorFile, Error> {
-        let facts = DetectorFile::facts(model, target);
-        let onnx = OnnxModel::from_model_in_int8(model, &facts, target, source.name())?;
-        Ok(DetectorFile::from_onnx(onnx, source.name())?)
-    };
-    let is_int8 = engine.precision == Precision::Int8;
-    match source {
-        ModelSource::Shipped(Family::Smoke) if is_int8 => in_int8(&shipped::smoke()?),
-        ModelSource::Shipped(Family::Smoke) => Ok(DetectorFile::from_model(&shipped::smoke()?, target, source.name())?),
-        ModelSource::Shipped(Family::World) => Err(model_file::not_smoke(source.name())),
-        ModelSource::File(path) => {
-            model_file::check_detector(path)?;
-            let is_own = is_int8 && is_safetensors(path).unwrap_or(false);
-            if is_own { in_int8(&SmokeModel::read(path)?) } else { Ok(DetectorFile::read(path, target)?) }
-        }
-        ModelSource::Memory { file, .. } => Ok((**file).clone()),
-    }
-}
-
-/// A model file of our own, or the shipped model.
-fn own_model(source: &ModelSource) -> Result<SmokeModel, Error> {
-    match source {
-        ModelSource::Shipped(Family::Smoke) => Ok(shipped::smoke()?),
-        ModelSource::Shipped(Family::World) => Err(model_file::not_smoke(source.name())),
-        ModelSource::File(path) => {
-            model_file::check_detector(path)?;
-            Ok(SmokeModel::read(path)?)
-        }
-        ModelSource::Memory { .. } => Err(libtorch::no_onnx().into()),
-    }
+    Ok(from_onnx(OnnxModel::read(path)?, path)?)
 }

@@ -29,7 +29,8 @@ pub fn draw_through_lens(
     picture(image, &Scene { camera, detections: &detections(objects), truth: &[] }, &options)
 }
 
-/// The frame of a video with its tracks, as [`draw_through_lens`] has it: identities, distances, speeds, times to collision.
+/// The frame of a video with its tracks, as [`draw_through_lens`] has it: identities, distances, speeds, times to
+/// collision.
 ///
 /// `tracks` and `detections` are the same, in the same order.
 pub fn draw_tracks(

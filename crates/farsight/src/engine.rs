@@ -4,7 +4,9 @@ use std::path::Path;
 use std::thread::available_parallelism;
 
 use farsight_graph::model::{Model, NetworkConfig};
+use farsight_graph::transform::Network;
 use farsight_methods::detectors::{self, NetworkForm};
+use farsight_methods::method::Method;
 use farsight_methods::roi::RoiRunner;
 use farsight_onnx::OnnxModel;
 use farsight_runtime::{FiniteRunner, OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
@@ -55,6 +57,14 @@ impl EngineOptions {
         Ok(Box::new(FiniteRunner::new(self.started(network, source)?, source)))
     }
 
+    /// Starts a network as it was trained on libtorch, as [`EngineOptions::start`] does on other engines.
+    ///
+    /// # Errors
+    /// When libtorch is not built in or refuses the network.
+    pub(crate) fn start_libtorch_network(&self, network: &Network, source: &Path) -> Result<Box<dyn Runner>, Error> {
+        Ok(Box::new(FiniteRunner::new(libtorch::start_network(self, network)?, source)))
+    }
+
     /// Starts a model file of our own on libtorch, as [`EngineOptions::start`] does on other engines.
     ///
     /// # Errors
@@ -96,7 +106,7 @@ impl EngineOptions {
     ///
     /// # Errors
     /// As [`EngineOptions::start`].
-    pub fn start_second_stage<C: NetworkConfig>(&self, model: &Model<C>) -> Result<RoiRunner, Error> {
+    pub fn start_second_stage<C: Method>(&self, model: &Model<C>) -> Result<RoiRunner, Error> {
         let name = Path::new(C::NAME);
         let runner = match self.kind {
             EngineKind::Libtorch => self.start_libtorch(model, name)?,

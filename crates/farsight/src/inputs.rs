@@ -5,7 +5,7 @@ use std::collections::hash_map::{Entry, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use farsight_data::{Foreign, IMAGE_FORMATS, has_image_extension};
+use farsight_data::{IMAGE_FORMATS, UnsupportedFormat, has_image_extension};
 
 use crate::printer::counted;
 
@@ -26,8 +26,8 @@ pub(crate) fn find(arguments: &[PathBuf]) -> Inputs {
     let mut seen = HashMap::new();
     for argument in arguments {
         match images_of(argument) {
-            Ok((images, left_out)) => {
-                inputs.problems.extend(left_out);
+            Ok((images, skipped)) => {
+                inputs.problems.extend(skipped);
                 inputs.add(argument, images, &mut seen);
             }
             Err(problem) => inputs.problems.push(problem),
@@ -88,8 +88,8 @@ fn images_of(argument: &Path) -> Result<(Vec<PathBuf>, Vec<String>), String> {
     } else {
         return Err(format!("{shown}: no such file or folder; expected an image, a folder of images or a pattern"));
     };
-    let (images, left_out) = sorted_out(argument, paths);
-    problems.extend(left_out);
+    let (images, skipped) = sorted_out(argument, paths);
+    problems.extend(skipped);
     if images.is_empty() && problems.is_empty() {
         let found = if argument.is_dir() { "no images in this folder" } else { "matches no image" };
         return Err(format!("{shown}: {found}; expected files of {IMAGE_FORMATS}"));
@@ -112,14 +112,14 @@ fn apart<T, E>(results: impl Iterator<Item = Result<T, E>>) -> (Vec<T>, Vec<E>) 
 fn sorted_out(argument: &Path, mut paths: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<String>) {
     paths.sort();
     let (mut images, mut problems) = (Vec::new(), Vec::new());
-    let mut foreign: BTreeMap<Foreign, Vec<PathBuf>> = BTreeMap::new();
+    let mut foreign: BTreeMap<UnsupportedFormat, Vec<PathBuf>> = BTreeMap::new();
     for path in paths {
         // What macOS keeps beside files on other disks.
         let is_shadow = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("._"));
         if is_shadow || path.is_dir() {
             continue;
         }
-        if let Some(kind) = Foreign::from_name(&path) {
+        if let Some(kind) = UnsupportedFormat::from_name(&path) {
             foreign.entry(kind).or_default().push(path);
         } else if has_image_extension(&path) {
             if path.is_file() {

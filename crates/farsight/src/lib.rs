@@ -17,8 +17,9 @@
 //! A [`Pipeline`] is everything that `farsight range` does with an image: the detector, the refiner and the plate
 //! reader that look again at what it found, suppression of what stands in one place, and the road plane under all of
 //! it. [`Pipeline::builder`] chooses model, engine and stages. Clones are cheap, share their weights and can be used by
-//! several threads at once. [`CameraSource`] knows the cameras of files, [`ViewSource`] lens and road, too; [`json`] has what `--json` writes; [`draw()`]
-//! draws it. [`video`] follows what the pipeline finds through the frames of a video, by a [`Tracker`].
+//! several threads at once. [`CameraSource`] knows the cameras of files, [`ViewSource`] lens and road, too; [`json`]
+//! has what `--json` writes; [`draw()`] draws it. [`video`] follows what the pipeline finds through the frames of a
+//! video, by a [`Tracker`].
 //!
 //! Frames of reference are KITTI's: camera coordinates are metres with x right, y down, z forward; an object stands at
 //! the centre of its bottom face.
@@ -56,7 +57,7 @@ pub use engine_options::{EngineKind, EngineOptions, Precision};
 pub use error::Error;
 pub use farsight_core::camera::CameraError;
 pub use farsight_core::lens::LensError;
-pub use farsight_core::road::{HeightDoubt, Road, RoadPlane};
+pub use farsight_core::road::{HeightConflict, Road, RoadPlane};
 pub use farsight_core::{Box2d, Box3d, Camera, Detection, Lens, ObjectClass};
 pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage, Undistorter};
 pub use farsight_methods::refiner::Effort;

@@ -5,11 +5,15 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
+use farsight_graph::model::{METHOD_KEY, ModelError, NetworkConfig, method_of};
 use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
+use farsight_methods::description::is_detector;
+use farsight_methods::method::ModelTaker;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
-use farsight_methods::smoke::SmokeModel;
-use farsight_methods::ssd::SsdModel;
+use farsight_methods::smoke::{SmokeConfig, SmokeModel};
+use farsight_methods::ssd::SsdConfig;
+use farsight_methods::with_detector;
 use farsight_onnx::{OnnxModel, is_safetensors};
 
 use crate::Error;
@@ -24,7 +28,7 @@ pub const SHIPPED: &str = "shipped";
 pub const SHIPPED_PLATES: &str = "shipped-plates";
 
 /// The family whose detector `path` is the word for.
-pub fn detector_of_word(path: &Path) -> Option<Family> {
+pub fn shipped_detector(path: &Path) -> Option<Family> {
     match path.to_str()? {
         SHIPPED => Some(Family::default()),
         word => Family::ALL.into_iter().find(|family| family.name() == word),
@@ -32,8 +36,8 @@ pub fn detector_of_word(path: &Path) -> Option<Family> {
 }
 
 /// The family whose refiner `path` is the word for, where a model of any kind is expected.
-pub fn refiner_of_word(path: &Path) -> Option<Family> {
-    detector_of_word(Path::new(path.to_str()?.strip_suffix("-refiner")?))
+pub fn shipped_refiner(path: &Path) -> Option<Family> {
+    shipped_detector(Path::new(path.to_str()?.strip_suffix("-refiner")?))
 }
 
 /// Whether the file may be what is `expected`.
@@ -73,26 +77,55 @@ pub fn check_detector(path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Reads a detector's model file of our own, or the shipped one by its word.
+/// Reads a SMOKE's model file of our own, or the shipped one by its word.
 ///
 /// # Errors
 /// When the file is none; what `farsight export` made of one is told.
 pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
-    match detector_of_word(path) {
-        Some(Family::Smoke) => return Ok(shipped::smoke()?),
-        Some(Family::World) => return Err(not_smoke(path)),
-        None if SsdModel::is_one(path) => return Err(not_smoke(path)),
+    match shipped_detector(path) {
+        Some(Family::FarsightS) => return Ok(shipped::smoke()?),
+        Some(Family::FarsightW) => {
+            let found = <SsdConfig as NetworkConfig>::NAME;
+            return Err(kind_error(path, found, "a SMOKE, \"farsight-s\" for the one that comes with the program"));
+        }
         None => {}
     }
-    check(path, "a model that `farsight train` or `farsight import` wrote")?;
-    SmokeModel::read(path).map_err(|error| match OnnxModel::read(path) {
-        Ok(_) => kind_error(path, "an ONNX file already", "the model that it was made from (.safetensors)"),
-        Err(_) => error.into(),
-    })
+    Ok(SmokeModel::from_weights(own_weights(path)?, path)?)
 }
 
-pub(crate) fn not_smoke(path: &Path) -> Error {
-    kind_error(path, "an SSD", "a SMOKE, \"farsight-s\" for the one that comes with the program")
+/// Gives `taker` a detector of our own, whatever its method: a model file, or a shipped one by its word.
+///
+/// # Errors
+/// When the file is none; what `farsight export` made of one is told.
+pub fn with_own<T: ModelTaker>(path: &Path, taker: T) -> Result<T::Answer, Error> {
+    match shipped_detector(path) {
+        Some(Family::FarsightS) => return Ok(taker.take(shipped::smoke()?)),
+        Some(Family::FarsightW) => return Ok(taker.take(shipped::ssd()?)),
+        None => {}
+    }
+    let weights = own_weights(path)?;
+    let found = format!("a model of the method \"{}\"", method_of(&weights));
+    with_detector(weights, path, taker)?.ok_or_else(|| kind_error(path, found, "a detector"))
+}
+
+/// Whether `path` is no SMOKE but a detector of another method.
+pub fn is_other_detector(path: &Path) -> bool {
+    match shipped_detector(path) {
+        Some(family) => family == Family::FarsightW,
+        None => {
+            let metadata = Weights::read_metadata(path).unwrap_or_default();
+            metadata.get(METHOD_KEY).is_some_and(|tag| tag != SmokeConfig::METHOD && is_detector(tag))
+        }
+    }
+}
+
+/// The weights of a model file of our own.
+fn own_weights(path: &Path) -> Result<Weights, Error> {
+    check(path, "a model that `farsight train` or `farsight import` wrote")?;
+    Weights::read(path).map_err(|error| match OnnxModel::read(path) {
+        Ok(_) => kind_error(path, "an ONNX file already", "the model that it was made from (.safetensors)"),
+        Err(_) => ModelError::from(error).into(),
+    })
 }
 
 fn found_instead(path: &Path) -> Option<String> {

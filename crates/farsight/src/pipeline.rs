@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use farsight_core::box3d::Dimensions;
 use farsight_core::detection::default_min_score;
-use farsight_core::road::{HeightDoubt, Road};
+use farsight_core::road::{HeightConflict, Road};
 use farsight_core::{Box3d, Camera, Detection, ObjectClass, ScalePrior};
 use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::timing::timed;
@@ -40,7 +40,7 @@ pub struct Pipeline {
 struct Shared {
     settings: Settings,
     info: ModelInfo,
-    left_out: Vec<&'static str>,
+    disabled_stages: Vec<&'static str>,
     engine: String,
     has_error_bars: bool,
     /// Half the widths of the intervals that hold 50 and 90%, error bars.
@@ -50,7 +50,7 @@ struct Shared {
     /// Networks that no thread uses now.
     idle: Mutex<Vec<Stages>>,
     /// How many images contradict the height that was given, and the surest of them.
-    doubt: Mutex<Option<(usize, HeightDoubt)>>,
+    doubt: Mutex<Option<(usize, HeightConflict)>>,
 }
 
 impl Pipeline {
@@ -58,7 +58,7 @@ impl Pipeline {
         stages: Stages,
         settings: Settings,
         info: ModelInfo,
-        left_out: Vec<&'static str>,
+        disabled_stages: Vec<&'static str>,
     ) -> Result<Self, EngineError> {
         let (engine, has_error_bars) = (stages.detector.engine().to_owned(), stages.has_error_bars());
         let interval_sigmas = stages.interval_sigmas();
@@ -68,7 +68,7 @@ impl Pipeline {
             shared: Arc::new(Shared {
                 settings,
                 info,
-                left_out,
+                disabled_stages,
                 engine,
                 has_error_bars,
                 interval_sigmas,
@@ -156,7 +156,7 @@ impl Pipeline {
         let mut stages = self.shared.stages()?;
         // After an error the networks are as good as before: what they keep from run to run is only memory.
         let answer = stages.detect_batch(images, settings);
-        self.shared.keep_doubts(std::mem::take(&mut stages.height_doubts));
+        self.shared.keep_height_conflicts(std::mem::take(&mut stages.height_conflicts));
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
         answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
@@ -170,14 +170,14 @@ impl Pipeline {
 
     /// Of the images so far, how many contradict the height of the camera that was given, and the one that does so most
     /// surely: vehicles on it would have sizes that none has.
-    pub fn height_doubt(&self) -> Option<(usize, HeightDoubt)> {
+    pub fn height_conflict(&self) -> Option<(usize, HeightConflict)> {
         *locked(&self.shared.doubt)
     }
 
     /// What is made for the weights that come with the library and was left out for others: second stages and the road,
     /// as far as nothing was said of them.
-    pub fn left_out(&self) -> &[&'static str] {
-        &self.shared.left_out
+    pub fn disabled_stages(&self) -> &[&'static str] {
+        &self.shared.disabled_stages
     }
 
     /// Which models it runs.
@@ -233,7 +233,7 @@ impl Shared {
         idle.map_or_else(|| locked(&self.template).share(), Ok)
     }
 
-    fn keep_doubts(&self, doubts: Vec<HeightDoubt>) {
+    fn keep_height_conflicts(&self, doubts: Vec<HeightConflict>) {
         let mut kept = locked(&self.doubt);
         for doubt in doubts {
             let (images, surest) = kept.unwrap_or((0, doubt));

@@ -40,15 +40,25 @@ pub(crate) enum PrecisionName {
     Int8,
 }
 
+impl PrecisionName {
+    fn precision(self) -> Precision {
+        match self {
+            Self::F32 => Precision::F32,
+            Self::Bf16 => Precision::Bf16,
+            Self::Int8 => Precision::Int8,
+        }
+    }
+}
+
 /// [`Effort`] as it is written on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum EffortName {
-    /// One look at each object, or two; no mirror images
+    /// One iteration of the refiner for each object, or two; no mirror images
     Fast,
-    /// Three looks at what is promising, and a mirror image
+    /// Three iterations for what is promising, and a mirror image
     #[default]
     Normal,
-    /// Three looks and a mirror image, whatever the score
+    /// Three iterations and a mirror image, whatever the score
     Best,
 }
 
@@ -108,16 +118,11 @@ impl EngineArgs {
             _ => ["bf16", "openvino"],
         };
         ensure!(has_it, "--precision {word} is for {expected}; expected --engine {expected} beside it");
-        let precision = match self.precision {
-            PrecisionName::F32 => Precision::F32,
-            PrecisionName::Bf16 => Precision::Bf16,
-            PrecisionName::Int8 => Precision::Int8,
-        };
         Ok(EngineOptions {
             kind,
             library: self.engine_path.clone(),
             threads: self.threads,
-            precision,
+            precision: self.precision.precision(),
             side_by_side: None,
         })
     }
@@ -221,12 +226,15 @@ pub(crate) struct PipelineArgs {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) engine: EngineArgs,
-    /// What runs refiner and plate reader, in single precision [default: the same engine, as it is to run]
+    /// What runs refiner and plate reader [default: the same engine, as it is to run]
     #[arg(long, value_name = "ENGINE", value_enum)]
     pub(crate) second_stage_engine: Option<EngineName>,
+    /// In which numbers it computes [default: those of --precision, single precision on an engine of its own]
+    #[arg(long, value_name = "PRECISION", value_enum)]
+    pub(crate) second_stage_precision: Option<PrecisionName>,
     #[command(flatten)]
     pub(crate) second_stage: SecondStageArgs,
-    /// How much is done for each object: how often the refiner looks at it, and whether at its mirror image, too
+    /// How much is done for each object: how many iterations of the refiner, and whether for its mirror image, too
     #[arg(long, value_enum, default_value_t = EffortName::Normal)]
     pub(crate) effort: EffortName,
     #[command(flatten)]
@@ -261,6 +269,8 @@ impl PipelineArgs {
         let builder = Pipeline::builder().model(self.source()).engine_options(self.engine.options()?);
         let second_engine = self.second_stage_engine.map(EngineName::kind);
         let builder = second_engine.into_iter().fold(builder, PipelineBuilder::second_stage_engine);
+        let second_precision = self.second_stage_precision.map(PrecisionName::precision);
+        let builder = second_precision.into_iter().fold(builder, PipelineBuilder::second_stage_precision);
         let builder = self.second_stage.choose(builder).effort(self.effort.effort());
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
         Ok(self.road.choose(builder))
@@ -268,8 +278,8 @@ impl PipelineArgs {
 }
 
 /// Says when what was found contradicts what was said of the camera.
-pub(crate) fn tell_doubt(pipeline: &Pipeline, printer: &mut Printer) {
-    if let Some((images, doubt)) = pipeline.height_doubt() {
+pub(crate) fn tell_height_conflict(pipeline: &Pipeline, printer: &mut Printer) {
+    if let Some((images, doubt)) = pipeline.height_conflict() {
         printer.warning(&format!("{doubt} ({})", counted(images, "image")));
     }
 }
@@ -284,11 +294,11 @@ pub(crate) fn tell_unhashed(files: impl IntoIterator<Item = PathBuf>, printer: &
 /// As [`open`], and says what is left out because the weights are not those that it is made for.
 pub(crate) fn open_and_tell(builder: &PipelineBuilder, printer: &mut Printer) -> Result<Pipeline> {
     let pipeline = open(builder)?;
-    let (model, left_out) = (&pipeline.info().name, pipeline.left_out());
-    if !left_out.is_empty() {
-        let left_out = left_out.join(", ");
+    let (model, disabled_stages) = (&pipeline.info().name, pipeline.disabled_stages());
+    if !disabled_stages.is_empty() {
+        let disabled_stages = disabled_stages.join(", ");
         printer.note(&format!(
-            "{model}: not the shipped weights, so without what is made for those: {left_out} (--refiner, --plates and --above-road choose them)"
+            "{model}: not the shipped weights, so without what is made for those: {disabled_stages} (--refiner, --plates and --above-road choose them)"
         ));
     }
     Ok(pipeline)

@@ -17,25 +17,25 @@ pub enum Family {
     /// An SSD that learnt from photographs, and a refiner that learnt from rendered scenes of the world: what is used
     /// unless another is named. The card is `models/farsight-w.md`.
     #[default]
-    World,
+    FarsightW,
     /// SMOKE that learnt from rendered scenes of one city, and its refiner. The card is `models/farsight-s.md`.
-    Smoke,
+    FarsightS,
 }
 
 impl Family {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::World, Self::Smoke];
+    pub const ALL: [Self; 2] = [Self::FarsightW, Self::FarsightS];
 
     /// The name of its detector, which is its word in options.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::World => "farsight-w",
-            Self::Smoke => "farsight-s",
+            Self::FarsightW => "farsight-w",
+            Self::FarsightS => "farsight-s",
         }
     }
 }
 
-const WORLD: &[u8] = farsight_weights_w::DETECTOR;
+const SSD: &[u8] = farsight_weights_w::DETECTOR;
 
 const SMOKE: &[u8] = farsight_weights_s::DETECTOR;
 
@@ -67,8 +67,8 @@ const SCENES: [(&str, &[u8], &str); 4] = [scene!("000000"), scene!("000001"), sc
 ///
 /// # Errors
 /// Never of a library that was built whole.
-pub fn world() -> Result<SsdModel, ModelError> {
-    SsdModel::from_safetensors(WORLD, Path::new(Family::World.name()))
+pub fn ssd() -> Result<SsdModel, ModelError> {
+    SsdModel::from_safetensors(SSD, Path::new(Family::FarsightW.name()))
 }
 
 /// The SMOKE that comes with the library: trained on rendered scenes alone, and the start of a fine-tuning.
@@ -76,7 +76,7 @@ pub fn world() -> Result<SsdModel, ModelError> {
 /// # Errors
 /// Never of a library that was built whole.
 pub fn smoke() -> Result<SmokeModel, ModelError> {
-    SmokeModel::from_safetensors(SMOKE, Path::new(Family::Smoke.name()))
+    SmokeModel::from_safetensors(SMOKE, Path::new(Family::FarsightS.name()))
 }
 
 /// The family of a detector with these weights (SHA-256), if it comes with the library.
@@ -84,10 +84,10 @@ pub fn smoke() -> Result<SmokeModel, ModelError> {
 /// # Errors
 /// Never of a library that was built whole.
 pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
-    Ok(if world()?.weights.sha256() == sha256 {
-        Some(Family::World)
+    Ok(if ssd()?.weights.sha256() == sha256 {
+        Some(Family::FarsightW)
     } else if smoke()?.weights.sha256() == sha256 {
-        Some(Family::Smoke)
+        Some(Family::FarsightS)
     } else {
         None
     })
@@ -99,8 +99,8 @@ pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
 /// Never of a library that was built whole.
 pub fn refiner(family: Family) -> Result<RefinerModel, ModelError> {
     let bytes = match family {
-        Family::World => REFINER,
-        Family::Smoke => SMOKE_REFINER,
+        Family::FarsightW => REFINER,
+        Family::FarsightS => SMOKE_REFINER,
     };
     RefinerModel::from_safetensors(bytes, Path::new(REFINER_NAME))
 }

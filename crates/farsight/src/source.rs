@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use farsight_methods::smoke::DetectorFile;
+use farsight_onnx::OnnxModel;
 
 use crate::model_file;
 use crate::shipped::Family;
@@ -15,10 +15,12 @@ pub enum ModelSource {
     Shipped(Family),
     /// A file that `farsight train`, `farsight import` or `farsight export` wrote.
     File(PathBuf),
-    /// A network in memory.
+    /// A detector's network in memory.
     Memory {
-        /// The network.
-        file: Box<DetectorFile>,
+        /// The network, or what of it is before its sampler.
+        onnx: Box<OnnxModel>,
+        /// What comes after the sampler; none of methods without one.
+        second: Option<Box<OnnxModel>>,
         /// What errors call it.
         name: PathBuf,
     },
@@ -35,7 +37,7 @@ impl ModelSource {
     /// another is named.
     pub fn from_word(word: impl Into<PathBuf>) -> Self {
         let path = word.into();
-        model_file::detector_of_word(&path).map_or(Self::File(path), Self::Shipped)
+        model_file::shipped_detector(&path).map_or(Self::File(path), Self::Shipped)
     }
 
     /// What errors and records call it.

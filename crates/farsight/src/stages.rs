@@ -3,7 +3,7 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
-use farsight_core::road::{HeightDoubt, Road, RoadPlane, SURE_SCORE, fit_to_road};
+use farsight_core::road::{HeightConflict, Road, RoadPlane, SURE_SCORE, fit_to_road};
 use farsight_core::{Camera, Detection, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
@@ -48,7 +48,7 @@ pub(crate) struct Stages {
     pub(crate) plate_reader: Option<PlateReader>,
     /// Of images in which what was found contradicts the height of the camera that was given, since they were last
     /// taken.
-    pub(crate) height_doubts: Vec<HeightDoubt>,
+    pub(crate) height_conflicts: Vec<HeightConflict>,
 }
 
 /// What has a first score above this share of the least score that counts is refined: the refiner can raise it so far.
@@ -61,7 +61,7 @@ impl Stages {
             detector: self.detector.share()?,
             refiner: self.refiner.as_ref().map(Refiner::share).transpose()?,
             plate_reader: self.plate_reader.as_ref().map(PlateReader::share).transpose()?,
-            height_doubts: Vec::new(),
+            height_conflicts: Vec::new(),
         })
     }
 
@@ -87,8 +87,8 @@ impl Stages {
         let (answers, refine) = timed(|| self.refined(images, answers, self.least_score(settings)));
         let min_score = self.min_score(settings);
         let answers = answers?;
-        let doubt = |found: &Vec<Detection>| HeightDoubt::of(found, settings.road, &settings.scale);
-        self.height_doubts.extend(answers.iter().filter_map(doubt));
+        let doubt = |found: &Vec<Detection>| HeightConflict::of(found, settings.road, &settings.scale);
+        self.height_conflicts.extend(answers.iter().filter_map(doubt));
         let answers = answers.into_iter().map(|found| told(found, min_score, settings)).collect();
         Ok((answers, StageTimes { refine, ..times }))
     }

@@ -4,13 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use farsight_data::AugmentationConfig;
-use farsight_graph::init::initial_weights;
-use farsight_graph::model::NetworkConfig;
-use farsight_methods::detectors::{Description, trained_methods};
-use farsight_methods::plate_reader::PlateReaderConfig;
-use farsight_methods::refiner::RefinerConfig;
-use farsight_methods::smoke::SmokeModel;
-use farsight_methods::smoke::config::SmokeConfig;
+use farsight_methods::description::{Description, trained_methods};
+use farsight_methods::detectors::{DetectorNetwork, untrained};
+use farsight_onnx::Target;
 use serde::Deserialize;
 
 /// The parts of a training's config that describe what is trained.
@@ -42,68 +38,38 @@ impl RunFile {
     }
 }
 
-/// What a config's training is of.
-pub(crate) enum Untrained {
-    Smoke(SmokeConfig),
-    /// A detector of another method.
-    Other(Description),
-    Refiner(RefinerConfig),
-    Plates(PlateReaderConfig),
-}
-
 /// Whether a file is the config of a training rather than a model.
 pub(crate) fn is_config(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "toml")
 }
 
 /// What the config of a training says about what it trains.
-pub(crate) fn read(path: &Path) -> Result<Untrained> {
+pub(crate) fn read(path: &Path) -> Result<Description> {
     let RunFile { method, model, .. } = RunFile::read(path)?;
-    let found = match method.as_deref() {
-        Some(SmokeConfig::METHOD) => return Ok(Untrained::Smoke(model_config(model, path)?)),
-        Some(RefinerConfig::METHOD) => return Ok(Untrained::Refiner(model_config(model, path)?)),
-        Some(PlateReaderConfig::METHOD) => return Ok(Untrained::Plates(model_config(model, path)?)),
-        Some(other) => match Description::of_table(other, model) {
-            Some(Ok(description)) => return Ok(Untrained::Other(description)),
-            Some(Err(problem)) => bail!("{}: [model]: {problem}", path.display()),
-            None => format!("\"{other}\""),
-        },
-        None => "missing".to_owned(),
-    };
-    let known: Vec<&str> = [SmokeConfig::METHOD]
-        .into_iter()
-        .chain(trained_methods())
-        .chain([RefinerConfig::METHOD, PlateReaderConfig::METHOD])
-        .collect();
-    bail!("{}: method is {found}; expected one of {}", path.display(), known.join(", "))
-}
-
-fn model_config<C: NetworkConfig>(table: toml::Table, path: &Path) -> Result<C> {
-    let config: C = table.try_into().with_context(|| format!("{}: [model]", path.display()))?;
-    usable(config, path)
-}
-
-fn usable<C: NetworkConfig>(config: C, path: &Path) -> Result<C> {
-    match config.problem() {
-        Some(problem) => bail!("{}: {problem}", path.display()),
-        None => Ok(config),
+    let tag = known(method, path)?;
+    match Description::of_table(&tag, model) {
+        Some(Ok(description)) => Ok(description),
+        Some(Err(problem)) => bail!("{}: [model]: {problem}", path.display()),
+        None => unreachable!("a method that is known"),
     }
 }
 
-/// What the config of a training says about its SMOKE.
-pub(crate) fn read_config(path: &Path) -> Result<SmokeConfig> {
-    let other = match read(path)? {
-        Untrained::Smoke(config) => return Ok(config),
-        Untrained::Other(description) => description.name,
-        Untrained::Refiner(_) => RefinerConfig::NAME,
-        Untrained::Plates(_) => PlateReaderConfig::NAME,
+/// The tag of a method that can be trained, in whatever build.
+fn known(method: Option<String>, path: &Path) -> Result<String> {
+    let found = match method {
+        Some(tag) if trained_methods().any(|known| known == tag) => return Ok(tag),
+        Some(other) => format!("\"{other}\""),
+        None => "missing".to_owned(),
     };
-    bail!("{}: the config of {other}; expected that of a SMOKE", path.display())
+    let known: Vec<&str> = trained_methods().collect();
+    bail!("{}: method is {found}; expected one of {}", path.display(), known.join(", "))
 }
 
-/// The network of a config with random weights.
-pub(crate) fn model(path: &Path) -> Result<SmokeModel> {
-    let config = read_config(path)?;
-    let weights = initial_weights(&config.graph(), 0);
-    Ok(SmokeModel::new(config, weights)?)
+/// The network of a detector's config with random weights, for engines of this target.
+pub(crate) fn network(path: &Path, target: Target) -> Result<DetectorNetwork> {
+    let description = read(path)?;
+    let RunFile { model, .. } = RunFile::read(path)?;
+    let made = untrained(description.method, model, target, path);
+    Ok(made
+        .with_context(|| format!("{}: the config of {}; expected a detector's", path.display(), description.name))??)
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use farsight_core::road::RoadPlane;
 use farsight_core::{Box2d, Camera, Lens};
-use farsight_data::{Exif, Undistorter};
+use farsight_data::{Dataset, DatasetError, Exif, Undistorter};
 use farsight_methods::DetectError;
 use image::RgbImage;
 
@@ -29,6 +29,14 @@ impl From<Camera> for View {
 }
 
 impl View {
+    /// How frame `index` of `dataset` was taken.
+    ///
+    /// # Errors
+    /// When its camera cannot be read.
+    pub fn of_frame(dataset: &dyn Dataset, index: usize) -> Result<Self, DatasetError> {
+        Ok(Self { road: dataset.road(index)?, ..Self::from(dataset.camera(index)?) })
+    }
+
     /// The camera; behind a lens the pinhole that would see the same without it.
     pub fn camera(&self) -> &Camera {
         &self.camera

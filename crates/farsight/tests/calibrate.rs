@@ -43,7 +43,7 @@ fn a_camera_on_a_mast_is_found_and_its_file_makes_distances_better() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("world.toml"), WORLD).unwrap();
-    done(folder, &["synth", "--world", "world.toml", "--out", "data", "--frames", "10", "--seed", "77"]);
+    done(folder, &["synth", "--scene-config", "world.toml", "--out", "data", "--frames", "10", "--seed", "77"]);
     let images = "data/training/image_2";
     let text = done(folder, &["calibrate", images, "--fx", "864", "--out", "mast.txt"]);
     for (name, truth) in [("pitch", 12.0), ("roll", 0.0), ("height", 5.2)] {

@@ -105,4 +105,34 @@ fn benchmarks_tell_every_stage() {
         answer.starts_with("run.toml on rten: image 1242x375, input 64x32, batch 3, 1 run, milliseconds\n"),
         "{answer}"
     );
+
+    // Of other methods too, with one network or two.
+    for (method, model) in
+        [("centernet3d", "width = 0.25\nneck = \"plain\"\n"), ("oftnet", "width = 0.125\ninput = [320, 96]\n")]
+    {
+        let config = format!("method = \"{method}\"\n[model]\n{model}");
+        std::fs::write(folder.path().join("other.toml"), config).unwrap();
+        let words = ["bench", "--model", "other.toml", "--runs", "1", "--images", "0", "--input", "320x96"];
+        let answer = text(farsight(&words, folder.path()).stdout);
+        assert!(answer.starts_with("other.toml on rten: image 1242x375, input 320x96, batch 1, 1 run"), "{answer}");
+    }
+    let sized = farsight(&["bench", "--input", "64x32"], folder.path());
+    let told = text(sized.stderr);
+    assert!(told.contains("farsight-w: no size for it; expected a model whose inputs have"), "{told}");
+}
+
+/// A pruned model that nobody has trained on finds nothing, which is told.
+#[test]
+fn a_benchmark_that_finds_nothing_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let pruned = ["prune", "--model", "farsight-s", "--keep", "0.25", "--out", "p.safetensors"];
+    assert!(farsight(&pruned, folder.path()).status.success());
+    let words = ["bench", "--model", "p.safetensors", "--runs", "1", "--images", "0", "--json", "b.json"];
+    let output = farsight(&words, folder.path());
+    let (answer, told) = (text(output.stdout), text(output.stderr));
+    let figures = std::fs::read_to_string(folder.path().join("b.json")).unwrap();
+    let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
+    assert_eq!(figures["objects"], 0, "{answer}");
+    assert!(told.contains("nothing was found, as by a model with random weights or one that was pruned"), "{told}");
+    assert!(!text(farsight(&["bench", "--runs", "1", "--images", "0"], folder.path()).stderr).contains("nothing was"));
 }

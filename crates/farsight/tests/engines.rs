@@ -10,7 +10,8 @@ mod program;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use farsight::{Camera, EngineKind, EngineOptions, Pipeline, read_image};
+use farsight::shipped::Family;
+use farsight::{Camera, EngineKind, EngineOptions, Error, ModelSource, Pipeline, Precision, StageSource, read_image};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::{Model, NetworkConfig};
@@ -204,10 +205,22 @@ fn python_with(packages: &str) -> Option<Command> {
 /// docs/onnx.md, step by step, in another language.
 #[test]
 fn the_example_without_farsight_finds_the_same() {
+    finds_the_same_without_farsight("farsight-s", "onnx_example.py");
+    let lines = std::fs::read_to_string(root().join("scripts/onnx_example.py")).unwrap().lines().count();
+    assert!(lines <= 80, "{lines} lines; expected at most 80");
+}
+
+/// The same of what `--model shipped` writes.
+#[test]
+fn the_example_of_an_ssd_without_farsight_finds_the_same() {
+    finds_the_same_without_farsight("shipped", "onnx_ssd_example.py");
+}
+
+fn finds_the_same_without_farsight(model: &str, script: &str) {
     let Some(_) = python_with("onnxruntime, numpy") else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    done(folder, &["export", "--model", "farsight-s", "--out", "shipped.onnx"]);
+    done(folder, &["export", "--model", model, "--out", "shipped.onnx"]);
     for scene in ["000000", "000001", "000002", "000003"] {
         let scenes = root().join("assets/scenes");
         let [image, calib] = [format!("{scene}.ppm"), format!("{scene}.txt")];
@@ -216,7 +229,7 @@ fn the_example_without_farsight_finds_the_same() {
         std::fs::write(folder.join(&image), [header.as_bytes(), pixels.as_raw()].concat()).unwrap();
         std::fs::copy(scenes.join("calib").join(&calib), folder.join(&calib)).unwrap();
         let mut python = python_with("onnxruntime, numpy").unwrap();
-        let python = python.current_dir(folder).arg(root().join("scripts/onnx_example.py"));
+        let python = python.current_dir(folder).arg(root().join("scripts").join(script));
         let output = python.args(["shipped.onnx", &image, &calib]).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let found: Vec<Value> = serde_json::from_slice(&output.stdout).unwrap();
@@ -336,45 +349,85 @@ fn parity_tells_by_its_status() {
 const PIPELINE_M: f64 = 0.02;
 
 /// What `pipeline` says of a shipped scene: class, distance and score of each sure object.
-fn sure(pipeline: &Pipeline) -> Vec<(String, f64, f64)> {
-    let image = read_image(root().join("assets/scenes/image_2/000000.jpg")).unwrap();
+fn sure(pipeline: &Pipeline, scene: &str) -> Vec<(String, f64, f64)> {
+    let image = read_image(root().join(format!("assets/scenes/image_2/{scene}.jpg"))).unwrap();
     let camera = Camera::from_hfov(81.4, image.width(), image.height()).unwrap();
     let objects = pipeline.detect(&image, &camera).unwrap();
     objects.into_iter().map(|object| (object.class.to_string(), object.range_m, object.score)).collect()
 }
 
-#[test]
-fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
+/// Each of the sure objects has its twin.
+fn assert_same_objects(what: &str, found: &[(String, f64, f64)], expected: &[(String, f64, f64)]) {
+    assert_eq!(found.len(), expected.len(), "{what}: {found:?}\n{expected:?}");
+    for (class, range_m, score) in expected {
+        let twin = |(other, other_m, other_score): &(String, f64, f64)| {
+            other == class && (other_m - range_m).abs() <= PIPELINE_M && (other_score - score).abs() <= 10.0 * SCORES
+        };
+        assert!(found.iter().any(twin), "{what}: {class} at {range_m} m has no twin in {found:?}");
+    }
+}
+
+/// Engines that are ready here, with libtorch where it is built in.
+fn kinds() -> Vec<EngineKind> {
     let folder = tempfile::tempdir().unwrap();
     let ready = engines(folder.path());
-    let kinds: Vec<EngineKind> =
-        EngineKind::ALL.into_iter().filter(|kind| ready.iter().any(|name| kind.name() == name)).collect();
-    let expected = sure(&Pipeline::shipped().unwrap());
-    assert!(expected.len() > 2, "{expected:?} prove little");
-    let assert_same = |what: &str, found: &[(String, f64, f64)]| {
-        assert_eq!(found.len(), expected.len(), "{what}: {found:?}\n{expected:?}");
-        for (class, range_m, score) in &expected {
-            let twin = |(other, other_m, other_score): &(String, f64, f64)| {
-                other == class
-                    && (other_m - range_m).abs() <= PIPELINE_M
-                    && (other_score - score).abs() <= 10.0 * SCORES
-            };
-            assert!(found.iter().any(twin), "{what}: {class} at {range_m} m has no twin in {found:?}");
+    let is_ready = |kind: &EngineKind| ready.iter().any(|name| kind.name() == name);
+    let is_here = |kind: &EngineKind| is_ready(kind) || (cfg!(feature = "train") && *kind == EngineKind::Libtorch);
+    EngineKind::ALL.into_iter().filter(is_here).collect()
+}
+
+/// Detector, refiner and road of farsight-w; detector, refiner, plate reader and road of farsight-s.
+#[test]
+fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
+    let kinds = kinds();
+    for family in Family::ALL {
+        let builder = || Pipeline::builder().model(ModelSource::Shipped(family));
+        let whole = builder().open().unwrap();
+        // A scene in which each stage has a say.
+        let plates_matter = |scene: &&str| {
+            let without = builder().plates(StageSource::Off).open().unwrap();
+            family == Family::FarsightW || sure(&without, scene) != sure(&whole, scene)
+        };
+        let scene = ["000000", "000001", "000002", "000003"].into_iter().find(plates_matter);
+        let scene = scene.expect("a scene with a number plate that can be read");
+        assert_eq!(whole.info().plates_sha256.is_some(), family == Family::FarsightS);
+        let expected = sure(&whole, scene);
+        assert!(expected.len() > 2, "{expected:?} prove little");
+        for &kind in &kinds {
+            let what = format!("{} on {kind}", family.name());
+            let whole = builder().engine(kind).open().unwrap();
+            assert_eq!(whole.engine(), kind.name());
+            assert_same_objects(&what, &sure(&whole, scene), &expected);
+            let second = builder().second_stage_engine(kind).open().unwrap();
+            assert_eq!(second.engine(), "rten");
+            assert_same_objects(&format!("{}, rten, then {kind}", family.name()), &sure(&second, scene), &expected);
+            std::thread::scope(|scope| {
+                let threads: Vec<_> = (0..2).map(|_| scope.spawn(|| sure(&whole, scene))).collect();
+                for thread in threads {
+                    assert_same_objects(&what, &thread.join().unwrap(), &expected);
+                }
+            });
         }
-    };
-    for kind in kinds {
-        let whole = Pipeline::builder().engine(kind).open().unwrap();
-        assert_eq!(whole.engine(), kind.name());
-        assert_same(kind.name(), &sure(&whole));
-        let second = Pipeline::builder().second_stage_engine(kind).open().unwrap();
-        assert_eq!(second.engine(), "rten");
-        assert_same(&format!("rten, then {kind}"), &sure(&second));
-        std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..2).map(|_| scope.spawn(|| sure(&whole))).collect();
-            for thread in threads {
-                assert_same(kind.name(), &thread.join().unwrap());
-            }
-        });
+    }
+}
+
+/// A mixture has a precision of its own: 8 bits of the second stages alone move distances a little, and what an engine
+/// cannot is an error.
+#[test]
+fn the_second_stages_have_a_precision_of_their_own() {
+    let expected = sure(&Pipeline::shipped().unwrap(), "000000");
+    let asked =
+        |kind, precision| Pipeline::builder().second_stage_engine(kind).second_stage_precision(precision).open();
+    assert!(matches!(asked(EngineKind::Rten, Precision::Int8), Err(Error::Option { engine: EngineKind::Rten, .. })));
+    for kind in kinds().into_iter().filter(|kind| kind.library().is_some()) {
+        let single = asked(kind, Precision::F32).unwrap();
+        assert_same_objects(kind.name(), &sure(&single, "000000"), &expected);
+        let eight = sure(&asked(kind, Precision::Int8).unwrap(), "000000");
+        assert_ne!(eight, sure(&single, "000000"), "{kind}: 8 bits change something");
+        let near = |(class, range_m, _): &(String, f64, f64)| {
+            eight.iter().any(|(other, other_m, _)| other == class && (other_m / range_m - 1.0).abs() < 0.1)
+        };
+        assert!(expected.iter().filter(|one| near(one)).count() * 2 > expected.len(), "{kind}: {eight:?}");
     }
 }
 
@@ -452,8 +505,21 @@ fn does_all_that_a_detector_does<C: NetworkConfig>(model: &Model<C>, [output, wo
     assert!(told.contains(output) && told.contains("largest difference"), "{told}");
     let shown = ["c.safetensors", "c.onnx"].map(|model| done(folder, &["info", model]));
     assert!(shown[0] == shown[1] && shown[0].contains(word), "{shown:?}");
-    let refused = farsight(folder, &["export", "--model", "c.safetensors", "--half", "--out", "h.safetensors"]);
-    assert_eq!(refused.status.code(), Some(2));
+    let half = ["export", "--model", "c.safetensors", "--half", "--training-data", "noise", "--out", "h.safetensors"];
+    assert!(done(folder, &half).contains("half-precision numbers"));
+    assert!(done(folder, &["info", "h.safetensors"]).contains("trained on      noise\n"));
+    for (options, reason) in [
+        (&["--half", "--fit-on", "."][..], "--fit-on is of SMOKE"),
+        (&["--int8", "--calibration", "."], "--int8 alone chooses layers by what SMOKE's answers bear"),
+    ] {
+        let out = if options[0] == "--half" { "x.safetensors" } else { "x.onnx" };
+        fails(folder, &[&["export", "--model", "c.safetensors", "--out", out], options].concat(), reason);
+    }
+    fails(
+        folder,
+        &["prune", "--model", "c.safetensors", "--keep", "0.5", "--out", "p.safetensors"],
+        "its training goes on with whole networks only; what is pruned must be trained on",
+    );
 
     let mut expected = detections(folder, "c.safetensors", "rten", &images);
     expected.sort_by(|a, b| b["score"].as_f64().unwrap().total_cmp(&a["score"].as_f64().unwrap()));

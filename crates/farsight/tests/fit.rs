@@ -115,3 +115,56 @@ fn a_model_is_fine_tuned_in_one_command() {
     let told = farsight(folder, &arguments);
     assert!(!told.status.success(), "a finished run is not begun anew unasked");
 }
+
+/// What a network is worth while it learns, as `[validate]` asks, is what `farsight eval` says of it afterwards.
+#[cfg(feature = "train")]
+#[test]
+fn a_training_is_validated_as_an_evaluation_would() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    rendered(folder, "6");
+    std::fs::write(folder.join("held-out.txt"), "000002\n000003\n000004\n000005\n").unwrap();
+    std::fs::write(folder.join("learnt.txt"), "000000\n000001\n").unwrap();
+    let start = root().join("models/farsight-w-refiner.safetensors");
+    let shared = "[data]\nroot = \"scenes\"\nsplit = \"learnt.txt\"\n\
+                  [validate]\nroot = \"scenes\"\nsplit = \"held-out.txt\"\nevery_steps = 1\n";
+    let detector = format!(
+        "method = \"smoke\"\n{shared}[model]\ninput = [320, 96]\nwidth = 0.25\nnorm = \"batch\"\nneck = \"plain\"\n\
+         [train]\nepochs = 1\nbatch_size = 2\n"
+    );
+    // The shipped refiner, hardly moved, so that there is something to find.
+    let refiner = format!(
+        "method = \"refiner\"\n{shared}[train]\nepochs = 1\nbatch_size = 2\nlearning_rate = 1e-9\n\
+         start_from = \"{}\"\n",
+        start.display()
+    );
+    for (name, config, file, option) in [
+        ("detector", detector, "model.safetensors", "--model"),
+        ("refiner", refiner, "refiner.safetensors", "--refiner"),
+    ] {
+        std::fs::write(folder.join("run.toml"), config).unwrap();
+        done(folder, &["train", "--config", "run.toml", "--out", name]);
+        let lines = std::fs::read_to_string(folder.join(name).join("metrics.jsonl")).unwrap();
+        let lines = lines.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        let measured: Vec<Value> = lines.filter(|line| !line["validation"].is_null()).collect();
+        assert_eq!(measured.len(), 1, "{name}: one step, measured once");
+        let validation = &measured[0]["validation"];
+
+        let trained = format!("{name}/{file}");
+        let alone = match option {
+            "--model" => &["--refiner", "none", "--plates", "none", "--above-road", "none"][..],
+            _ => &["--plates", "none", "--above-road", "none"],
+        };
+        let eval = ["eval", "--data", "scenes", "--split", "held-out.txt", "--resamples", "0", "--json", "eval.json"];
+        done(folder, &[&eval[..], &[option, &trained], alone].concat());
+        let text = std::fs::read(folder.join("eval.json")).unwrap();
+        let evaluation: Value = serde_json::from_slice(&text).unwrap();
+        let cars = &evaluation["ranging"]["car"]["moderate"];
+        let found = cars["found"].as_f64().unwrap() / cars["objects"].as_f64().unwrap();
+        assert_eq!(validation["found"].as_f64(), Some(found), "{name}: {validation}");
+        let ap = evaluation["ap"]["car"]["3d"]["r40"][1].as_f64().unwrap();
+        assert_eq!(validation["ap3d"].as_f64(), Some(ap), "{name}: {validation}");
+        // The shipped detector finds most of what the refiner then looks at; a fresh network proves the numbers alone.
+        assert!(name == "detector" || found > 0.5, "{name}: {validation}");
+    }
+}

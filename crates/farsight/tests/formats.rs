@@ -119,12 +119,30 @@ fn shells_and_manuals_know_every_command() {
     assert!(!farsight(folder, &["man", "nothing"]).status.success());
 }
 
+/// The hash of the detector that runs unless another is named.
+fn hash_in_use() -> String {
+    farsight::Pipeline::shipped().unwrap().info().weights_sha256.clone().unwrap()
+}
+
 #[test]
 fn the_shipped_model_can_be_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let info = done(folder, &["info", "farsight-s"]);
-    assert!(info.contains("weights SHA-256"), "{info}");
+    // "shipped" is what runs unless another is named: in `info`, in `export`, and in the answers.
+    let hash = |info: &str| info.lines().find(|line| line.starts_with("weights SHA-256")).unwrap().to_owned();
+    let shipped = done(folder, &["info", "shipped"]);
+    assert_eq!(shipped, done(folder, &["info", "farsight-w"]));
+    assert!(shipped.contains("views, by focal length"), "{shipped}");
+    done(folder, &["export", "--model", "shipped", "--out", "w.onnx"]);
+    assert_eq!(hash(&done(folder, &["info", "w.onnx"])), hash(&shipped));
+    let used = hash_in_use();
+    assert!(hash(&shipped).ends_with(&used), "{shipped}: {used}");
+
+    let other = done(folder, &["info", "farsight-s"]);
+    assert_ne!(hash(&other), hash(&shipped));
     done(folder, &["export", "--model", "farsight-s", "--out", "s.onnx"]);
-    assert!(done(folder, &["info", "s.onnx"]).contains("weights SHA-256"));
+    assert_eq!(hash(&done(folder, &["info", "s.onnx"])), hash(&other));
+    // A file of that name is named with its folder.
+    std::fs::copy(folder.join("s.onnx"), folder.join("shipped")).unwrap();
+    assert_eq!(hash(&done(folder, &["info", "./shipped"])), hash(&other));
 }

@@ -8,12 +8,15 @@ mod program;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
+use std::process::Command;
 use std::thread;
 
 use farsight::json::{DetectionRecord, ImageRecord, SCHEMA_VERSION};
 use farsight::{
     Camera, CameraSource, EngineKind, Error, Exif, ModelSource, Pipeline, RangeKind, Road, StageSource, read_image,
 };
+use farsight_core::road::RoadPlane;
+use farsight_data::kitti::Calibration;
 use program::{done, root};
 
 fn scene(id: &str) -> PathBuf {
@@ -74,6 +77,22 @@ fn eval_measures_what_range_shows() {
     done(folder, &[&range[..], &["sure-shown", "--min-score", "0.5", "--max-overlap", "1"]].concat());
     assert_eq!(rows("sure"), rows("sure-shown"));
     assert!(rows("sure").concat().lines().count() < rows("evaluated").concat().lines().count());
+    // So is the road that the calibration files tell (`farsight calibrate`), unless another one is named.
+    for id in ["000000", "000001", "000002"] {
+        let file = folder.join(format!("data/training/calib/{id}.txt"));
+        let mut calibration = Calibration::read(&file).unwrap();
+        // Not the rendered camera's height, so that what stands on this road has moved.
+        calibration.road = Some(RoadPlane { slope: 0.0, tilt: 0.0, height_m: 2.4, sigmas: [0.002, 0.002, 0.02] });
+        calibration.write(&file).unwrap();
+    }
+    done(folder, &[&eval[..], &["over-road"]].concat());
+    done(folder, &[&range[..], &["over-road-shown", "--min-score", "0.05"]].concat());
+    assert_eq!(rows("over-road"), rows("over-road-shown"));
+    assert_ne!(rows("over-road"), rows("evaluated"));
+    done(folder, &[&eval[..], &["named-road", "--above-road", "none"]].concat());
+    done(folder, &[&range[..], &["named-road-shown", "--min-score", "0.05", "--above-road", "none"]].concat());
+    assert_eq!(rows("named-road"), rows("named-road-shown"));
+    assert_ne!(rows("named-road"), rows("over-road"));
 }
 
 #[test]
@@ -164,4 +183,34 @@ fn what_cannot_be_opened_is_told_by_kind() {
     assert_eq!(named.info(), Pipeline::shipped().unwrap().info());
     let empty = named.detect(&image::RgbImage::new(0, 0), &Camera::from_hfov(60.0, 1, 1).unwrap());
     assert!(empty.unwrap_err().to_string().contains("expected at least one pixel"));
+}
+
+/// The example as somebody runs it: its JSON is what the library says.
+#[test]
+fn the_quickstart_prints_what_is_in_an_image() {
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_farsight"));
+    let example = program.with_file_name("examples").join(format!("quickstart{}", std::env::consts::EXE_SUFFIX));
+    if !example.is_file() {
+        // A test that is run alone does not build the examples.
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args(["build", "--quiet", "--package", "farsight", "--example", "quickstart"]);
+        if cfg!(feature = "train") {
+            cargo.args(["--features", "train"]);
+        }
+        assert!(cargo.current_dir(root()).status().unwrap().success());
+    }
+    let path = scene("000001");
+    let output = Command::new(&example).arg(&path).args(["--hfov", "81.4"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told: ImageRecord = serde_json::from_slice(&output.stdout).unwrap();
+    let image = read_image(&path).unwrap();
+    let camera = Camera::from_hfov(81.4, image.width(), image.height()).unwrap();
+    let pipeline = Pipeline::shipped().unwrap();
+    let expected = ImageRecord::new(&path, &image, &camera, &pipeline.detect(&image, &camera).unwrap(), &pipeline);
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), serde_json::to_string_pretty(&expected).unwrap() + "\n");
+    assert!(told.detections.len() > 2 && told.schema_version == SCHEMA_VERSION, "{told:?}");
+
+    let refused = Command::new(&example).arg(&path).output().unwrap();
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && told.contains("expected IMAGE --hfov DEGREES"), "{told}");
 }

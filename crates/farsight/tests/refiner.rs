@@ -158,7 +158,7 @@ fn a_refiner_learns_the_scale_of_regions_from_their_splits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("japan.toml"), "regions = { japan = 1.0 }\ndensity = [1.5, 2.0]\n").unwrap();
-    done(folder, &["synth", "--world", "japan.toml", "--out", "scenes", "--frames", "24", "--seed", "5"]);
+    done(folder, &["synth", "--scene-config", "japan.toml", "--out", "scenes", "--frames", "24", "--seed", "5"]);
     assert_eq!(fs::read_to_string(folder.join("scenes/ImageSets/japan.txt")).unwrap().lines().count(), 24);
     let shipped = root().join("models/farsight-w-refiner.safetensors").display().to_string();
     let export = ["export", "--half", "--model", &shipped, "--fit-on", "scenes", "--detector", "farsight-w"];

@@ -38,7 +38,7 @@ fog = 0
 
 fn render(folder: &Path, out: &str, seed: &str) {
     fs::write(folder.join("world.toml"), WORLD).unwrap();
-    let sequence = ["synth", "--sequence", "1", "--frames", "3", "--fps", "20", "--world", "world.toml", "-q"];
+    let sequence = ["synth", "--sequence", "1", "--frames", "3", "--fps", "20", "--scene-config", "world.toml", "-q"];
     done(folder, &[&sequence[..], &["--out", out, "--seed", seed]].concat());
 }
 

@@ -123,14 +123,14 @@ impl RoadPlane {
 
 /// How surely a height that somebody gave contradicts what the objects of an image say of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HeightDoubt {
+pub struct HeightConflict {
     /// What was given, metres.
     pub given_m: f64,
     /// What the objects say, and its standard deviation, metres.
     pub seen_m: [f64; 2],
 }
 
-impl Display for HeightDoubt {
+impl Display for HeightConflict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { given_m, seen_m: [seen, sigma] } = self;
         write!(
@@ -144,7 +144,7 @@ impl Display for HeightDoubt {
 /// So many standard deviations apart two heights contradict each other.
 const DOUBT: f64 = 3.0;
 
-impl HeightDoubt {
+impl HeightConflict {
     /// None where `detections`, as found and not yet moved onto a road, agree with `road`, or cannot tell.
     pub fn of(detections: &[Detection], road: Road, scale: &ScalePrior) -> Option<Self> {
         let Road::BelowBy(given_m) = road else { return None };
@@ -255,11 +255,11 @@ mod tests {
     #[test]
     fn a_height_that_the_cars_contradict_is_doubted() {
         let seen = &traffic([0.0, 0.0, 1.6], 1.0)[0];
-        let doubt = HeightDoubt::of(seen, Road::BelowBy(10.0), &SCALE).unwrap();
+        let doubt = HeightConflict::of(seen, Road::BelowBy(10.0), &SCALE).unwrap();
         assert!((doubt.seen_m[0] - 1.6).abs() < 2.0 * doubt.seen_m[1], "{doubt:?}");
         for road in [Road::BelowBy(1.6), Road::BelowBy(1.7), Road::Below, Road::Ignored] {
-            assert_eq!(HeightDoubt::of(seen, road, &SCALE), None, "{road:?}");
+            assert_eq!(HeightConflict::of(seen, road, &SCALE), None, "{road:?}");
         }
-        assert_eq!(HeightDoubt::of(&seen[..2], Road::BelowBy(10.0), &SCALE), None, "two cars are no witness");
+        assert_eq!(HeightConflict::of(&seen[..2], Road::BelowBy(10.0), &SCALE), None, "two cars are no witness");
     }
 }

@@ -9,9 +9,9 @@ use crate::loader::ItemKey;
 /// Checks the laws of [`Dataset`] on its first frames, at most `frames`: for the tests of an implementation. The answer
 /// is the first law that is broken.
 ///
-/// A frame is equal whenever it is asked for, and equal to what is asked for alone: name, pixels, camera, labels, time,
-/// pose, annotations. Frames of an epoch have names of their own. A data set that is not labelled has no labels. Every
-/// frame has the annotations that are named. Epochs have the same frames, or, of an endless data set, new ones.
+/// A frame is equal whenever it is asked for, and equal to what is asked for alone: name, pixels, camera, road, labels,
+/// time, pose, annotations. Frames of an epoch have names of their own. A data set that is not labelled has no labels.
+/// Every frame has the annotations that are named. Epochs have the same frames, or, of an endless data set, new ones.
 /// [`CachedDataset`] gives the same.
 ///
 /// # Errors
@@ -35,6 +35,7 @@ pub fn check_laws(dataset: &Arc<dyn Dataset>, frames: usize) -> Result<Option<St
             ("another name", dataset.id(index) == frame.id && *id == frame.id),
             ("another image", dataset.image(index)? == frame.image),
             ("another camera", dataset.camera(index)? == frame.camera),
+            ("another road", dataset.road(index)? == frame.road),
             ("other labels", dataset.labels(index)? == frame.labels),
             ("labels of what is not labelled", dataset.is_labelled() || frame.labels.is_empty()),
             ("another time", dataset.timestamp_ns(index)? == frame.timestamp_ns),
@@ -45,6 +46,7 @@ pub fn check_laws(dataset: &Arc<dyn Dataset>, frames: usize) -> Result<Option<St
             ("another camera of the cache before", cached.camera(index)? == frame.camera),
             ("another frame of the cache", cached.frame(index)? == frame && cached.frame(index)? == frame),
             ("another camera of the cache after", cached.camera(index)? == frame.camera),
+            ("another road of the cache", cached.road(index)? == frame.road),
             ("other labels of the cache", cached.labels(index)? == frame.labels),
             ("another image of the cache", cached.image(index)? == frame.image),
             ("other annotations of the cache", cached.annotations(index)? == frame.annotations),

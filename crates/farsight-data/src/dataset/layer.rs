@@ -4,6 +4,7 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use farsight_core::road::RoadPlane;
 use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
@@ -69,6 +70,10 @@ impl<L: DatasetLayer> Dataset for L {
 
     fn camera(&self, index: usize) -> Result<Camera, DatasetError> {
         self.kept(index).map_or_else(|| self.below().camera(index), |frame| Ok(frame.camera))
+    }
+
+    fn road(&self, index: usize) -> Result<Option<RoadPlane>, DatasetError> {
+        self.kept(index).map_or_else(|| self.below().road(index), |frame| Ok(frame.road))
     }
 
     fn is_labelled(&self) -> bool {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use farsight_core::road::RoadPlane;
 use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
@@ -48,6 +49,10 @@ impl Dataset for MemoryDataset {
 
     fn camera(&self, index: usize) -> Result<Camera, DatasetError> {
         Ok(self.frames[index].camera)
+    }
+
+    fn road(&self, index: usize) -> Result<Option<RoadPlane>, DatasetError> {
+        Ok(self.frames[index].road)
     }
 
     fn is_labelled(&self) -> bool {

@@ -20,6 +20,7 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use farsight_core::road::RoadPlane;
 use farsight_core::{Camera, Label, Pose};
 use image::RgbImage;
 
@@ -84,6 +85,15 @@ pub trait Dataset: Debug + Send + Sync {
     /// When it cannot be read.
     fn camera(&self, index: usize) -> Result<Camera, DatasetError>;
 
+    /// The road under a frame's camera, if somebody has calibrated it.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    fn road(&self, index: usize) -> Result<Option<RoadPlane>, DatasetError> {
+        let _ = index;
+        Ok(None)
+    }
+
     /// Whether somebody has said what its frames show. Otherwise all labels are empty.
     fn is_labelled(&self) -> bool {
         true
@@ -136,6 +146,7 @@ pub trait Dataset: Debug + Send + Sync {
             id: self.id(index),
             image: self.image(index)?,
             camera: self.camera(index)?,
+            road: self.road(index)?,
             labels: self.labels(index)?,
             timestamp_ns: self.timestamp_ns(index)?,
             world_from_camera: self.world_from_camera(index)?,

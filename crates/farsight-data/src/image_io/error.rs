@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::kind::{EXPECTED, Foreign};
+use super::kind::{EXPECTED, UnsupportedFormat};
 
 /// An image that could not be read.
 #[derive(Debug, Error)]
@@ -41,11 +41,11 @@ pub enum ImageError {
     },
     /// The file holds a picture or film that is not read here.
     #[error("{}: {kind}, which is not read here; {}", path.display(), kind.advice())]
-    Foreign {
+    UnsupportedFormat {
         /// The file.
         path: PathBuf,
         /// What it is.
-        kind: Foreign,
+        kind: UnsupportedFormat,
     },
     /// A kind of image that is known and not read, such as a JPEG with arithmetic coding.
     #[error("{}: not read here: {source}", path.display())]

@@ -17,7 +17,7 @@ pub(super) const START_BYTES: usize = 64;
 
 /// Pictures and films that are recognised and not read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Foreign {
+pub enum UnsupportedFormat {
     /// What iPhones store.
     Heic,
     /// Pictures in AV1.
@@ -32,7 +32,7 @@ pub enum Foreign {
     Video,
 }
 
-impl Foreign {
+impl UnsupportedFormat {
     /// What to do to have it read.
     pub fn advice(self) -> &'static str {
         match self {
@@ -54,7 +54,7 @@ impl Foreign {
     }
 }
 
-impl fmt::Display for Foreign {
+impl fmt::Display for UnsupportedFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Heic => "a HEIC picture",
@@ -68,21 +68,21 @@ impl fmt::Display for Foreign {
 }
 
 /// What files are called that hold these.
-const NAMES: [(Foreign, &[&str]); 6] = [
-    (Foreign::Heic, &["heic", "heif", "hif"]),
-    (Foreign::Avif, &["avif"]),
-    (Foreign::JpegXl, &["jxl"]),
-    (Foreign::Jpeg2000, &["jp2", "j2k", "jpx"]),
-    (Foreign::Raw, &["dng", "cr2", "cr3", "nef", "arw", "orf", "rw2", "raf"]),
+const NAMES: [(UnsupportedFormat, &[&str]); 6] = [
+    (UnsupportedFormat::Heic, &["heic", "heif", "hif"]),
+    (UnsupportedFormat::Avif, &["avif"]),
+    (UnsupportedFormat::JpegXl, &["jxl"]),
+    (UnsupportedFormat::Jpeg2000, &["jp2", "j2k", "jpx"]),
+    (UnsupportedFormat::Raw, &["dng", "cr2", "cr3", "nef", "arw", "orf", "rw2", "raf"]),
     (
-        Foreign::Video,
+        UnsupportedFormat::Video,
         &["mp4", "mov", "avi", "mkv", "webm", "m4v", "mpg", "mpeg", "wmv", "3gp", "mts", "m2ts", "flv", "insv", "lrv"],
     ),
 ];
 
 /// The format of a file that begins like this, or what else it is.
-pub(super) fn of_start(start: &[u8]) -> Result<ImageFormat, Option<Foreign>> {
-    let Ok(format) = image::guess_format(start) else { return Err(foreign(start)) };
+pub(super) fn of_start(start: &[u8]) -> Result<ImageFormat, Option<UnsupportedFormat>> {
+    let Ok(format) = image::guess_format(start) else { return Err(unsupported(start)) };
     match format {
         // "P2: 721.5" begins a calibration of KITTI.
         ImageFormat::Pnm if start.get(2).is_none_or(|byte| !byte.is_ascii_whitespace() && *byte != b'#') => Err(None),
@@ -93,38 +93,42 @@ pub(super) fn of_start(start: &[u8]) -> Result<ImageFormat, Option<Foreign>> {
         | ImageFormat::Tiff
         | ImageFormat::Gif
         | ImageFormat::Pnm => Ok(format),
-        _ => Err(foreign(start)),
+        _ => Err(unsupported(start)),
     }
 }
 
-fn foreign(start: &[u8]) -> Option<Foreign> {
-    const STARTS: [(&[u8], Foreign); 9] = [
-        (b"\xff\x0a", Foreign::JpegXl),
-        (b"\0\0\0\x0cJXL ", Foreign::JpegXl),
-        (b"\0\0\0\x0cjP  ", Foreign::Jpeg2000),
-        (b"\xff\x4f\xff\x51", Foreign::Jpeg2000),
-        (b"FUJIFILMCCD-RAW", Foreign::Raw),
-        (b"IIRO", Foreign::Raw),
-        (b"IIU\0", Foreign::Raw),
-        (b"\x1a\x45\xdf\xa3", Foreign::Video),
-        (b"\0\0\x01\xba", Foreign::Video),
+fn unsupported(start: &[u8]) -> Option<UnsupportedFormat> {
+    const STARTS: [(&[u8], UnsupportedFormat); 9] = [
+        (b"\xff\x0a", UnsupportedFormat::JpegXl),
+        (b"\0\0\0\x0cJXL ", UnsupportedFormat::JpegXl),
+        (b"\0\0\0\x0cjP  ", UnsupportedFormat::Jpeg2000),
+        (b"\xff\x4f\xff\x51", UnsupportedFormat::Jpeg2000),
+        (b"FUJIFILMCCD-RAW", UnsupportedFormat::Raw),
+        (b"IIRO", UnsupportedFormat::Raw),
+        (b"IIU\0", UnsupportedFormat::Raw),
+        (b"\x1a\x45\xdf\xa3", UnsupportedFormat::Video),
+        (b"\0\0\x01\xba", UnsupportedFormat::Video),
     ];
     if let Some((_, kind)) = STARTS.iter().find(|(known, _)| start.starts_with(known)) {
         return Some(*kind);
     }
     let at = |range: std::ops::Range<usize>| start.get(range).unwrap_or_default();
     if at(0..4) == b"RIFF" && at(8..12) == b"AVI " {
-        return Some(Foreign::Video);
+        return Some(UnsupportedFormat::Video);
     }
     // Files of ISO's media format: the brand tells what is in them.
     match (at(4..8), at(8..12)) {
-        (b"ftyp", b"avif" | b"avis") => Some(Foreign::Avif),
+        (b"ftyp", b"avif" | b"avis") => Some(UnsupportedFormat::Avif),
         (b"ftyp", b"heic" | b"heix" | b"hevc" | b"hevx" | b"heim" | b"heis" | b"mif1" | b"msf1") => {
             // A general brand; those behind say what is in it.
-            Some(if start.chunks(4).skip(4).any(|brand| brand == b"avif") { Foreign::Avif } else { Foreign::Heic })
+            Some(if start.chunks(4).skip(4).any(|brand| brand == b"avif") {
+                UnsupportedFormat::Avif
+            } else {
+                UnsupportedFormat::Heic
+            })
         }
-        (b"ftyp", b"crx ") => Some(Foreign::Raw),
-        (b"ftyp" | b"moov" | b"mdat" | b"wide", _) => Some(Foreign::Video),
+        (b"ftyp", b"crx ") => Some(UnsupportedFormat::Raw),
+        (b"ftyp" | b"moov" | b"mdat" | b"wide", _) => Some(UnsupportedFormat::Video),
         _ => None,
     }
 }

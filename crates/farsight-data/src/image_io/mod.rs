@@ -19,7 +19,7 @@ use chunks::Found;
 pub use error::{ImageError, ImageWarning};
 use jpeg::Flaw;
 pub(crate) use kind::EXPECTED;
-pub use kind::Foreign;
+pub use kind::UnsupportedFormat;
 
 /// The formats that are read, for messages.
 pub const IMAGE_FORMATS: &str = EXPECTED;
@@ -183,7 +183,7 @@ impl<'a, S: BufRead + Seek> Input<'a, S> {
         read.map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
         match kind::of_start(&start) {
             Ok(format) => Ok(Self { source, length, path, format }),
-            Err(Some(kind)) => Err(ImageError::Foreign { path: path.to_owned(), kind }),
+            Err(Some(kind)) => Err(ImageError::UnsupportedFormat { path: path.to_owned(), kind }),
             Err(None) => Err(ImageError::Format { path: path.to_owned() }),
         }
     }
@@ -274,7 +274,7 @@ fn decode<S: BufRead + Seek>(mut input: Input<S>, limits: ImageLimits) -> Result
     if input.format == ImageFormat::Tiff {
         let pages = found.exif.as_deref().map(TiffPages::from_bytes).unwrap_or_default();
         if pages.raw {
-            return Err(ImageError::Foreign { path: input.path.to_owned(), kind: Foreign::Raw });
+            return Err(ImageError::UnsupportedFormat { path: input.path.to_owned(), kind: UnsupportedFormat::Raw });
         }
         if pages.several {
             warnings.push(ImageWarning::Pages);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::{fs, io};
 
+use farsight_core::road::RoadPlane;
 use farsight_core::{Camera, Label};
 use image::RgbImage;
 use thiserror::Error;
@@ -185,6 +186,10 @@ impl Dataset for KittiDataset {
 
     fn camera(&self, index: usize) -> Result<Camera, DatasetError> {
         Ok(Calibration::read(&self.path("calib", index, "txt"))?.camera())
+    }
+
+    fn road(&self, index: usize) -> Result<Option<RoadPlane>, DatasetError> {
+        Ok(Calibration::read(&self.path("calib", index, "txt"))?.road)
     }
 
     fn labels(&self, index: usize) -> Result<Vec<Label>, DatasetError> {

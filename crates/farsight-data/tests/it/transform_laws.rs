@@ -112,7 +112,7 @@ fn a_sample_is_the_frame_moved() {
     assert_eq!(sample.input, transform.input(&frame.image, &RULES));
 
     // The depth of this frame is the number of the column, so it must be where the inverse of the transform looks.
-    let surface = sample.surface_m.unwrap();
+    let surface = transform.surface_m(&frame, &RULES, 4).unwrap();
     assert_eq!(surface.len(), 320 * 96);
     let image_from_input = transform.input_from_image(1242).inverse().unwrap();
     let mut seen = 0;

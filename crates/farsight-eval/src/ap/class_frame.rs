@@ -134,7 +134,7 @@ impl<'a> Prepared<'a> {
             prediction_sizes: frame.predictions.iter().map(size).collect(),
             prediction_bins: frame.predictions.iter().map(|p| Bins::of_detection(&p.detection)).collect(),
             dont_care: labels
-                .filter(|(_, label)| label.class.is_in_any_case(&ObjectClass::DontCare))
+                .filter(|(_, label)| label.class.eq_ignore_case(&ObjectClass::DontCare))
                 .map(|(index, _)| index)
                 .collect(),
         }

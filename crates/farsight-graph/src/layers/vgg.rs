@@ -10,8 +10,8 @@ const STAGES: [(usize, usize); 5] = [(2, 64), (2, 128), (3, 256), (3, 512), (3, 
 /// Widths are multiples of this.
 const WIDTH_STEP: usize = 16;
 
-/// Appends it over `image`, names behind `prefix`, with `width` times its channels; returns the maps of strides 1 to 32:
-/// the last of each stage, and the last one pooled.
+/// Appends it over `image`, names behind `prefix`, with `width` times its channels; returns the maps of strides 1 to
+/// 32: the last of each stage, and the last one pooled.
 pub fn vgg16(b: &mut Builder, image: NodeId, prefix: &str, width: f64) -> [NodeId; 6] {
     b.stage("base");
     let mut levels = [image; 6];

@@ -3,14 +3,16 @@
 use farsight_core::detection::{DecodeOptions, View};
 use farsight_core::{Camera, ClassReference, Detection};
 use farsight_graph::model::NetworkConfig;
+use farsight_onnx::LocalHeadFile;
 use farsight_runtime::timing::timed;
 use farsight_runtime::{EngineError, Runner, StageTimes, Tensor, TensorView};
 use image::RgbImage;
 
 use super::{Features, STRIDE};
 use crate::batch::{InputBatch, output};
-use crate::detector::{DetectError, Detector, UnfamiliarCamera, WholeNetwork};
+use crate::detector::{DetectError, Detector, UnfamiliarCamera};
 use crate::input_spec::InputSpec;
+use crate::method::{DetectorMethod, Method};
 
 /// A method whose network has maps of stride 4, and what it reads off them.
 pub trait CenterMethod: NetworkConfig + Send + 'static {
@@ -41,13 +43,15 @@ pub trait CenterMethod: NetworkConfig + Send + 'static {
 pub struct CenterDetector<C> {
     runner: Box<dyn Runner>,
     config: C,
+    input: InputSpec,
     batch: InputBatch,
 }
 
 impl<C: CenterMethod> CenterDetector<C> {
     /// The network of `config`, which `runner` runs.
     pub fn new(runner: Box<dyn Runner>, config: C) -> Self {
-        Self { runner, config, batch: InputBatch::default() }
+        let input = config.input_spec();
+        Self { runner, config, input, batch: InputBatch::default() }
     }
 
     /// The outputs in the order of [`NetworkConfig::OUTPUTS`], their shapes checked.
@@ -65,11 +69,18 @@ impl<C: CenterMethod> CenterDetector<C> {
     }
 }
 
-impl<C: CenterMethod> WholeNetwork for C {
-    fn detector(self, runner: Box<dyn Runner>, _: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>> {
+impl<C: CenterMethod> DetectorMethod for C {
+    fn detector(
+        self,
+        runner: Box<dyn Runner>,
+        _: Option<Box<dyn Runner>>,
+        _: Option<&LocalHeadFile>,
+    ) -> Option<Box<dyn Detector>> {
         Some(Box::new(CenterDetector::new(runner, self)))
     }
+}
 
+impl<C: CenterMethod> Method for C {
     fn counted_input(&self) -> [usize; 2] {
         self.features().input
     }
@@ -107,11 +118,16 @@ impl<C: CenterMethod> Detector for CenterDetector<C> {
     }
 
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
-        self.config.input_spec().input_for(image_size, camera).size
+        self.input.input_for(image_size, camera).size
+    }
+
+    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
+        self.input.fix_size(size);
+        true
     }
 
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
-        self.config.input_spec().unfamiliar(image_size, camera)
+        self.input.unfamiliar(image_size, camera)
     }
 
     fn detect_batch(
@@ -119,7 +135,7 @@ impl<C: CenterMethod> Detector for CenterDetector<C> {
         images: &[(&RgbImage, &Camera)],
         options: &DecodeOptions,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let (filled, warp) = timed(|| self.batch.fill(images, &self.config.input_spec()));
+        let (filled, warp) = timed(|| self.batch.fill(images, &self.input));
         let Some((size, views)) = filled? else { return Ok((Vec::new(), StageTimes::default())) };
         let (outputs, network) = timed(|| self.batch.run(&mut *self.runner, size));
         let tensors = self.maps(outputs?, images.len(), size)?;
@@ -135,6 +151,7 @@ impl<C: CenterMethod> Detector for CenterDetector<C> {
     }
 
     fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
-        Ok(Box::new(Self::new(self.runner.share()?, self.config.clone())))
+        let (runner, config, input) = (self.runner.share()?, self.config.clone(), self.input.clone());
+        Ok(Box::new(Self { runner, config, input, batch: InputBatch::default() }))
     }
 }

@@ -1,29 +1,20 @@
 //! Training of a CenterNet for 3D boxes: focal loss, L1 on depth, sizes and 2D boxes, cross entropy and smooth L1 on
 //! the heading's bins.
 
-use std::sync::Arc;
-
-use farsight_core::ClassReference;
-use farsight_core::heatmap::HeatmapRule;
-use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
-use farsight_graph::graph::{Graph, NodeId};
-use farsight_graph::model::{ModelError, NetworkConfig};
-use farsight_graph::weights::Weights;
+use farsight_core::input::InputRules;
+use farsight_data::{Frame, Sample};
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
-use farsight_train::executor::ExecutorError;
 use farsight_train::losses::focal_loss;
 use farsight_train::metrics::Metrics;
-use farsight_train::task::{Sampler, StepOutput, Task};
-use farsight_train::training::TrainError;
+use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 use tch::{Device, Kind, Reduction, Tensor};
 
-use super::codec::Codec;
+use super::CenterNet3dConfig;
 use super::targets::{Targets, targets};
-use super::{CenterNet3dConfig, CenterNet3dModel};
 use crate::center_map::train::{AtCells, at_cells, depths_from_raw, mean_l1};
 use crate::checks::problem_of_weights;
-use crate::input_spec::InputSpec;
+use crate::detector_task::{DetectorLoss, DetectorTask, TrainSample};
 use crate::tensors::stacked;
 
 /// A run that trains a CenterNet for 3D boxes.
@@ -63,44 +54,9 @@ impl TaskConfig for CenterNet3dTaskConfig {
     }
 }
 
-/// One image as the network sees it, and what it should answer.
+/// What the network should answer to a batch.
 #[derive(Debug)]
-pub struct TrainSample {
-    id: String,
-    /// `[3, height, width]`.
-    input: Vec<f32>,
-    targets: Targets,
-    /// Whether all but the heatmap is learnt from this image.
-    regress: bool,
-}
-
-/// Makes samples: frame, transform, targets.
-struct SampleMaker {
-    source: Arc<dyn Dataset>,
-    input: InputSpec,
-    classes: Vec<ClassReference>,
-    heatmap: HeatmapRule,
-    codec: Codec,
-    augmentation: AugmentationConfig,
-}
-
-impl SampleMaker {
-    fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.item(key)?;
-        let (width, height) = frame.image.dimensions();
-        let image_size = [width as usize, height as usize];
-        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input.rules);
-        let sample = transform.apply(&frame, &self.input.rules);
-        let targets = targets(&sample.labels, &self.classes, &self.heatmap, &self.codec, &sample.camera, sample.size);
-        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
-    }
-}
-
-/// Tensors of a batch.
-#[derive(Debug)]
-pub struct TrainBatch {
-    /// `[batch, 3, height, width]`.
-    input: Tensor,
+pub struct Expected {
     /// `[batch, classes, map height, map width]`.
     heatmap: Tensor,
     /// Where the objects are in the flattened maps, `[objects]`.
@@ -160,61 +116,54 @@ impl Metrics for LossTerms {
     }
 }
 
-/// CenterNet for 3D boxes, learning.
+/// A CenterNet for 3D boxes, learning.
+pub type CenterNet3dTask = DetectorTask<CenterNet3dLoss>;
+
+/// Its loss.
 #[derive(Debug)]
-pub struct CenterNet3dTask {
+pub struct CenterNet3dLoss {
+    model: CenterNet3dConfig,
     weights: CenterNet3dTaskConfig,
-    /// Width and height of the input, pixels.
-    input: [usize; 2],
-    outputs: Vec<NodeId>,
 }
 
-impl Task for CenterNet3dTask {
+impl DetectorLoss for CenterNet3dLoss {
     type Model = CenterNet3dConfig;
     type Config = CenterNet3dTaskConfig;
-    type Sample = TrainSample;
-    type Batch = TrainBatch;
+    type Targets = Targets;
+    type Batch = Expected;
     type Metrics = LossTerms;
 
-    const MODEL_FILE: &'static str = "model.safetensors";
-
-    fn new(run: &CenterNet3dRun, _: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
-        let graph = run.model.graph();
-        let output = |name: &&str| graph.tap(name).ok_or_else(|| ExecutorError::Missing((*name).to_owned()));
-        let outputs = CenterNet3dConfig::OUTPUTS.iter().map(output).collect::<Result<_, _>>()?;
-        Ok((Self { weights: run.task.clone(), input: run.model.input, outputs }, graph))
+    fn new(run: &CenterNet3dRun) -> Self {
+        Self { model: run.model.clone(), weights: run.task.clone() }
     }
 
-    fn sampler(run: &CenterNet3dRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
-        let model = &run.model;
-        let maker = SampleMaker {
-            source,
-            input: model.input_spec(),
-            classes: model.classes.clone(),
-            heatmap: model.heatmap,
-            codec: model.codec(),
-            augmentation: run.augmentation.clone(),
-        };
-        Ok(Box::new(move |key| maker.sample(key)))
+    fn input_rules(model: &CenterNet3dConfig) -> InputRules {
+        model.input_spec().rules
     }
 
-    fn name(sample: &TrainSample) -> &str {
-        &sample.id
+    fn targets(&self, _: &Frame, sample: &Sample, _: &mut Pcg64) -> Targets {
+        let CenterNet3dConfig { classes, heatmap, .. } = &self.model;
+        targets(&sample.labels, classes, heatmap, &self.model.codec(), &sample.camera, sample.size)
     }
 
-    fn batch(&self, samples: Vec<TrainSample>, device: Device) -> Option<TrainBatch> {
-        Some(TrainBatch::new(&samples, self.input, device))
+    fn batch(&self, samples: &[TrainSample<Targets>], device: Device) -> Expected {
+        let map_size = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
+        let taught = samples.iter().map(|sample| if sample.regress { &sample.targets.objects[..] } else { &[] });
+        let objects = AtCells::new(taught, map_size, |object| object.cell, device);
+        Expected {
+            heatmap: stacked(samples.iter().map(|sample| &sample.targets.heatmap[..]), map_size, device),
+            cells: objects.cells(),
+            depth_m: objects.rows(|object| [object.depth_m]),
+            dimensions: objects.rows(|object| object.dimensions_hwl),
+            in_bin: objects.rows(|object| object.bins.map(|bin| bin.score)),
+            sin_cos: objects
+                .rows::<4>(|object| [0, 1, 2, 3].map(|place| object.bins[place / 2].sin_cos[place % 2]))
+                .view([-1, 2, 2]),
+            size: objects.rows(|object| object.size),
+            offset: objects.rows(|object| object.offset),
+        }
     }
-
-    fn input(batch: &TrainBatch) -> &Tensor {
-        &batch.input
-    }
-
-    fn outputs(&self) -> &[NodeId] {
-        &self.outputs
-    }
-
-    fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
+    fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
         let [heatmap, depth, rotation, dimensions, size, offset] = [0, 1, 2, 3, 4, 5].map(|place| &outputs[place]);
         let at = |map: &Tensor| at_cells(map, &batch.cells);
         let found_m = depths_from_raw(&at(depth));
@@ -230,34 +179,7 @@ impl Task for CenterNet3dTask {
         let [depth, dimensions, rotation, size, offset] = parts.each_ref().map(|part| part.double_value(&[]));
         let metrics = LossTerms { heatmap: heatmap.double_value(&[]), depth, dimensions, rotation, size, offset };
         let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
-        let loss = metrics.named().iter().map(|(_, value)| value).sum();
-        StepOutput { objective, loss, metrics, samples: batch.input.size()[0] as usize }
-    }
-
-    fn model(&self, run: &CenterNet3dRun, weights: Weights) -> Result<CenterNet3dModel, ModelError> {
-        CenterNet3dModel::new(run.model.clone(), weights)
-    }
-}
-
-impl TrainBatch {
-    /// Joins samples of one input size (width, height).
-    fn new(samples: &[TrainSample], input: [usize; 2], device: Device) -> Self {
-        let map_size = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
-        let taught = samples.iter().map(|sample| if sample.regress { &sample.targets.objects[..] } else { &[] });
-        let objects = AtCells::new(taught, map_size, |object| object.cell, device);
-        Self {
-            input: stacked(samples.iter().map(|sample| &sample.input[..]), input, device),
-            heatmap: stacked(samples.iter().map(|sample| &sample.targets.heatmap[..]), map_size, device),
-            cells: objects.cells(),
-            depth_m: objects.rows(|object| [object.depth_m]),
-            dimensions: objects.rows(|object| object.dimensions_hwl),
-            in_bin: objects.rows(|object| object.bins.map(|bin| bin.score)),
-            sin_cos: objects
-                .rows::<4>(|object| [0, 1, 2, 3].map(|place| object.bins[place / 2].sin_cos[place % 2]))
-                .view([-1, 2, 2]),
-            size: objects.rows(|object| object.size),
-            offset: objects.rows(|object| object.offset),
-        }
+        (objective, metrics)
     }
 }
 

@@ -4,7 +4,7 @@ use farsight_core::detection::{DecodeOptions, View};
 use farsight_core::samplers::FeatureMap;
 use farsight_core::{Camera, ClassReference, Detection};
 use farsight_graph::model::NetworkConfig;
-use farsight_onnx::INPUT;
+use farsight_onnx::{INPUT, LocalHeadFile};
 use farsight_runtime::timing::timed;
 use farsight_runtime::{EngineError, Runner, StageTimes, Tensor, TensorView};
 use image::RgbImage;
@@ -16,7 +16,8 @@ use super::refinement::{BINS, NUMBERS};
 use super::surfaces::{SIDE, SURFACES, sample};
 use crate::batch::{InputBatch, output};
 use crate::center_map::STRIDE;
-use crate::detector::{DetectError, Detector, UnfamiliarCamera, WholeNetwork};
+use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::method::{DetectorMethod, Method};
 
 /// A GS3D, ready to look at images.
 struct Gs3dDetector {
@@ -79,11 +80,18 @@ impl Gs3dDetector {
     }
 }
 
-impl WholeNetwork for Gs3dConfig {
-    fn detector(self, runner: Box<dyn Runner>, second: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>> {
+impl DetectorMethod for Gs3dConfig {
+    fn detector(
+        self,
+        runner: Box<dyn Runner>,
+        second: Option<Box<dyn Runner>>,
+        _: Option<&LocalHeadFile>,
+    ) -> Option<Box<dyn Detector>> {
         Some(Box::new(Gs3dDetector::new(runner, second?, self)))
     }
+}
 
+impl Method for Gs3dConfig {
     fn counted_input(&self) -> [usize; 2] {
         self.input
     }
@@ -120,6 +128,12 @@ impl Detector for Gs3dDetector {
 
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
         self.config.input_spec().input_for(image_size, camera).size
+    }
+
+    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
+        self.config.input = size;
+        self.config.focal_range_px = None;
+        true
     }
 
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {

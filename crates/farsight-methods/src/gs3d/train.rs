@@ -1,29 +1,24 @@
 //! Training of a GS3D: of the first network focal loss, L1 on 2D boxes and the heading's losses, of the second cross
 //! entropy of bins that hold how good a box becomes. Both at once, or one after the other with `train.freeze`.
 
-use std::sync::Arc;
-
-use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
-use farsight_graph::graph::{Graph, NodeId};
-use farsight_graph::model::{ModelError, NetworkConfig};
-use farsight_graph::weights::Weights;
+use farsight_core::input::InputRules;
+use farsight_data::{Frame, Sample};
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
-use farsight_train::executor::ExecutorError;
 use farsight_train::losses::focal_loss;
 use farsight_train::metrics::Metrics;
 use farsight_train::samplers::grid_sample;
-use farsight_train::task::{Sampler, StepOutput, Task};
-use farsight_train::training::TrainError;
+use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 use tch::{Device, Reduction, Tensor};
 
-use super::network::{HEATMAP, REFINEMENT, REGRESSION_HEADS};
+use super::Gs3dConfig;
+use super::network::{HEADING, HEATMAP, OFFSET, REFINEMENT, SIZE};
 use super::refinement::{BINS, NUMBERS};
 use super::surfaces::{SAMPLES, SIDE, SURFACES, nothing};
 use super::targets::{Targets, targets};
-use super::{Gs3dConfig, Gs3dModel};
 use crate::center_map::train::{AtCells, at_cells, heading_loss, mean_l1};
 use crate::checks::problem_of_weights;
+use crate::detector_task::{DetectorLoss, DetectorTask, TrainSample};
 use crate::tensors::stacked;
 
 /// A run that trains a GS3D.
@@ -61,40 +56,9 @@ impl TaskConfig for Gs3dTaskConfig {
     }
 }
 
-/// One image as the network sees it, and what it should answer.
+/// What the network should answer to a batch.
 #[derive(Debug)]
-pub struct TrainSample {
-    id: String,
-    /// `[3, height, width]`.
-    input: Vec<f32>,
-    targets: Targets,
-}
-
-/// Makes samples: frame, transform, targets.
-struct SampleMaker {
-    source: Arc<dyn Dataset>,
-    config: Gs3dConfig,
-    augmentation: AugmentationConfig,
-}
-
-impl SampleMaker {
-    fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.item(key)?;
-        let (width, height) = frame.image.dimensions();
-        let rules = self.config.input_spec().rules;
-        let mut rng = key.rng();
-        let transform = self.augmentation.draw(&mut rng, [width as usize, height as usize], &rules);
-        let sample = transform.apply(&frame, &rules);
-        let targets = targets(&sample.labels, &self.config, &sample.camera, sample.size, &mut rng);
-        Ok(TrainSample { id: sample.id, input: sample.input, targets })
-    }
-}
-
-/// Tensors of a batch.
-#[derive(Debug)]
-pub struct TrainBatch {
-    /// `[batch, 3, height, width]`.
-    input: Tensor,
+pub struct Expected {
     /// `[batch, classes, map height, map width]`.
     heatmap: Tensor,
     /// Where the objects are in the flattened maps, `[objects]`.
@@ -152,84 +116,37 @@ impl Metrics for LossTerms {
 }
 
 /// A GS3D, learning.
+pub type Gs3dTask = DetectorTask<Gs3dLoss>;
+
+/// Its loss.
 #[derive(Debug)]
-pub struct Gs3dTask {
+pub struct Gs3dLoss {
+    model: Gs3dConfig,
     weights: Gs3dTaskConfig,
-    /// Width and height of the input, pixels.
-    input: [usize; 2],
-    outputs: Vec<NodeId>,
 }
 
-impl Task for Gs3dTask {
+impl DetectorLoss for Gs3dLoss {
     type Model = Gs3dConfig;
     type Config = Gs3dTaskConfig;
-    type Sample = TrainSample;
-    type Batch = TrainBatch;
+    type Targets = Targets;
+    type Batch = Expected;
     type Metrics = LossTerms;
 
-    const MODEL_FILE: &'static str = "model.safetensors";
+    const READS: &'static [&'static str] = &[HEATMAP, OFFSET, SIZE, HEADING, REFINEMENT];
 
-    fn new(run: &Gs3dRun, _: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
-        let graph = run.model.graph();
-        let heads = REGRESSION_HEADS.map(|(name, _)| name);
-        let output = |name: &str| graph.tap(name).ok_or_else(|| ExecutorError::Missing(name.to_owned()));
-        let names = [HEATMAP].into_iter().chain(heads).chain([REFINEMENT]);
-        let outputs = names.map(output).collect::<Result<_, _>>()?;
-        Ok((Self { weights: run.task.clone(), input: run.model.input, outputs }, graph))
+    fn new(run: &Gs3dRun) -> Self {
+        Self { model: run.model.clone(), weights: run.task.clone() }
     }
 
-    fn sampler(run: &Gs3dRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
-        let maker = SampleMaker { source, config: run.model.clone(), augmentation: run.augmentation.clone() };
-        Ok(Box::new(move |key| maker.sample(key)))
+    fn input_rules(model: &Gs3dConfig) -> InputRules {
+        model.input_spec().rules
     }
 
-    fn name(sample: &TrainSample) -> &str {
-        &sample.id
+    fn targets(&self, _: &Frame, sample: &Sample, rng: &mut Pcg64) -> Targets {
+        targets(&sample.labels, &self.model, &sample.camera, sample.size, rng)
     }
 
-    fn batch(&self, samples: Vec<TrainSample>, device: Device) -> Option<TrainBatch> {
-        Some(TrainBatch::new(&samples, self.input, device))
-    }
-
-    fn input(batch: &TrainBatch) -> &Tensor {
-        &batch.input
-    }
-
-    /// The map of surfaces is the last that is read; the others are what boxes come from.
-    fn sampled(&self, maps: &[Tensor], batch: &TrainBatch) -> Tensor {
-        sampled(&maps[maps.len() - 1], &batch.points)
-    }
-
-    fn outputs(&self) -> &[NodeId] {
-        &self.outputs
-    }
-
-    fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
-        let [heatmap, offset, size, heading, refinement] = [0, 1, 2, 3, 4].map(|place| &outputs[place]);
-        let at = |map: &Tensor| at_cells(map, &batch.cells);
-        let heatmap = focal_loss(heatmap, &batch.heatmap);
-        let weights = &self.weights;
-        let parts = [
-            mean_l1(&at(offset), &batch.offset) * weights.offset_weight,
-            mean_l1(&at(size), &batch.size) * weights.size_weight,
-            heading_loss(&at(heading), &batch.bin, &batch.residual) * weights.heading_weight,
-            refinement_loss(&refinement.flatten(1, -1), &batch.bins, batch.candidates) * weights.refinement_weight,
-        ];
-        let [offset, size, heading, refinement] = parts.each_ref().map(|part| part.double_value(&[]));
-        let metrics = LossTerms { heatmap: heatmap.double_value(&[]), offset, size, heading, refinement };
-        let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
-        let loss = metrics.named().iter().map(|(_, value)| value).sum();
-        StepOutput { objective, loss, metrics, samples: batch.input.size()[0] as usize }
-    }
-
-    fn model(&self, run: &Gs3dRun, weights: Weights) -> Result<Gs3dModel, ModelError> {
-        Gs3dModel::new(run.model.clone(), weights)
-    }
-}
-
-impl TrainBatch {
-    /// Joins samples of one input size (width, height).
-    fn new(samples: &[TrainSample], input: [usize; 2], device: Device) -> Self {
+    fn batch(&self, samples: &[TrainSample<Targets>], device: Device) -> Expected {
         let map_size = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
         let all = samples.iter().map(|sample| &sample.targets.objects[..]);
         let objects = AtCells::new(all, map_size, |object| object.cell, device);
@@ -245,8 +162,7 @@ impl TrainBatch {
             points.iter_mut().take(1).for_each(|points| *points = nothing(SURFACES * SAMPLES));
             bins = vec![0.0; NUMBERS * BINS];
         }
-        Self {
-            input: stacked(samples.iter().map(|sample| &sample.input[..]), input, device),
+        Expected {
             heatmap: stacked(samples.iter().map(|sample| &sample.targets.heatmap[..]), map_size, device),
             cells: objects.cells(),
             offset: objects.rows(|object| object.offset),
@@ -257,6 +173,28 @@ impl TrainBatch {
             candidates,
             bins: Tensor::from_slice(&bins).view([-1, (NUMBERS * BINS) as i64]).to_device(device),
         }
+    }
+
+    /// The map of surfaces is the last that is read; the others are what boxes come from.
+    fn sampled(&self, maps: &[Tensor], batch: &Expected) -> Tensor {
+        sampled(&maps[maps.len() - 1], &batch.points)
+    }
+
+    fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
+        let [heatmap, offset, size, heading, refinement] = [0, 1, 2, 3, 4].map(|place| &outputs[place]);
+        let at = |map: &Tensor| at_cells(map, &batch.cells);
+        let heatmap = focal_loss(heatmap, &batch.heatmap);
+        let weights = &self.weights;
+        let parts = [
+            mean_l1(&at(offset), &batch.offset) * weights.offset_weight,
+            mean_l1(&at(size), &batch.size) * weights.size_weight,
+            heading_loss(&at(heading), &batch.bin, &batch.residual) * weights.heading_weight,
+            refinement_loss(&refinement.flatten(1, -1), &batch.bins, batch.candidates) * weights.refinement_weight,
+        ];
+        let [offset, size, heading, refinement] = parts.each_ref().map(|part| part.double_value(&[]));
+        let metrics = LossTerms { heatmap: heatmap.double_value(&[]), offset, size, heading, refinement };
+        let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
+        (objective, metrics)
     }
 }
 

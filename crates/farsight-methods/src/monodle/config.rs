@@ -41,8 +41,8 @@ pub struct MonoDleConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_focal_px: Option<f64>,
     /// Whether scores are multiplied by the probability, by the error bar, that the distance is right
-    /// ([`farsight_core::Detection::place_score`]): the order that AP in space wants. The authors multiply by the inverse
-    /// of the variance, which has no upper bound.
+    /// ([`farsight_core::Detection::place_score`]): the order that AP in space wants. The authors multiply by the
+    /// inverse of the variance, which has no upper bound.
     pub certainty_in_score: bool,
     /// Smallest and largest focal length, pixels of the network's input, that the model was trained with.
     #[serde(skip_serializing_if = "Option::is_none")]

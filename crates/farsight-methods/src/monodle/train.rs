@@ -1,29 +1,22 @@
-//! Training of a `MonoDLE`: focal loss, L1 on offsets and 2D boxes, a depth that learns how sure it is, sizes weighed by
-//! how much they count, cross entropy and L1 on the heading's bins. All terms weigh the same.
+//! Training of a `MonoDLE`: focal loss, L1 on offsets and 2D boxes, a depth that learns how sure it is, sizes weighed
+//! by how much they count, cross entropy and L1 on the heading's bins. All terms weigh the same.
 
-use std::sync::Arc;
-
-use farsight_core::heatmap::HeatmapRule;
-use farsight_core::{Box2d, ClassReference, Label};
-use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
-use farsight_graph::graph::{Graph, NodeId};
-use farsight_graph::model::{ModelError, NetworkConfig};
-use farsight_graph::weights::Weights;
+use farsight_core::input::InputRules;
+use farsight_core::{Box2d, Label};
+use farsight_data::{Frame, Sample};
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
-use farsight_train::executor::ExecutorError;
 use farsight_train::losses::focal_loss;
 use farsight_train::metrics::Metrics;
-use farsight_train::task::{Sampler, StepOutput, Task};
-use farsight_train::training::TrainError;
+use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 use tch::{Device, Tensor};
 
-use super::codec::{Codec, Encoded};
+use super::MonoDleConfig;
+use super::codec::Encoded;
 use super::targets::{Targets, targets};
-use super::{MonoDleConfig, MonoDleModel};
 use crate::center_map::train::{AtCells, at_cells, depths_from_raw, heading_loss, mean_l1};
 use crate::checks::problem_of_weights;
-use crate::input_spec::InputSpec;
+use crate::detector_task::{DetectorLoss, DetectorTask, TrainSample};
 use crate::tensors::stacked;
 
 /// A run that trains a `MonoDLE`.
@@ -104,47 +97,9 @@ impl MonoDleTaskConfig {
     }
 }
 
-/// One image as the network sees it, and what it should answer.
+/// What the network should answer to a batch.
 #[derive(Debug)]
-pub struct TrainSample {
-    id: String,
-    /// `[3, height, width]`.
-    input: Vec<f32>,
-    targets: Targets,
-    /// Whether depth, size and centre of the 3D boxes are learnt from this image.
-    regress: bool,
-}
-
-/// Makes samples: frame, transform, targets.
-struct SampleMaker {
-    source: Arc<dyn Dataset>,
-    input: InputSpec,
-    classes: Vec<ClassReference>,
-    heatmap: HeatmapRule,
-    codec: Codec,
-    augmentation: AugmentationConfig,
-    task: MonoDleTaskConfig,
-}
-
-impl SampleMaker {
-    fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.item(key)?;
-        let (width, height) = frame.image.dimensions();
-        let image_size = [width as usize, height as usize];
-        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input.rules);
-        let sample = transform.apply(&frame, &self.input.rules);
-        let counting = frame.labels.iter().zip(&sample.labels).filter(|(annotated, _)| self.task.counts(annotated));
-        let labels = counting.map(|(_, label)| label);
-        let targets = targets(labels, &self.classes, &self.heatmap, &self.codec, &sample.camera, sample.size);
-        Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress })
-    }
-}
-
-/// Tensors of a batch.
-#[derive(Debug)]
-pub struct TrainBatch {
-    /// `[batch, 3, height, width]`.
-    input: Tensor,
+pub struct Expected {
     /// `[batch, classes, map height, map width]`.
     heatmap: Tensor,
     /// Where the objects are in the flattened maps, `[objects]`.
@@ -209,98 +164,45 @@ impl Metrics for LossTerms {
 }
 
 /// A `MonoDLE`, learning.
+pub type MonoDleTask = DetectorTask<MonoDleLoss>;
+
+/// Its loss.
 #[derive(Debug)]
-pub struct MonoDleTask {
-    weights: MonoDleTaskConfig,
-    /// Width and height of the input, pixels.
-    input: [usize; 2],
-    outputs: Vec<NodeId>,
+pub struct MonoDleLoss {
+    model: MonoDleConfig,
+    task: MonoDleTaskConfig,
 }
 
-impl Task for MonoDleTask {
+impl DetectorLoss for MonoDleLoss {
     type Model = MonoDleConfig;
     type Config = MonoDleTaskConfig;
-    type Sample = TrainSample;
-    type Batch = TrainBatch;
+    type Targets = Targets;
+    type Batch = Expected;
     type Metrics = LossTerms;
 
-    const MODEL_FILE: &'static str = "model.safetensors";
-
-    fn new(run: &MonoDleRun, _: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
-        let graph = run.model.graph();
-        let output = |name: &&str| graph.tap(name).ok_or_else(|| ExecutorError::Missing((*name).to_owned()));
-        let outputs = MonoDleConfig::OUTPUTS.iter().map(output).collect::<Result<_, _>>()?;
-        Ok((Self { weights: run.task.clone(), input: run.model.input, outputs }, graph))
+    fn new(run: &MonoDleRun) -> Self {
+        Self { model: run.model.clone(), task: run.task.clone() }
     }
 
-    fn sampler(run: &MonoDleRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
-        let model = &run.model;
-        let maker = SampleMaker {
-            source,
-            input: model.input_spec(),
-            classes: model.classes.clone(),
-            heatmap: model.heatmap,
-            codec: model.codec(),
-            augmentation: run.augmentation.clone(),
-            task: run.task.clone(),
-        };
-        Ok(Box::new(move |key| maker.sample(key)))
+    fn input_rules(model: &MonoDleConfig) -> InputRules {
+        model.input_spec().rules
     }
 
-    fn name(sample: &TrainSample) -> &str {
-        &sample.id
+    fn targets(&self, frame: &Frame, sample: &Sample, _: &mut Pcg64) -> Targets {
+        let counting = frame.labels.iter().zip(&sample.labels).filter(|(annotated, _)| self.task.counts(annotated));
+        let labels = counting.map(|(_, label)| label);
+        let MonoDleConfig { classes, heatmap, .. } = &self.model;
+        targets(labels, classes, heatmap, &self.model.codec(), &sample.camera, sample.size)
     }
 
-    fn batch(&self, samples: Vec<TrainSample>, device: Device) -> Option<TrainBatch> {
-        Some(TrainBatch::new(&samples, self.input, device))
-    }
-
-    fn input(batch: &TrainBatch) -> &Tensor {
-        &batch.input
-    }
-
-    fn outputs(&self) -> &[NodeId] {
-        &self.outputs
-    }
-
-    fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
-        let [heatmap, box_offset, box_size, depth, center_offset, dimensions, heading] =
-            [0, 1, 2, 3, 4, 5, 6].map(|place| &outputs[place]);
-        let at = |map: &Tensor| at_cells(map, &batch.cells);
-        let at_3d = |map: &Tensor| at_cells(map, &batch.cells_3d);
-        let heatmap = focal_loss(heatmap, &batch.heatmap);
-        let weights = &self.weights;
-        let box_2d = mean_l1(&at(box_offset), &batch.box_offset) + mean_l1(&at(box_size), &batch.box_size);
-        let parts = [
-            box_2d * weights.box_weight,
-            depth_loss(&at_3d(depth), &batch.depth_m) * weights.depth_weight,
-            mean_l1(&at_3d(center_offset), &batch.center_offset) * weights.offset_weight,
-            dimensions_loss(&at_3d(dimensions), &batch.dimensions) * weights.dimensions_weight,
-            heading_loss(&at(heading), &batch.bin, &batch.residual) * weights.heading_weight,
-        ];
-        let [box_2d, depth, offset, dimensions, heading] = parts.each_ref().map(|part| part.double_value(&[]));
-        let metrics = LossTerms { heatmap: heatmap.double_value(&[]), box_2d, depth, offset, dimensions, heading };
-        let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
-        let loss = metrics.named().iter().map(|(_, value)| value).sum();
-        StepOutput { objective, loss, metrics, samples: batch.input.size()[0] as usize }
-    }
-
-    fn model(&self, run: &MonoDleRun, weights: Weights) -> Result<MonoDleModel, ModelError> {
-        MonoDleModel::new(run.model.clone(), weights)
-    }
-}
-
-impl TrainBatch {
-    /// Joins samples of one input size (width, height).
-    fn new(samples: &[TrainSample], input: [usize; 2], device: Device) -> Self {
+    fn batch(&self, samples: &[TrainSample<Targets>], device: Device) -> Expected {
         let map_size = samples.first().map_or([0, 0], |sample| sample.targets.map_size);
         let cell_of = |object: &Encoded| object.cell;
         let all = samples.iter().map(|sample| &sample.targets.objects[..]);
         let taught = samples.iter().map(|sample| if sample.regress { &sample.targets.objects[..] } else { &[] });
         let (all, taught) =
             (AtCells::new(all, map_size, cell_of, device), AtCells::new(taught, map_size, cell_of, device));
-        Self {
-            input: stacked(samples.iter().map(|sample| &sample.input[..]), input, device),
+        Expected {
             heatmap: stacked(samples.iter().map(|sample| &sample.targets.heatmap[..]), map_size, device),
             cells: all.cells(),
             box_offset: all.rows(|object| object.box_offset),
@@ -312,6 +214,26 @@ impl TrainBatch {
             center_offset: taught.rows(|object| object.center_offset),
             dimensions: taught.rows(|object| object.dimensions_hwl),
         }
+    }
+    fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
+        let [heatmap, box_offset, box_size, depth, center_offset, dimensions, heading] =
+            [0, 1, 2, 3, 4, 5, 6].map(|place| &outputs[place]);
+        let at = |map: &Tensor| at_cells(map, &batch.cells);
+        let at_3d = |map: &Tensor| at_cells(map, &batch.cells_3d);
+        let heatmap = focal_loss(heatmap, &batch.heatmap);
+        let weights = &self.task;
+        let box_2d = mean_l1(&at(box_offset), &batch.box_offset) + mean_l1(&at(box_size), &batch.box_size);
+        let parts = [
+            box_2d * weights.box_weight,
+            depth_loss(&at_3d(depth), &batch.depth_m) * weights.depth_weight,
+            mean_l1(&at_3d(center_offset), &batch.center_offset) * weights.offset_weight,
+            dimensions_loss(&at_3d(dimensions), &batch.dimensions) * weights.dimensions_weight,
+            heading_loss(&at(heading), &batch.bin, &batch.residual) * weights.heading_weight,
+        ];
+        let [box_2d, depth, offset, dimensions, heading] = parts.each_ref().map(|part| part.double_value(&[]));
+        let metrics = LossTerms { heatmap: heatmap.double_value(&[]), box_2d, depth, offset, dimensions, heading };
+        let objective = parts.iter().fold(heatmap, |sum, part| sum + part);
+        (objective, metrics)
     }
 }
 

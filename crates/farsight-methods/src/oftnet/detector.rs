@@ -4,7 +4,7 @@ use farsight_core::detection::DecodeOptions;
 use farsight_core::samplers::FeatureMap;
 use farsight_core::{Box2d, Camera, ClassReference, Detection};
 use farsight_graph::model::NetworkConfig;
-use farsight_onnx::INPUT;
+use farsight_onnx::{INPUT, LocalHeadFile};
 use farsight_runtime::timing::timed;
 use farsight_runtime::{EngineError, Runner, StageTimes, Tensor, TensorView};
 use image::RgbImage;
@@ -14,7 +14,8 @@ use super::decode::detections;
 use super::network::{ANSWER, ANSWERS, MAPS};
 use super::sampler::{STRIDES, boxes, sample};
 use crate::batch::{InputBatch, output};
-use crate::detector::{DetectError, Detector, UnfamiliarCamera, WholeNetwork};
+use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::method::{DetectorMethod, Method};
 
 /// An `OFTNet`, ready to look at images.
 struct OftNetDetector {
@@ -72,11 +73,18 @@ impl OftNetDetector {
     }
 }
 
-impl WholeNetwork for OftNetConfig {
-    fn detector(self, runner: Box<dyn Runner>, second: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>> {
+impl DetectorMethod for OftNetConfig {
+    fn detector(
+        self,
+        runner: Box<dyn Runner>,
+        second: Option<Box<dyn Runner>>,
+        _: Option<&LocalHeadFile>,
+    ) -> Option<Box<dyn Detector>> {
         Some(Box::new(OftNetDetector::new(runner, second?, self)))
     }
+}
 
+impl Method for OftNetConfig {
     fn counted_input(&self) -> [usize; 2] {
         self.input
     }
@@ -126,6 +134,12 @@ impl Detector for OftNetDetector {
 
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
         self.config.input_spec().input_for(image_size, camera).size
+    }
+
+    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
+        self.config.input = size;
+        self.config.focal_range_px = None;
+        true
     }
 
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {

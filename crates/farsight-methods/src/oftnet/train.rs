@@ -1,29 +1,22 @@
 //! Training of an `OFTNet`: L1 on everything, near objects much more on the scores; the rest under objects alone.
 
-use std::sync::Arc;
-
-use farsight_core::{Box2d, ClassReference};
-use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
-use farsight_graph::graph::{Graph, NodeId};
-use farsight_graph::model::{ModelError, NetworkConfig};
-use farsight_graph::weights::Weights;
+use farsight_core::Box2d;
+use farsight_core::input::InputRules;
+use farsight_data::{Frame, Sample};
 use farsight_train::config::{DataConfig, RunConfig, TaskConfig};
-use farsight_train::executor::ExecutorError;
 use farsight_train::metrics::Metrics;
 use farsight_train::samplers::box_means;
-use farsight_train::task::{Sampler, StepOutput, Task};
-use farsight_train::training::TrainError;
+use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 use tch::{Device, Tensor};
 
-use super::codec::Codec;
+use super::OftNetConfig;
 use super::grid::Grid;
-use super::network::{ANSWER, ANSWERS};
+use super::network::ANSWERS;
 use super::sampler::{STRIDES, boxes};
 use super::targets::{Targets, targets};
-use super::{OftNetConfig, OftNetModel};
 use crate::checks::problem_of_weights;
-use crate::input_spec::InputSpec;
+use crate::detector_task::{DetectorLoss, DetectorTask, TrainSample};
 use crate::tensors::stacked;
 
 /// A run that trains an `OFTNet`.
@@ -66,44 +59,16 @@ impl TaskConfig for OftNetTaskConfig {
     }
 }
 
-/// One image as the network sees it, and what it should answer.
+/// What the network should answer to one image, and where its maps are read for that.
 #[derive(Debug)]
-pub struct TrainSample {
-    id: String,
-    /// `[3, height, width]`.
-    input: Vec<f32>,
-    /// Where the maps are read.
+pub struct Expectation {
     boxes: [Vec<Box2d>; STRIDES.len()],
     targets: Targets,
 }
 
-/// Makes samples: frame, transform, targets.
-struct SampleMaker {
-    source: Arc<dyn Dataset>,
-    input: InputSpec,
-    classes: Vec<ClassReference>,
-    grid: Grid,
-    augmentation: AugmentationConfig,
-}
-
-impl SampleMaker {
-    fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
-        let frame = self.source.item(key)?;
-        let (width, height) = frame.image.dimensions();
-        let image_size = [width as usize, height as usize];
-        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input.rules);
-        let sample = transform.apply(&frame, &self.input.rules);
-        let targets = targets(&sample.labels, &Codec { grid: &self.grid, classes: &self.classes });
-        let boxes = boxes(&self.grid, &sample.camera);
-        Ok(TrainSample { id: sample.id, input: sample.input, boxes, targets })
-    }
-}
-
-/// Tensors of a batch.
+/// What the network should answer to a batch.
 #[derive(Debug)]
-pub struct TrainBatch {
-    /// `[batch, 3, height, width]`.
-    input: Tensor,
+pub struct Expected {
     /// Where each image's maps are read.
     boxes: Vec<[Vec<Box2d>; STRIDES.len()]>,
     /// `[batch, classes, rows, columns]`.
@@ -145,64 +110,64 @@ impl Metrics for LossTerms {
 }
 
 /// An `OFTNet`, learning.
+pub type OftNetTask = DetectorTask<OftNetLoss>;
+
+/// Its loss.
 #[derive(Debug)]
-pub struct OftNetTask {
+pub struct OftNetLoss {
+    model: OftNetConfig,
     weights: OftNetTaskConfig,
-    /// Width and height of the input, pixels.
-    input: [usize; 2],
-    grid: Grid,
-    outputs: [NodeId; 1],
 }
 
-impl Task for OftNetTask {
+impl DetectorLoss for OftNetLoss {
     type Model = OftNetConfig;
     type Config = OftNetTaskConfig;
-    type Sample = TrainSample;
-    type Batch = TrainBatch;
+    type Targets = Expectation;
+    type Batch = Expected;
     type Metrics = LossTerms;
 
-    const MODEL_FILE: &'static str = "model.safetensors";
-
-    fn new(run: &OftNetRun, _: Option<&Weights>) -> Result<(Self, Graph), TrainError> {
-        let graph = run.model.graph();
-        let answer = graph.tap(ANSWER).ok_or_else(|| ExecutorError::Missing(ANSWER.to_owned()))?;
-        let task = Self { weights: run.task.clone(), input: run.model.input, grid: run.model.grid, outputs: [answer] };
-        Ok((task, graph))
+    fn new(run: &OftNetRun) -> Self {
+        Self { model: run.model.clone(), weights: run.task.clone() }
     }
 
-    fn sampler(run: &OftNetRun, source: Arc<dyn Dataset>) -> Result<Sampler<TrainSample>, TrainError> {
-        let model = &run.model;
-        let maker = SampleMaker {
-            source,
-            input: model.input_spec(),
-            classes: model.classes.clone(),
-            grid: model.grid,
-            augmentation: run.augmentation.clone(),
-        };
-        Ok(Box::new(move |key| maker.sample(key)))
+    fn input_rules(model: &OftNetConfig) -> InputRules {
+        model.input_spec().rules
     }
 
-    fn name(sample: &TrainSample) -> &str {
-        &sample.id
+    fn targets(&self, _: &Frame, sample: &Sample, _: &mut Pcg64) -> Expectation {
+        Expectation {
+            boxes: boxes(&self.model.grid, &sample.camera),
+            targets: targets(&sample.labels, &self.model.codec()),
+        }
     }
 
-    fn batch(&self, samples: Vec<TrainSample>, device: Device) -> Option<TrainBatch> {
-        Some(TrainBatch::new(samples, self.input, &self.grid, device))
+    fn batch(&self, samples: &[TrainSample<Expectation>], device: Device) -> Expected {
+        let grid = &self.model.grid;
+        let size = [grid.columns, grid.rows];
+        let of_all = || samples.iter().map(|sample| &sample.targets.targets);
+        let classes = of_all().next().map_or(1, |targets| targets.heatmap.len() / grid.cells());
+        let mut cells = Vec::new();
+        let mut expected = Vec::new();
+        for (image, targets) in of_all().enumerate() {
+            for (class, [column, row], encoded) in &targets.cells {
+                cells.push((((image * classes + class) * grid.rows + row) * grid.columns + column) as i64);
+                let values = encoded.place.iter().chain(&encoded.size).chain(&encoded.cos_sin);
+                expected.extend(values.map(|value| *value as f32));
+            }
+        }
+        Expected {
+            boxes: samples.iter().map(|sample| sample.targets.boxes.clone()).collect(),
+            heatmap: stacked(of_all().map(|targets| &targets.heatmap[..]), size, device),
+            cells: Tensor::from_slice(&cells).to_device(device),
+            expected: Tensor::from_slice(&expected).view([-1, ANSWERS as i64 - 1]).to_device(device),
+        }
     }
 
-    fn input(batch: &TrainBatch) -> &Tensor {
-        &batch.input
+    fn sampled(&self, maps: &[Tensor], batch: &Expected) -> Tensor {
+        sampled(maps, &batch.boxes, &self.model.grid)
     }
 
-    fn sampled(&self, maps: &[Tensor], batch: &TrainBatch) -> Tensor {
-        sampled(maps, &batch.boxes, &self.grid)
-    }
-
-    fn outputs(&self) -> &[NodeId] {
-        &self.outputs
-    }
-
-    fn loss(&self, outputs: &[Tensor], batch: &TrainBatch) -> StepOutput<LossTerms> {
+    fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
         let weights = &self.weights;
         let parts = losses(&outputs[0], &batch.heatmap, &batch.cells, &batch.expected, weights.near_factor);
         let factors = [weights.score_weight, weights.place_weight, weights.size_weight, weights.yaw_weight];
@@ -210,37 +175,7 @@ impl Task for OftNetTask {
         let [score, place, size, yaw] = [0, 1, 2, 3].map(|place| parts[place].double_value(&[]));
         let metrics = LossTerms { score, place, size, yaw };
         let objective = &parts[0] + &parts[1] + &parts[2] + &parts[3];
-        StepOutput { objective, loss: score + place + size + yaw, metrics, samples: batch.input.size()[0] as usize }
-    }
-
-    fn model(&self, run: &OftNetRun, weights: Weights) -> Result<OftNetModel, ModelError> {
-        OftNetModel::new(run.model.clone(), weights)
-    }
-}
-
-impl TrainBatch {
-    /// Joins samples of one input size (width, height).
-    fn new(samples: Vec<TrainSample>, input: [usize; 2], grid: &Grid, device: Device) -> Self {
-        let size = [grid.columns, grid.rows];
-        let classes = samples.first().map_or(1, |sample| sample.targets.heatmap.len() / grid.cells());
-        let mut cells = Vec::new();
-        let mut expected = Vec::new();
-        for (image, sample) in samples.iter().enumerate() {
-            for (class, [column, row], encoded) in &sample.targets.cells {
-                cells.push((((image * classes + class) * grid.rows + row) * grid.columns + column) as i64);
-                let values = encoded.place.iter().chain(&encoded.size).chain(&encoded.cos_sin);
-                expected.extend(values.map(|value| *value as f32));
-            }
-        }
-        let inputs = stacked(samples.iter().map(|sample| &sample.input[..]), input, device);
-        let heatmap = stacked(samples.iter().map(|sample| &sample.targets.heatmap[..]), size, device);
-        Self {
-            input: inputs,
-            boxes: samples.into_iter().map(|sample| sample.boxes).collect(),
-            heatmap,
-            cells: Tensor::from_slice(&cells).to_device(device),
-            expected: Tensor::from_slice(&expected).view([-1, ANSWERS as i64 - 1]).to_device(device),
-        }
+        (objective, metrics)
     }
 }
 

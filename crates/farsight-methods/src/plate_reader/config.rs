@@ -7,6 +7,7 @@ use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{ANSWER_CHANNELS, INPUT_CHANNELS};
+use crate::method::Method;
 use crate::roi::ANSWER;
 use crate::roi::network::{features, problem_of_sizes};
 
@@ -51,5 +52,20 @@ impl NetworkConfig for PlateReaderConfig {
         let answer = b.conv_with_bias(x, "answer", ANSWER_CHANNELS, 1, None);
         b.tap(ANSWER, answer);
         b.finish()
+    }
+}
+
+impl Method for PlateReaderConfig {
+    fn counted_input(&self) -> [usize; 2] {
+        [self.side; 2]
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        let Self { side, channels, depths, .. } = self;
+        vec![
+            ("plate reader", format!("measures cars by their number plates, cut out at {side} x {side} pixels")),
+            ("channels", format!("{channels:?}")),
+            ("plates and boxes", format!("errors correlated by {:.2}", depths.correlation)),
+        ]
     }
 }

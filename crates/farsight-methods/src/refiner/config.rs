@@ -6,6 +6,7 @@ use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{INPUT_CHANNELS, KINDS, PLACE_CHANNELS, StageFusion};
+use crate::method::Method;
 use crate::roi::ANSWER;
 use crate::roi::network::{features, problem_of_sizes};
 
@@ -53,5 +54,20 @@ impl NetworkConfig for RefinerConfig {
         let answer = b.concat(&[place, kinds]);
         b.tap(ANSWER, answer);
         b.finish()
+    }
+}
+
+impl Method for RefinerConfig {
+    fn counted_input(&self) -> [usize; 2] {
+        [self.side; 2]
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        let Self { side, channels, fusion, .. } = self;
+        vec![
+            ("refiner", format!("refines each object, cut out at {side} x {side} pixels")),
+            ("channels", format!("{channels:?}")),
+            ("detector and refiner", format!("errors correlated by {:.2}", fusion.depths.correlation)),
+        ]
     }
 }

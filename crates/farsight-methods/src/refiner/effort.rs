@@ -1,18 +1,18 @@
 //! How much is done for each object.
 
-/// How often the refiner looks at each object, and at how many mirror images.
+/// How many iterations of the refiner each object gets, and how many mirror images.
 ///
-/// A look around a box that hardly differs from that of the look before shows the same pixels, and the answer would be
-/// nearly the same. So an object is *settled* when its next cut-out is the last one within a share of its side.
+/// A cut-out around a box that hardly differs from that of the iteration before shows the same pixels, and the answer
+/// would be nearly the same. So an object is *settled* when its next cut-out is the last one within a share of its side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Effort {
-    /// One look, or two where the first one moved the box; no mirror images.
+    /// One iteration, or two where the first one moved the box; no mirror images.
     Fast,
-    /// Three looks as long as an object is promising, the last cut-out mirrored, too.
+    /// Three iterations as long as an object is promising, the last cut-out mirrored, too.
     #[default]
     Normal,
-    /// Three looks at whatever the detector found, the last cut-out mirrored, too: what the numbers of the fusion were
-    /// fitted with.
+    /// Three iterations for whatever the detector found, the last cut-out mirrored, too: what the numbers of the fusion
+    /// were fitted with.
     Best,
 }
 
@@ -29,8 +29,8 @@ impl Effort {
         }
     }
 
-    /// No object is looked at more often.
-    pub(super) fn looks(self) -> usize {
+    /// No object has more.
+    pub(super) fn iterations(self) -> usize {
         match self {
             Self::Fast => 2,
             Self::Normal | Self::Best => 3,
@@ -50,8 +50,8 @@ impl Effort {
         }
     }
 
-    /// What has a score above this share of the least score that counts is looked at again: a further look can raise it
-    /// so far.
+    /// What has a score above this share of the least score that counts gets one more iteration, which can raise it so
+    /// far.
     pub(super) fn promising_share(self) -> f64 {
         match self {
             Self::Fast => 0.5,

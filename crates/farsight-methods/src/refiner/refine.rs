@@ -111,8 +111,8 @@ impl Refiner {
 
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
-    /// Several looks ([`Effort`]), each where the one before it saw the object: a cut-out around a better box shows
-    /// more of the object and less of the rest. What has no score above `promising` after a look keeps its answer.
+    /// Several iterations ([`Effort`]), each where the one before it saw the object: a cut-out around a better box shows
+    /// more of the object and less of the rest. What has no score above `promising` after one keeps its answer.
     ///
     /// # Errors
     /// When the engine fails.
@@ -127,13 +127,13 @@ impl Refiner {
         let mut seen: Vec<Option<Seen>> = vec![None; detections.len()];
         // Objects that are not settled.
         let mut places: Vec<usize> = (0..detections.len()).collect();
-        for look in 1..=self.effort.looks() {
-            let is_last = look == self.effort.looks();
+        for iteration in 1..=self.effort.iterations() {
+            let is_last = iteration == self.effort.iterations();
             let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(places.len());
             places.retain(|&place| {
                 let known = seen[place].as_ref().map(|seen| &seen.refinement);
                 let fused = self.config.fusion.fused(&detections[place], known, camera, image_size);
-                if look > 1 && fused.score <= promising {
+                if iteration > 1 && fused.score <= promising {
                     return false;
                 }
                 let Some(crop) = Crop::from_box(&fused.box2d, camera, self.config.side) else { return true };

@@ -95,6 +95,11 @@ impl Detector for SmokeDetector {
         self.input.input_for(image_size, camera).size
     }
 
+    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
+        self.input.fix_size(size);
+        true
+    }
+
     fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
         self.input.unfamiliar(image_size, camera)
     }

@@ -2,14 +2,17 @@
 
 use std::path::Path;
 
+use farsight_core::DepthReference;
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
-use farsight_onnx::{Facts, OnnxError, OnnxModel, OnnxProblem, Target, is_safetensors, key};
+use farsight_onnx::{Facts, LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, is_safetensors, key};
+use farsight_runtime::Runner;
 use serde_json::json;
 
-use super::codec::CHANNELS;
-use super::network::{LOGITS, REGRESSION};
-use super::{SmokeConfig, SmokeModel};
-use crate::file::{ReadError, config_of};
+use super::network::Backbone;
+use super::{SmokeConfig, SmokeDetector, SmokeModel, SparseHead};
+use crate::detector::Detector;
+use crate::file::{ReadError, config_of, facts_of};
+use crate::method::{DetectorMethod, Method};
 
 /// The ONNX form of a SMOKE network, and its config.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,29 +60,70 @@ impl DetectorFile {
     /// When its config is none, or its outputs are not those that the config promises.
     pub fn from_onnx(onnx: OnnxModel, source: &Path) -> Result<Self, OnnxError> {
         let config: SmokeConfig = config_of(&onnx, source)?;
-        for (name, expected) in [(LOGITS, config.classes.len()), (REGRESSION, CHANNELS)] {
-            let output = onnx.outputs().iter().find(|output| output.name == name);
-            if let Some(found) = output.and_then(|output| output.channels)
-                && found != expected
-            {
-                let problem = OnnxProblem::Channels { name, found: found as u64, expected };
-                return Err(OnnxError::new(source, problem));
-            }
-        }
         Ok(Self { onnx, config })
     }
 
     /// What is known about `model`, for its ONNX file.
     pub fn facts(model: &SmokeModel, target: Target) -> Facts {
-        let config = &model.config;
-        let mut facts = Facts::new(model, target);
-        let classes: Vec<&str> = config.classes.iter().map(|class| class.class.name()).collect();
-        let [width, height] = config.input;
-        facts.set(key::CLASSES, classes.join(","));
-        facts.set(key::INPUT_SIZE, format!("{width}x{height}"));
-        let normalisation = json!({"order": config.quirks.channels, "mean": CHANNEL_MEAN, "std": CHANNEL_STD});
-        facts.set(key::NORMALISATION, normalisation.to_string());
-        facts.set(key::REFERENCE, json!({"depth": config.depth, "classes": config.classes}).to_string());
-        facts
+        facts_of(model, target)
+    }
+}
+
+impl Method for SmokeConfig {
+    fn counted_input(&self) -> [usize; 2] {
+        self.input
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        let classes: Vec<&str> = self.classes.iter().map(|class| class.class.name()).collect();
+        let [width, height] = self.input;
+        let [first, second] = match self.backbone {
+            Backbone::Dla34 => {
+                [("channels", format!("{:?}", self.channels())), ("stem", format!("{:?}", self.stem).to_lowercase())]
+            }
+            other => [("backbone", other.name().to_owned()), ("neck channels", self.neck_width().to_string())],
+        };
+        vec![
+            ("input", format!("{width} x {height} pixels")),
+            ("classes", classes.join(", ")),
+            first,
+            second,
+            ("normalisation", format!("{:?}", self.norm).to_lowercase()),
+            ("neck", format!("{:?}", self.neck).to_lowercase()),
+            ("MSFE", format!("{:?}", self.msfe).to_lowercase()),
+            ("depth", depth(&self.depth)),
+        ]
+    }
+
+    fn onnx_facts(&self) -> Vec<(&'static str, String)> {
+        let classes: Vec<&str> = self.classes.iter().map(|class| class.class.name()).collect();
+        let [width, height] = self.input;
+        let normalisation = json!({"order": self.quirks.channels, "mean": CHANNEL_MEAN, "std": CHANNEL_STD});
+        vec![
+            (key::CLASSES, classes.join(",")),
+            (key::INPUT_SIZE, format!("{width}x{height}")),
+            (key::NORMALISATION, normalisation.to_string()),
+            (key::REFERENCE, json!({"depth": self.depth, "classes": self.classes}).to_string()),
+        ]
+    }
+}
+
+fn depth(depth: &DepthReference) -> String {
+    let DepthReference { mean_m, std_m, focal_px, error } = depth;
+    let focal = focal_px.map_or(String::new(), |px| format!(" at a focal length of {px:.1} pixels of the input"));
+    let bars = if error.is_some() { ", with error bars" } else { "" };
+    format!("{mean_m:.2} m, give or take {std_m:.2} m{focal}{bars}")
+}
+
+impl DetectorMethod for SmokeConfig {
+    const NOT_PRUNED: Option<&'static str> = None;
+
+    fn detector(
+        self,
+        runner: Box<dyn Runner>,
+        _: Option<Box<dyn Runner>>,
+        head: Option<&LocalHeadFile>,
+    ) -> Option<Box<dyn Detector>> {
+        Some(Box::new(SmokeDetector::new(runner, &self, head.map(SparseHead::new))))
     }
 }

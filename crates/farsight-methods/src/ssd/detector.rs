@@ -4,7 +4,7 @@ use farsight_core::detection::DecodeOptions;
 use farsight_core::{Camera, ClassReference, Detection};
 use farsight_data::network_input_into;
 use farsight_graph::model::NetworkConfig;
-use farsight_onnx::INPUT;
+use farsight_onnx::{INPUT, LocalHeadFile};
 use farsight_runtime::timing::timed;
 use farsight_runtime::{EngineError, Runner, StageTimes, TensorView};
 use image::RgbImage;
@@ -16,8 +16,9 @@ use super::decode::Boxes;
 use super::network::{BOXES, CLASSES};
 use super::views::{Window, window};
 use crate::batch::output;
-use crate::detector::{DetectError, Detector, UnfamiliarCamera, WholeNetwork};
+use crate::detector::{DetectError, Detector, UnfamiliarCamera};
 use crate::input_spec::InputSpec;
+use crate::method::{DetectorMethod, Method};
 
 /// With a lower score nearly everything is nothing, whatever is asked for.
 const MIN_SCORE: f64 = 0.1;
@@ -140,11 +141,20 @@ impl Detector for SsdDetector {
     }
 }
 
-impl WholeNetwork for SsdConfig {
-    fn detector(self, runner: Box<dyn Runner>, _: Option<Box<dyn Runner>>) -> Option<Box<dyn Detector>> {
+impl DetectorMethod for SsdConfig {
+    const NOT_PRUNED: Option<&'static str> = Some("it is not trained here");
+
+    fn detector(
+        self,
+        runner: Box<dyn Runner>,
+        _: Option<Box<dyn Runner>>,
+        _: Option<&LocalHeadFile>,
+    ) -> Option<Box<dyn Detector>> {
         Some(Box::new(SsdDetector::new(runner, self)))
     }
+}
 
+impl Method for SsdConfig {
     fn counted_input(&self) -> [usize; 2] {
         COUNTED_INPUT
     }

@@ -176,7 +176,7 @@ fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
     let taps = [LOGITS, REGRESSION].map(|name| network.graph().tap(name).unwrap());
     let maps = network.forward(&golden("net_tiny_io_gn")["input"], Mode::Train, &taps);
     let codec: Codec = config.codec();
-    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(g), CornerWeights::alike(80.0));
+    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(g), CornerWeights::uniform(80.0));
     let (names, leaves): (Vec<String>, Vec<Tensor>) =
         network.trainable_parameters().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone())).unzip();
     let gradients = Tensor::run_backward(&[objective], &leaves, false, false);

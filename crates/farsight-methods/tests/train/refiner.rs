@@ -17,7 +17,7 @@ use farsight_methods::refiner::{Flip, Refiner};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::roi::runner::onnx;
 use farsight_methods::roi::{ANSWER, RoiRunner};
-use farsight_methods::training::train;
+use farsight_methods::training::{TAGS, train};
 use farsight_onnx::Target;
 use farsight_runtime::RtenRunner;
 use farsight_train::config::{DataConfig, TrainConfig, ValidateConfig};
@@ -241,14 +241,8 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("method = \"plate_reader\"\n[model]\nside = 70", "model.side is 70; expected a multiple of 8"),
         ("method = \"plate_reader\"\n[task]\ndetections = \"x\"", "unknown field `detections`"),
         ("method = \"refiner\nepochs = 1", "TOML parse error at line 1"),
-        (
-            "method = \"yolo\"",
-            "method is \"yolo\"; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",
-        ),
-        (
-            "[model]\nside = 96",
-            "method is missing; expected one of smoke, centernet3d, monodle, oftnet, gs3d, refiner, plate_reader",
-        ),
+        ("method = \"yolo\"", &format!("method is \"yolo\"; expected one of {}", TAGS.join(", "))),
+        ("[model]\nside = 96", &format!("method is missing; expected one of {}", TAGS.join(", "))),
     ] {
         let error = error(text);
         assert!(error.contains(expected) && error.contains("refiner.toml"), "{error}");

@@ -3,8 +3,10 @@
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::tiny::{Silent, data_set, run_config};
+use farsight_data::{Dataset, Frame, MemoryDataset, open_labelled};
 use farsight_graph::graph::Role;
 use farsight_graph::layers::NormKind;
 use farsight_graph::weights::Weights;
@@ -12,11 +14,12 @@ use farsight_methods::smoke::SmokeModel;
 use farsight_methods::smoke::corner_loss::corner_loss;
 use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
 use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
+use farsight_methods::training::train_on;
 use farsight_train::config::{PrecisionChoice, RenderedConfig, ValidateConfig};
 use farsight_train::executor::{has_bf16, values_from_tensor};
 use farsight_train::metrics::{Metrics, StepSummary};
-use farsight_train::training::fit;
 use farsight_train::training::{CHECKPOINT_FILE, CONFIG_FILE, Callback, Job, Start, TrainError};
+use farsight_train::training::{FileOptions, fit, fit_on};
 use tch::{Device, Kind, Tensor};
 
 #[test]
@@ -113,7 +116,7 @@ fn the_loss_does_not_depend_on_how_often_an_image_is_in_the_batch() {
     };
     let terms = |batch: i64| {
         let targets = BatchTargets::new(&vec![image.clone(); batch as usize], &vec![true; batch as usize], Device::Cpu);
-        loss(&codec, &maps(batch, 3), &maps(batch, 8), &targets, CornerWeights::alike(37.5 * batch as f64)).1
+        loss(&codec, &maps(batch, 3), &maps(batch, 8), &targets, CornerWeights::uniform(37.5 * batch as f64)).1
     };
     let (one, eight) = (terms(1), terms(8));
     for ((name, a), (_, b)) in one.named().iter().zip(eight.named()) {
@@ -144,8 +147,8 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
         let (objective, terms) = loss(&codec, &maps(3), &regression, &targets, weights);
         (terms, Tensor::run_backward(&[objective], &[regression], false, false).remove(0))
     };
-    let alike = CornerWeights { image: 1.0, ..CornerWeights::alike(37.5) };
-    let (once, gradient) = learn(alike);
+    let uniform = CornerWeights { image: 1.0, ..CornerWeights::uniform(37.5) };
+    let (once, gradient) = learn(uniform);
 
     // What a factor of 0 takes away, a factor of 3 adds twice, in the part's own channels and nowhere else.
     let check = |own: Range<i64>, weights: [CornerWeights; 2]| {
@@ -162,9 +165,9 @@ fn the_factor_on_a_part_reaches_its_channels_and_nothing_else() {
         let moved: Vec<_> = (0..8).filter(moves).collect();
         assert!(moved.len() > 1 && moved.iter().all(|channel| own.contains(channel)), "{own:?}: {moved:?}");
     };
-    check(6..8, [0.0, 3.0].map(|orientation| CornerWeights { orientation, ..alike }));
-    check(3..6, [0.0, 3.0].map(|dimensions| CornerWeights { dimensions, ..alike }));
-    check(0..8, [0.0, 3.0].map(|image| CornerWeights { image, ..alike }));
+    check(6..8, [0.0, 3.0].map(|orientation| CornerWeights { orientation, ..uniform }));
+    check(3..6, [0.0, 3.0].map(|dimensions| CornerWeights { dimensions, ..uniform }));
+    check(0..8, [0.0, 3.0].map(|image| CornerWeights { image, ..uniform }));
 }
 
 #[test]
@@ -359,4 +362,31 @@ fn the_faster_numbers_are_taken_once_and_a_run_goes_on_in_them() {
     fit::<SmokeTask>(&job("fresh", PrecisionChoice::Auto, false), &mut Silent::default()).unwrap();
     let taken = config("fresh");
     assert!(taken != PrecisionChoice::Auto && (has_bf16(Device::Cpu) || taken == PrecisionChoice::F32), "{taken:?}");
+}
+
+/// Frames of a program's own are learnt from as those of files are.
+#[test]
+fn a_training_on_frames_in_memory_is_that_on_their_files() {
+    let folder = data_set(4);
+    let run = run_config(folder.path());
+    let job = |name: &str, run: &SmokeRun| Job { run: run.clone(), out: folder.path().join(name), resume: false };
+    let files = fs::read(fit::<SmokeTask>(&job("files", &run), &mut Silent::default()).unwrap()).unwrap();
+
+    let stored = open_labelled(folder.path(), Some("train".as_ref())).unwrap();
+    let frames = (0..stored.len()).map(|index| Frame::clone(&stored.frame(index).unwrap()));
+    let memory: Arc<dyn Dataset> = Arc::new(MemoryDataset::new("mine", frames));
+    let mut alone = run;
+    alone.data.root = None;
+    let trained = fit_on::<SmokeTask>(&job("memory", &alone), Arc::clone(&memory), &mut Silent::default()).unwrap();
+    assert!(fs::read(trained).unwrap() == files, "the weights differ");
+
+    // The same through the table of methods.
+    let table = toml::Table::try_from(&alone).unwrap();
+    let options = FileOptions { out: folder.path().join("table"), ..FileOptions::default() };
+    let trained = train_on(table, "in memory".as_ref(), memory, &options, &mut Silent::default()).unwrap();
+    assert!(fs::read(trained).unwrap() == files, "the weights differ");
+
+    let nothing: Arc<dyn Dataset> = Arc::new(MemoryDataset::new("nothing", []));
+    let error = fit_on::<SmokeTask>(&job("nothing", &alone), nothing, &mut Silent::default()).unwrap_err();
+    assert!(error.to_string().contains("nothing has no frames"), "{error}");
 }

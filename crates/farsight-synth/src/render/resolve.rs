@@ -164,7 +164,7 @@ impl<'a> Resolver<'a> {
         let mut count = 0;
         for (&number, offset) in numbers.iter().zip(OFFSETS) {
             let known = groups[..count].iter().position(|g| g.number == number);
-            let known = known.or_else(|| groups[..count].iter().position(|g| self.alike(g.number, number)));
+            let known = known.or_else(|| groups[..count].iter().position(|g| self.are_one_surface(g.number, number)));
             let group = &mut groups[known.unwrap_or(count)];
             if known.is_none() {
                 group.number = number;
@@ -180,7 +180,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// Whether two triangles look the same but for the pattern within a pixel.
-    fn alike(&self, a: u32, b: u32) -> bool {
+    fn are_one_surface(&self, a: u32, b: u32) -> bool {
         if a == NOTHING || b == NOTHING {
             return false;
         }

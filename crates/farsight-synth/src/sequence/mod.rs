@@ -134,9 +134,9 @@ pub struct EgoTruth {
 }
 
 impl SequenceStream {
-    /// The labelled sequence `layout`, called `name`, rebuilt in a street of its own: the same camera on the same way, an
-    /// object with the class and box of each label (`DontCare` left out) in each frame. An object keeps the size of its
-    /// first label. How many frames there are, and how many a second, the layout says.
+    /// The labelled sequence `layout`, called `name`, rebuilt in a street of its own: the same camera on the same way,
+    /// an object with the class and box of each label (`DontCare` left out) in each frame. An object keeps the size of
+    /// its first label. How many frames there are, and how many a second, the layout says.
     ///
     /// The street is flat and bends as the camera's way does. Its scenery hides nothing that is labelled in the first
     /// frame.

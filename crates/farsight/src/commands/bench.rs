@@ -15,7 +15,7 @@ use farsight::{
 };
 use farsight_core::statistics::{quantile, sorted};
 use farsight_files::write_atomically;
-use farsight_methods::smoke::DetectorFile;
+use farsight_methods::detectors::DetectorNetwork;
 use farsight_runtime::timing::timed;
 use image::RgbImage;
 use serde::Serialize;
@@ -149,8 +149,9 @@ fn open(args: &BenchArgs, images: usize, printer: &mut Printer) -> Result<Pipeli
     );
     let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(images);
     if let Some(path) = config {
-        let file = Box::new(DetectorFile::from_model(&untrained::model(path)?, engine.target(), path)?);
-        builder = builder.model(ModelSource::Memory { file, name: path.to_owned() });
+        let DetectorNetwork { first, second, .. } = untrained::network(path, engine.target())?;
+        let (onnx, second) = (Box::new(first.onnx), second.map(|part| Box::new(part.onnx)));
+        builder = builder.model(ModelSource::Memory { onnx, second, name: path.to_owned() });
     }
     pipeline_args::open(&args.input.into_iter().fold(builder, PipelineBuilder::input_size))
 }
@@ -220,6 +221,11 @@ fn print(figures: &Figures, printer: &mut Printer) {
     let rate = *batch as f64 * 1e3 / figures.total.median_ms;
     printer.line(&format!("{:<24}{rate:>9.1}", "images a second"));
     printer.line(&format!("{:<24}{:>9}", "objects found", figures.objects));
+    if figures.objects == 0 {
+        printer.note(
+            "nothing was found, as by a model with random weights or one that was pruned and not trained on: decoding, refining and drawing take longer where something is",
+        );
+    }
     if let Some(Throughput { images, side_by_side, images_per_s, cores_used, cpu_ms }) = figures.throughput {
         let name = format!("a stream, {side_by_side} at once");
         printer.line(&format!("{name:<24}{images_per_s:>9.1}   images a second, {}", counted(images, "image")));

@@ -10,10 +10,11 @@ use clap::Args;
 use farsight::Library;
 use farsight::detector::has_libtorch;
 use farsight::libraries::data_folder;
+use farsight_graph::model::{METHOD_KEY, NetworkConfig};
 use farsight_graph::weights::Weights;
-use farsight_methods::plate_reader::PlateReaderModel;
-use farsight_methods::refiner::RefinerModel;
-use farsight_methods::smoke::SmokeModel;
+use farsight_methods::description::Description;
+use farsight_methods::plate_reader::PlateReaderConfig;
+use farsight_methods::refiner::RefinerConfig;
 use farsight_onnx::{OnnxModel, key};
 use serde::Serialize;
 
@@ -170,14 +171,17 @@ fn model_state(path: &Path) -> Option<ModelState> {
     if facts.contains_key(key::PROGRESS) {
         return None;
     }
-    let (kind, read) = if RefinerModel::is_one(path) {
-        (ModelKind::Refiner, RefinerModel::read(path).map(drop).map_err(anyhow::Error::from))
-    } else if PlateReaderModel::is_one(path) {
-        (ModelKind::PlateReader, PlateReaderModel::read(path).map(drop).map_err(anyhow::Error::from))
-    } else if path.extension().is_some_and(|extension| extension == "onnx") {
-        (ModelKind::Detector, OnnxModel::read(path).map(drop).map_err(anyhow::Error::from))
+    // What says no method of ours is a detector that is broken.
+    let method = facts.get(METHOD_KEY).map(String::as_str);
+    let kind = match method {
+        Some(RefinerConfig::METHOD) => ModelKind::Refiner,
+        Some(PlateReaderConfig::METHOD) => ModelKind::PlateReader,
+        _ => ModelKind::Detector,
+    };
+    let read = if path.extension().is_some_and(|extension| extension == "onnx") {
+        OnnxModel::read(path).map(drop).map_err(anyhow::Error::from)
     } else {
-        (ModelKind::Detector, SmokeModel::read(path).map(drop).map_err(anyhow::Error::from))
+        Description::of_model_file(path).map(drop).map_err(anyhow::Error::from)
     };
     Some(ModelState { path: path.display().to_string(), kind, problem: read.err().map(|error| error.to_string()) })
 }

@@ -13,9 +13,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight::detector::reference_network;
-use farsight::model_file::read_own;
+use farsight::model_file::{is_other_detector, read_own};
 use farsight::{EngineKind, EngineOptions, Library};
 use farsight_files::{read_text, write_atomically};
+use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
 use farsight_methods::smoke::{DetectorFile, LOGITS, REGRESSION, SmokeModel};
 use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
@@ -142,8 +143,8 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(model) = SecondStageModel::read(&args.model)? {
         return model.export(args, target, printer);
     }
-    if let Some(network) = whole::read(&args.model, target)? {
-        return whole::run(args, &network, printer);
+    if is_other_detector(&args.model) {
+        return whole::run(args, target, printer);
     }
     let mut model = read_own(&args.model)?;
     ensure!(args.average_with.is_none(), "{}: a detector; --average-with is of refiners", args.model.display());
@@ -252,7 +253,7 @@ fn focal_range(text: &str) -> Result<[f64; 2], String> {
 
 /// Numbers of three digits move the head maps by more than an engine may, so there is no tolerance here: what counts is
 /// the evaluation of the file.
-fn half(mut model: SmokeModel, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
+fn half<C: NetworkConfig>(mut model: Model<C>, args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     model.weights.metadata.extend(told(args)?.into_iter().map(|(key, fact)| (key.to_owned(), fact)));
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));

@@ -25,7 +25,7 @@ pub(crate) struct FineTuneArgs {
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
     /// The detector to go on from: a SMOKE of `farsight train`, or "farsight-s"
-    #[arg(long, value_name = "FILE", default_value = Family::Smoke.name())]
+    #[arg(long, value_name = "FILE", default_value = Family::FarsightS.name())]
     model: PathBuf,
     /// Passes over the frames
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=10_000))]

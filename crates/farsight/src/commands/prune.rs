@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
-use farsight::model_file::read_own;
+use farsight::model_file::with_own;
 use farsight_graph::count::{count, total};
+use farsight_graph::model::Model;
 use farsight_graph::prune::prune;
-use farsight_methods::smoke::SmokeModel;
+use farsight_methods::method::{DetectorMethod, ModelTaker};
 
 use super::Outcome;
 use crate::outputs;
@@ -36,15 +37,33 @@ fn share(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub(crate) fn run(args: &PruneArgs, printer: &mut Printer) -> Result<Outcome> {
     outputs::check_kind(&args.out, "onnx", "a name ending in .safetensors; `farsight export` makes ONNX of that")?;
-    let model = read_own(&args.model)?;
-    tell_unhashed([args.model.clone()], printer);
-    let pruned = prune(&model, args.keep)?;
-    let [width, height] = model.config.input;
-    let costs = |model: &SmokeModel| count(&model.graph, width, height).map(|stages| total(&stages));
-    let (before, after) = costs(&model).zip(costs(&pruned)).context("the model's input does not fit its network")?;
-    pruned.write(&args.out)?;
-    printer.line(&format!("parameters {:>12} -> {:>12}", before.parameters, after.parameters));
-    printer.line(&format!("GMAC       {:>12.3} -> {:>12.3}", before.macs as f64 / 1e9, after.macs as f64 / 1e9));
-    printer.note("a pruned model must be trained on: name it as train.start_from in a config");
+    with_own(&args.model, Pruner { args, printer })??;
     Ok(Outcome::Done)
+}
+
+struct Pruner<'a> {
+    args: &'a PruneArgs,
+    printer: &'a mut Printer,
+}
+
+impl ModelTaker for Pruner<'_> {
+    type Answer = Result<()>;
+
+    fn take<C: DetectorMethod>(self, model: Model<C>) -> Result<()> {
+        let Self { args, printer } = self;
+        if let Some(problem) = C::NOT_PRUNED {
+            bail!("{}: {}: {problem}; what is pruned must be trained on", args.model.display(), C::NAME);
+        }
+        tell_unhashed([args.model.clone()], printer);
+        let pruned = prune(&model, args.keep)?;
+        let [width, height] = model.config.counted_input();
+        let costs = |model: &Model<C>| count(&model.graph, width, height).map(|stages| total(&stages));
+        let (before, after) =
+            costs(&model).zip(costs(&pruned)).context("the model's input does not fit its network")?;
+        pruned.write(&args.out)?;
+        printer.line(&format!("parameters {:>12} -> {:>12}", before.parameters, after.parameters));
+        printer.line(&format!("GMAC       {:>12.3} -> {:>12.3}", before.macs as f64 / 1e9, after.macs as f64 / 1e9));
+        printer.note("a pruned model must be trained on: name it as train.start_from in a config");
+        Ok(())
+    }
 }

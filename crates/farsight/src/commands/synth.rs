@@ -46,8 +46,8 @@ pub(crate) struct SynthArgs {
     jpeg: Option<u8>,
     /// What the scenes look like and which cameras see them, TOML [default: KITTI's camera in mixed traffic]; with
     /// --layout, in which part of the world, weather and severity the objects stand
-    #[arg(long = "world", alias = "scene-config", value_name = "FILE")]
-    world: Option<PathBuf>,
+    #[arg(long, alias = "world", value_name = "FILE")]
+    scene_config: Option<PathBuf>,
     /// Render the objects of these label files at their own positions instead of random traffic
     #[arg(long, value_name = "LABEL_DIR", requires = "calib_dir")]
     layout: Option<PathBuf>,
@@ -85,7 +85,7 @@ impl SynthArgs {
             frames: None,
             seed,
             jpeg: None,
-            world: None,
+            scene_config: None,
             layout: Some(training.join("label_2")),
             split: Some(split.to_owned()),
             calib_dir: Some(training.join("calib")),
@@ -99,9 +99,9 @@ impl SynthArgs {
 }
 
 impl SynthArgs {
-    /// The same in the world of this file.
-    pub(crate) fn in_world(self, world: &Path) -> Self {
-        Self { world: Some(world.to_owned()), ..self }
+    /// The same with scenes as this file says.
+    pub(crate) fn with_scene_config(self, scene_config: &Path) -> Self {
+        Self { scene_config: Some(scene_config.to_owned()), ..self }
     }
 }
 
@@ -120,7 +120,7 @@ fn fps_from_text(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(count) = args.sequence {
-        let config = args.world.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
+        let config = args.scene_config.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
         sequence::run(args, config, count, printer)?;
         return Ok(Outcome::Done);
     }
@@ -139,7 +139,7 @@ pub(crate) fn run(args: &SynthArgs, printer: &mut Printer) -> Result<Outcome> {
 fn run_part(args: &SynthArgs, source: &Source, ids: &[String], printer: &mut Printer) -> Result<Outcome> {
     let Some(asked @ (shard, _)) = args.shard.asked() else { return Ok(Outcome::Done) };
     check_relative("--out", &args.out)?;
-    let shared: Vec<PathBuf> = args.world.iter().chain(&args.split).cloned().collect();
+    let shared: Vec<PathBuf> = args.scene_config.iter().chain(&args.split).cloned().collect();
     let run = Run::new(ids, &shared, None, shard.count);
     let Some(part) = Part::begin(asked, run, ids, |item| source.files(&ids[item]))? else {
         printer.note(&format!("part {shard} is there already"));
@@ -193,7 +193,7 @@ enum Source {
 
 impl Source {
     fn new(args: &SynthArgs) -> Result<Self> {
-        let config = args.world.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
+        let config = args.scene_config.as_deref().map_or_else(|| Ok(SceneConfig::default()), read_config)?;
         let stream = SceneStream { config, seed: args.seed };
         let (Some(labels), Some(calibrations)) = (&args.layout, &args.calib_dir) else {
             return Ok(Self::Stream { stream, frames: args.frames.unwrap_or(DEFAULT_FRAMES) });

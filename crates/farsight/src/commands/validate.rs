@@ -51,7 +51,7 @@ fn pipeline_of(model: &Path) -> Result<Pipeline> {
     let builder = if RefinerModel::is_one(model) {
         builder.refiner(StageSource::File(file)).plates(StageSource::Off)
     } else if PlateReaderModel::is_one(model) {
-        builder.model(ModelSource::Shipped(Family::Smoke)).plates(StageSource::File(file))
+        builder.model(ModelSource::Shipped(Family::FarsightS)).plates(StageSource::File(file))
     } else {
         builder.model(ModelSource::File(file)).refiner(StageSource::Off).plates(StageSource::Off)
     };

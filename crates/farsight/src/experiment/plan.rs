@@ -343,7 +343,7 @@ mod tests {
     use farsight_graph::count::{count, total};
     use farsight_graph::init::initial_weights;
     use farsight_graph::model::NetworkConfig;
-    use farsight_methods::detectors::Description;
+    use farsight_methods::description::Description;
     use farsight_methods::smoke::SmokeConfig;
 
     use super::*;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use farsight_data::{Exif, Foreign, ImageLimits, has_image_extension, load_image};
+use farsight_data::{Exif, ImageLimits, UnsupportedFormat, has_image_extension, load_image};
 use image::RgbImage;
 
 use super::error::VideoError;
@@ -148,8 +148,8 @@ pub fn is_video(input: &Path) -> bool {
     let text = input.to_string_lossy();
     SCHEMES.iter().any(|scheme| text.starts_with(scheme))
         || text.starts_with("/dev/video")
-        || Foreign::from_name(input) == Some(Foreign::Video)
-        || (input.is_file() && !has_image_extension(input) && Foreign::from_name(input).is_none())
+        || UnsupportedFormat::from_name(input) == Some(UnsupportedFormat::Video)
+        || (input.is_file() && !has_image_extension(input) && UnsupportedFormat::from_name(input).is_none())
 }
 
 /// The frames, one after the other. After an error there may be more: only of a film that broke off there are none.

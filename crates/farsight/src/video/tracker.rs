@@ -158,8 +158,8 @@ impl VideoTracker {
         Ok(self.views.view(&frame.path, size(&frame.image), &frame.exif)?)
     }
 
-    /// As [`VideoTracker::update`], for a frame in which these objects were found already; their boxes are those that the
-    /// pinhole of `view` sees ([`View::straightened`]).
+    /// As [`VideoTracker::update`], for a frame in which these objects were found already; their boxes are those that
+    /// the pinhole of `view` sees ([`View::straightened`]).
     ///
     /// # Errors
     /// When it is not later than the one before. The tracks are then as before.

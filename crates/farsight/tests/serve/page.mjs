@@ -10,7 +10,8 @@ mkdirSync("pictures", { recursive: true });
 const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
 
 async function opened(options) {
-  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, acceptDownloads: true, ...options });
+  const viewport = { width: 1280, height: 900 };
+  const context = await browser.newContext({ viewport, acceptDownloads: true, ...options });
   const page = await context.newPage();
   page.setDefaultTimeout(TIMEOUT_MS);
   page.problems = [];
@@ -58,7 +59,8 @@ async function photoIsMeasured() {
   await page.focus("#hfov");
   for (let step = 0; step < 20; step += 1) await page.keyboard.press("ArrowRight");
   assert.equal(await page.locator("#hfov-value").textContent(), "75°");
-  await page.waitForFunction((old) => document.querySelector("#objects td:nth-child(2)")?.textContent !== old, before[0][1]);
+  const isNew = (old) => document.querySelector("#objects td:nth-child(2)")?.textContent !== old;
+  await page.waitForFunction(isNew, before[0][1]);
   await until(page, /objects? found/);
   await page.focus("#objects tr");
   await page.keyboard.press("ArrowDown");
@@ -76,7 +78,8 @@ async function photoIsMeasured() {
   assert.ok(await isBad(page));
   await page.screenshot({ path: "pictures/error.png", fullPage: true });
   await page.unroute("**/v1/range*");
-  await page.route("**/v1/range*", (route) => route.fulfill({ status: 429, json: { error: { message: "the queue is full" } } }));
+  const full = { status: 429, json: { error: { message: "the queue is full" } } };
+  await page.route("**/v1/range*", (route) => route.fulfill(full));
   await page.keyboard.press("ArrowLeft");
   await until(page, /the queue is full/);
   assert.deepEqual(page.problems, []);
@@ -137,7 +140,8 @@ async function cornersCalibrate() {
   await page.click("#corners-use");
   const road = new URL((await asked).url()).searchParams.get("road").split(",").map(Number);
   const saved = calibration.match(/road:(.*)/)[1].trim().split(" ").map(Number);
-  assert.ok(road.length === 6 && road.every((value, i) => Math.abs(value - saved[i]) < 1e-9), `${road}, ${saved} in the file`);
+  const isSaved = (value, i) => Math.abs(value - saved[i]) < 1e-9;
+  assert.ok(road.length === 6 && road.every(isSaved), `${road}, ${saved} in the file`);
   await page.waitForFunction(() => document.getElementById("camera").selectedOptions[0].text === "by four points");
   await until(page, /found/);
   await page.screenshot({ path: "pictures/corners.png", fullPage: true });
@@ -149,7 +153,8 @@ async function cornersCalibrate() {
 }
 
 async function phonesShowAll() {
-  const page = await opened({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true });
+  const phone = { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
+  const page = await opened(phone);
   await page.setInputFiles("#file", photo);
   await until(page, /objects? found/);
   const overflow = await page.evaluate(() => document.scrollingElement.scrollWidth - innerWidth);

@@ -23,7 +23,7 @@ pub fn kind_of(class: &ObjectClass) -> Option<usize> {
 
 /// Whether both kinds are one, or of classes that are easily taken for one another: whichever of them it is, there is
 /// somebody.
-fn are_alike(a: usize, b: usize) -> bool {
+fn are_of_one_group(a: usize, b: usize) -> bool {
     a == b || (a != NOTHING && b != NOTHING && CLASSES[a - 1].is_like(&CLASSES[b - 1]))
 }
 
@@ -32,7 +32,7 @@ fn are_alike(a: usize, b: usize) -> bool {
 pub(super) fn log_odds(logits: &[f64; KINDS], kind: usize) -> f64 {
     let highest = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let sum = |inside: bool| {
-        let logits = logits.iter().enumerate().filter(|(other, _)| are_alike(*other, kind) == inside);
+        let logits = logits.iter().enumerate().filter(|(other, _)| are_of_one_group(*other, kind) == inside);
         logits.map(|(_, logit)| (logit - highest).exp()).sum::<f64>()
     };
     let odds = (sum(true) / sum(false)).ln();
@@ -42,7 +42,7 @@ pub(super) fn log_odds(logits: &[f64; KINDS], kind: usize) -> f64 {
 /// `class`, or the class that it is easily taken for and that is likelier.
 pub(super) fn likeliest(logits: &[f64; KINDS], class: &ObjectClass) -> ObjectClass {
     let Some(kind) = kind_of(class) else { return class.clone() };
-    let alike = (0..KINDS).filter(|other| are_alike(*other, kind));
+    let alike = (0..KINDS).filter(|other| are_of_one_group(*other, kind));
     let best = alike.max_by(|&a, &b| logits[a].total_cmp(&logits[b]));
     match best.filter(|best| logits[*best] > logits[kind]) {
         Some(best) => CLASSES[best - 1].clone(),

@@ -88,7 +88,7 @@ pub struct CornerWeights {
 
 impl CornerWeights {
     /// SMOKE's: all objects count the same.
-    pub fn alike(divisor: f64) -> Self {
+    pub fn uniform(divisor: f64) -> Self {
         Self { divisor, full_weight_m: None, orientation: 1.0, dimensions: 1.0, image: 0.0 }
     }
 

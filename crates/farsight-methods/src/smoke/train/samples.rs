@@ -7,8 +7,10 @@ use farsight_data::{AugmentationConfig, Dataset, DatasetError, ItemKey};
 use tch::{Device, Tensor};
 
 use super::loss::BatchTargets;
+use crate::smoke::codec::STRIDE;
 use crate::smoke::targets::{TargetRules, Targets};
 use crate::smoke::{Quirks, SmokeConfig};
+use crate::tensors::stacked;
 
 /// One image as the network sees it, and what it should answer.
 #[derive(Debug)]
@@ -59,16 +61,15 @@ impl SampleMaker {
     /// When the frame cannot be read.
     pub fn sample(&self, key: ItemKey) -> Result<TrainSample, DatasetError> {
         let frame = self.source.item(key)?;
-        let (width, height) = frame.image.dimensions();
-        let image_size = [width as usize, height as usize];
-        let transform = self.augmentation.draw(&mut key.rng(), image_size, &self.input_rules);
+        let transform = self.augmentation.draw(&mut key.rng(), frame.image_size(), &self.input_rules);
         let sample = transform.apply(&frame, &self.input_rules);
         // The quirk drops a column, which commutes with every transform of the image.
         let camera = self.quirks.camera(&sample.camera);
         let targets = self.target_rules.targets(&sample.labels, &camera, sample.size);
         let depth = self.target_rules.codec.depth;
         let seen = |&depth_m: &f32| depth.virtual_depth_m(f64::from(depth_m), camera.focal_y()) as f32;
-        let surface_m = sample.surface_m.map(|surface_m| surface_m.iter().map(seen).collect());
+        let surface_m = transform.surface_m(&frame, &self.input_rules, STRIDE);
+        let surface_m = surface_m.map(|surface_m| surface_m.iter().map(seen).collect());
         Ok(TrainSample { id: sample.id, input: sample.input, targets, regress: sample.regress, surface_m })
     }
 }
@@ -84,9 +85,8 @@ pub struct TrainBatch {
 
 impl TrainBatch {
     /// Joins samples of one input size (width, height).
-    pub fn new(samples: Vec<TrainSample>, [width, height]: [usize; 2], device: Device) -> Self {
-        let shape = [3, height as i64, width as i64];
-        let inputs: Vec<Tensor> = samples.iter().map(|s| Tensor::from_slice(&s.input).view(shape)).collect();
+    pub fn new(samples: Vec<TrainSample>, size: [usize; 2], device: Device) -> Self {
+        let input = stacked(samples.iter().map(|sample| &sample.input[..]), size, device);
         let regress: Vec<bool> = samples.iter().map(|s| s.regress).collect();
         let surface_m: Option<Vec<Vec<f32>>> = samples.iter().map(|s| s.surface_m.clone()).collect();
         let targets: Vec<Targets> = samples.into_iter().map(|s| s.targets).collect();
@@ -95,6 +95,6 @@ impl TrainBatch {
             Some(surface_m) => targets.with_surface(&surface_m),
             None => targets,
         };
-        Self { input: Tensor::stack(&inputs, 0).to_device(device), targets }
+        Self { input, targets }
     }
 }

@@ -171,7 +171,7 @@ fn median(values: impl IntoIterator<Item = f64>) -> f64 {
 /// The table in Markdown. Ratios are medians over the rounds, against the first row.
 fn table(rows: &[Row]) -> Vec<String> {
     let mut lines = vec![
-        "| engine | precision | effort | one image, ms | detector | second looks | a stream, images/s | cores at work | processor time, ms | time of an image of the stream, ratio |".to_owned(),
+        "| engine | precision | effort | one image, ms | detector | second stages | a stream, images/s | cores at work | processor time, ms | time of an image of the stream, ratio |".to_owned(),
         "|---|---|---|---:|---:|---:|---:|---:|---:|---:|".to_owned(),
     ];
     for row in rows {

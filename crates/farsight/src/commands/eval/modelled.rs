@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use farsight::object::detections;
-use farsight::{Detection, Pipeline};
+use farsight::{Detection, Pipeline, View};
 use farsight_core::Camera;
 use farsight_data::kitti::{Calibration, read_split, write_results};
 use farsight_data::{Dataset, open_labelled};
@@ -186,6 +186,7 @@ pub(in crate::commands) fn write_results_of(
 }
 
 fn looked_at(pipeline: &Pipeline, dataset: &dyn Dataset, index: usize) -> Result<Vec<Detection>> {
-    let objects = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
-    Ok(detections(&objects.with_context(|| dataset.origin(index))?))
+    let looked = pipeline.detect_view(&dataset.image(index)?, &View::of_frame(dataset, index)?);
+    let (objects, _) = looked.with_context(|| dataset.origin(index))?;
+    Ok(detections(&objects))
 }

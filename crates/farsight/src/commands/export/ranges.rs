@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight::detector::open_detector;
-use farsight::model_file::{SHIPPED_PLATES, detector_of_word, read_own, refiner_of_word};
+use farsight::model_file::{SHIPPED_PLATES, shipped_refiner, with_own};
 use farsight::second_stage::refiner;
 use farsight::shipped::{self, Family};
 use farsight::{Camera, EngineOptions, ModelSource};
@@ -16,11 +16,10 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::quantize::{RANGES_KEY, StoredRanges, layers_of};
 use farsight_graph::transform::Network;
 use farsight_methods::Detector;
+use farsight_methods::method::{DetectorMethod, ModelTaker};
 use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
 use farsight_methods::refiner::{Refiner, RefinerModel};
 use farsight_methods::roi::RoiRunner;
-use farsight_methods::smoke::SmokeDetector;
-use farsight_methods::ssd::{SsdDetector, SsdModel};
 use farsight_onnx::{Facts, Target, int8_outputs};
 use farsight_runtime::{Calibration, Runner};
 use image::RgbImage;
@@ -39,19 +38,13 @@ const MIN_SCORE: f64 = 0.1;
 /// Runs the command.
 pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     let path = args.model.as_path();
-    let family = refiner_of_word(path);
+    let family = shipped_refiner(path);
     if path == Path::new(SHIPPED_PLATES) {
         return measured(&shipped::plates()?, args, printer, |runner, model| plates(runner, model, args));
     }
     if let Some(family) = family {
         let look = |runner, model: &RefinerModel| refiner_behind(runner, model, Path::new(family.name()));
         return measured(&shipped::refiner(family)?, args, printer, look);
-    }
-    if detector_of_word(path) == Some(Family::World) {
-        return measured(&shipped::world()?, args, printer, |runner, model| Ok(ssd(runner, model)));
-    }
-    if SsdModel::is_one(path) {
-        return measured(&SsdModel::read(path)?, args, printer, |runner, model| Ok(ssd(runner, model)));
     }
     if RefinerModel::is_one(path) {
         let look = |runner, model: &RefinerModel| refiner_behind(runner, model, &args.detector);
@@ -60,10 +53,28 @@ pub(super) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if PlateReaderModel::is_one(path) {
         return measured(&PlateReaderModel::read(path)?, args, printer, |runner, model| plates(runner, model, args));
     }
-    let model = read_own(path)?;
-    measured(&model, args, printer, |runner, model| {
-        Ok(detector(Box::new(SmokeDetector::new(runner, &model.config, None))))
-    })
+    with_own(path, Ranges { args, printer })?
+}
+
+/// Measures the ranges of a detector.
+struct Ranges<'a> {
+    args: &'a ExportArgs,
+    printer: &'a mut Printer,
+}
+
+impl ModelTaker for Ranges<'_> {
+    type Answer = Result<Outcome>;
+
+    fn take<C: DetectorMethod>(self, model: Model<C>) -> Result<Outcome> {
+        let Self { args, printer } = self;
+        let is_one = Network::new(&model).parts(C::OUTPUTS).len() == 1;
+        let path = args.model.display();
+        ensure!(is_one, "{path}: {}, two networks with a sampler between them; --int8 is for one network", C::NAME);
+        measured(&model, args, printer, |runner, model| {
+            let whole = model.config.clone().detector(runner, None, None);
+            Ok(detector(whole.context("a network in one part")?))
+        })
+    }
 }
 
 /// Shows the images to the network of `model` through `look`, and writes its file with the ranges that were seen.
@@ -132,10 +143,6 @@ fn detector(mut detector: Box<dyn Detector>) -> Look {
     })
 }
 
-fn ssd(runner: Box<dyn Runner>, model: &SsdModel) -> Look {
-    detector(Box::new(SsdDetector::new(runner, model.config.clone())))
-}
-
 /// The refiner of `model` at what the detector called `first` finds.
 fn refiner_behind(runner: Box<dyn Runner>, model: &RefinerModel, first: &Path) -> Result<Look> {
     let mut detector = open_detector(&ModelSource::from_word(first), &EngineOptions::default())?;
@@ -153,7 +160,7 @@ fn refiner_behind(runner: Box<dyn Runner>, model: &RefinerModel, first: &Path) -
 fn plates(runner: Box<dyn Runner>, model: &PlateReaderModel, args: &ExportArgs) -> Result<Look> {
     let engine = EngineOptions::default();
     let mut detector = open_detector(&ModelSource::from_word(&args.detector), &engine)?;
-    let mut refiner = refiner(&shipped::refiner(Family::Smoke)?, &engine)?;
+    let mut refiner = refiner(&shipped::refiner(Family::FarsightS)?, &engine)?;
     let mut reader = PlateReader::new(RoiRunner::new(runner), model.config.clone());
     let options = DecodeOptions { min_score: Some(MIN_SCORE), ..DecodeOptions::default() };
     Ok(Box::new(move |image, camera| {

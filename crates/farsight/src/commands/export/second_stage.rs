@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use farsight::model_file::{SHIPPED_PLATES, refiner_of_word};
+use farsight::model_file::{SHIPPED_PLATES, shipped_refiner};
 use farsight::shipped;
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
@@ -25,7 +25,7 @@ pub(super) enum SecondStageModel {
 impl SecondStageModel {
     /// The model at `path`, or the shipped one by its word; none of anything else.
     pub(super) fn read(path: &Path) -> Result<Option<Self>> {
-        Ok(if let Some(family) = refiner_of_word(path) {
+        Ok(if let Some(family) = shipped_refiner(path) {
             Some(Self::Refiner(shipped::refiner(family)?))
         } else if path == Path::new(SHIPPED_PLATES) {
             Some(Self::PlateReader(shipped::plates()?))

@@ -1,15 +1,14 @@
-//! Export of a detector whose network is run as one, or as two with a sampler between them.
+//! Export of a detector of another method than SMOKE: one network, or two with a sampler between them.
 
-use std::path::Path;
-
-use anyhow::{Context, Result, ensure};
-use farsight::model_file::detector_of_word;
-use farsight::shipped::{self, Family};
-use farsight_methods::detectors::{DetectorNetwork, NetworkForm, Part, from_model, from_model_file, second_path};
-use farsight_onnx::{Target, is_safetensors};
+use anyhow::{Result, ensure};
+use farsight::model_file::with_own;
+use farsight_graph::model::Model;
+use farsight_methods::detectors::{DetectorNetwork, NetworkForm, Part, from_model, second_path};
+use farsight_methods::method::{DetectorMethod, ModelTaker};
+use farsight_onnx::Target;
 use farsight_runtime::{Tensor, probe};
 
-use super::{ExportArgs, answer, check, keep, reference_engine, write_file};
+use super::{ExportArgs, answer, check, half, keep, reference_engine, told, write_file};
 use crate::commands::Outcome;
 use crate::printer::Printer;
 
@@ -19,33 +18,62 @@ const PROBE_SIZE: [usize; 2] = [320, 320];
 /// Columns and rows of the grid that the second of two networks is tried on, whatever its own are.
 const PROBE_GRID: [usize; 2] = [24, 20];
 
-/// The network of the model at `path`, if it is of such a method.
-pub(super) fn read(path: &Path, target: Target) -> Result<Option<DetectorNetwork>> {
-    in_form(path, NetworkForm::Deployable, target)
+/// Writes the model in the form that is asked for.
+pub(super) fn run(args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
+    with_own(&args.model, Export { args, target, printer })?
 }
 
-fn in_form(path: &Path, form: NetworkForm, target: Target) -> Result<Option<DetectorNetwork>> {
-    if detector_of_word(path) == Some(Family::World) {
-        return Ok(Some(from_model(&shipped::world()?, form, target, path)?));
+struct Export<'a> {
+    args: &'a ExportArgs,
+    target: Target,
+    printer: &'a mut Printer,
+}
+
+impl ModelTaker for Export<'_> {
+    type Answer = Result<Outcome>;
+
+    fn take<C: DetectorMethod>(self, mut model: Model<C>) -> Result<Outcome> {
+        let Self { args, target, printer } = self;
+        check_options(args, C::NAME)?;
+        if args.half {
+            return half(model, args, printer);
+        }
+        model.weights.metadata.extend(told(args)?.into_iter().map(|(key, fact)| (key.to_owned(), fact)));
+        let network = from_model(&model, NetworkForm::Deployable, target, &args.model)?;
+        let engine = reference_engine(&network.first.onnx);
+        let trained = from_model(&model, NetworkForm::AsTrained, engine.target(), &args.model)?;
+        export(args, &network, &trained, printer)
     }
-    if !is_safetensors(path).unwrap_or(false) {
-        return Ok(None);
+}
+
+/// What is asked for and is of SMOKE alone.
+fn check_options(args: &ExportArgs, name: &str) -> Result<()> {
+    let path = args.model.display();
+    let of_smoke = "is of SMOKE, whose config says the depth and the scores that a fit moves";
+    for (option, is_there) in [
+        ("--fit-on", args.fit_on.is_some()),
+        ("--input", args.input.is_some()),
+        ("--focal-range", args.focal_range.is_some()),
+    ] {
+        ensure!(!is_there, "{path}: {name}; {option} {of_smoke}");
     }
-    Ok(from_model_file(path, form, target)?)
+    ensure!(args.average_with.is_none(), "{path}: {name}; --average-with is of refiners");
+    ensure!(
+        !args.int8.int8,
+        "{path}: {name}; --int8 alone chooses layers by what SMOKE's answers bear; --half --int8 measures the ranges of one network whatever its method, for --precision int8"
+    );
+    Ok(())
 }
 
 /// Checks the network against itself as it was trained, and writes it; a second part goes into the file beside
 /// ([`second_path`]).
-pub(super) fn run(args: &ExportArgs, network: &DetectorNetwork, printer: &mut Printer) -> Result<Outcome> {
-    let path = args.model.display();
-    let is_changed = args.input.is_some() || args.focal_range.is_some() || args.fit_on.is_some();
-    ensure!(
-        !args.half && !args.int8.int8 && !is_changed && !args.tells_facts(),
-        "{path}: not a SMOKE; expected --out and --target alone beside it"
-    );
+fn export(
+    args: &ExportArgs,
+    network: &DetectorNetwork,
+    trained: &DetectorNetwork,
+    printer: &mut Printer,
+) -> Result<Outcome> {
     let engine = reference_engine(&network.first.onnx);
-    let trained = in_form(&args.model, NetworkForm::AsTrained, engine.target())?;
-    let trained = trained.with_context(|| format!("{path}: changed while it was read"))?;
     let answered = |part: &Part, size: [usize; 2]| -> Result<(Tensor, Vec<Tensor>, String)> {
         let input = probe::tensor(part.onnx.input().channels.unwrap_or(3), size);
         let (expected, reference) = answer(engine, part.onnx.clone(), &args.model, &input)?;

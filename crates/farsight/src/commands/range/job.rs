@@ -36,7 +36,7 @@ use crate::side_by_side::in_order;
 const MANY_IMAGES: usize = 5;
 
 /// What came of one image.
-struct Looked {
+struct ProcessedImage {
     image: RgbImage,
     view: View,
     record: ImageRecord,
@@ -241,7 +241,7 @@ impl<'a> Job<'a> {
     }
 
     /// What is to be said of an image beside its rows.
-    fn tell(looked: &Looked, image: &Path, tally: &mut Tally, printer: &mut Printer) {
+    fn tell(looked: &ProcessedImage, image: &Path, tally: &mut Tally, printer: &mut Printer) {
         if let Some(camera) = &looked.unfamiliar {
             *tally.warnings.entry(camera.to_string()).or_insert(0) += 1;
         }
@@ -279,7 +279,7 @@ impl<'a> Job<'a> {
     }
 
     /// Looks at one image and writes its files.
-    fn image(&self, path: &Path, name: &str, pipeline: &Pipeline) -> Result<Looked> {
+    fn image(&self, path: &Path, name: &str, pipeline: &Pipeline) -> Result<ProcessedImage> {
         let loaded = load_image(path, ImageLimits::default())?;
         let image = &loaded.pixels;
         let ranged = pipeline.range_image(path, &loaded, &self.views).map_err(|error| match error {
@@ -303,7 +303,7 @@ impl<'a> Job<'a> {
             unwritten.extend(write_results(&target, &detections(&objects)).err().map(|error| (target, error.into())));
         }
         let LoadedImage { pixels: image, warnings, .. } = loaded;
-        Ok(Looked { image, view, record, objects, unfamiliar, warnings, notes, unwritten })
+        Ok(ProcessedImage { image, view, record, objects, unfamiliar, warnings, notes, unwritten })
     }
 
     fn write_picture(&self, target: &Path, image: &RgbImage, view: &View, objects: &[DetectedObject]) -> Result<()> {
@@ -313,7 +313,7 @@ impl<'a> Job<'a> {
 }
 
 /// Records image number `place`, at a second each.
-fn record(recordings: &mut Recordings, looked: &Looked, place: usize) -> Result<()> {
+fn record(recordings: &mut Recordings, looked: &ProcessedImage, place: usize) -> Result<()> {
     if recordings.is_empty() {
         return Ok(());
     }

@@ -280,8 +280,8 @@ fn nobody_is_waited_for_who_reads_no_more() {
 fn lines_are_handed_on_image_by_image() {
     /// What there was each time that it was to be handed on.
     #[derive(Clone, Default)]
-    struct TrackingResult(Page, Rc<RefCell<Vec<String>>>);
-    impl Write for TrackingResult {
+    struct FlushRecorder(Page, Rc<RefCell<Vec<String>>>);
+    impl Write for FlushRecorder {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.write(bytes)
         }
@@ -294,7 +294,7 @@ fn lines_are_handed_on_image_by_image() {
     for name in ["1.png", "2.png"] {
         image_file(folder.path().join(name));
     }
-    let out = TrackingResult::default();
+    let out = FlushRecorder::default();
     let printer = Printer::to(Box::new(out.clone()), Box::new(Page::default()));
     run(&[folder.path(), Path::new("--format"), Path::new("jsonl")], printer).unwrap();
     let seen: Vec<usize> = out.1.borrow().iter().map(|text| text.matches('\n').count()).collect();

@@ -99,7 +99,7 @@ fn twins(args: &RobustnessArgs, world: &str, out: &Path, printer: &mut Printer) 
     // Evenly over all, whose neighbours are often of one drive.
     let chosen: String = (0..count).map(|at| all[at * all.len() / count].clone() + "\n").collect();
     fs::write(&list, chosen).with_context(|| format!("{}: cannot be written", list.display()))?;
-    synth::run(&synth::SynthArgs::twins(out, kitti, &list, args.seed).in_world(&file), printer)?;
+    synth::run(&synth::SynthArgs::twins(out, kitti, &list, args.seed).with_scene_config(&file), printer)?;
     Ok(open_labelled(out, None)?)
 }
 

@@ -12,7 +12,7 @@ use farsight::draw::{draw_tracks, track_words};
 use farsight::json::{FrameRecord, TrackRecord};
 use farsight::video::{EventFinder, TrackingResult, VideoFrame, VideoSource};
 use farsight_core::Detection;
-use farsight_data::Foreign;
+use farsight_data::UnsupportedFormat;
 use farsight_data::kitti::text_from_results;
 use farsight_files::write_atomically;
 use farsight_recordings::{RecordedFrame, RecordedObject};
@@ -93,7 +93,7 @@ impl Sinks {
                 return Ok(Pictures::Film(Box::new(Film::new(out, ffmpeg, encoder.as_deref()))));
             }
             ensure!(
-                Foreign::from_name(out).is_none(),
+                UnsupportedFormat::from_name(out).is_none(),
                 "{}: no film of this kind is written; expected a folder, or one of .{}",
                 out.display(),
                 FILMS.join(", .")

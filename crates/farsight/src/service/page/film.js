@@ -1,12 +1,13 @@
-// Watching a film or camera: its tracks as server-sent events, its frames as a stream of JPEG. Both by fetch, which can bring a token.
+// Watching a film or camera: its tracks as server-sent events, its frames as a stream of JPEG. Both by fetch, which can
+// bring a token.
 
 const KEPT_RECORDS = 100;
 /** How long the last frames may take after the end of the tracks. */
 const LAST_FRAMES_MS = 3000;
 
 /**
- * Watches until the film ends or `signal` says so. `show(image, record)` gets each frame with its tracks, `camera` what took it.
- * Answers "end" or "failed".
+ * Watches until the film ends or `signal` says so. `show(image, record)` gets each frame with its tracks, `camera` what
+ * took it. Answers "end" or "failed".
  */
 export async function watch(name, { headers, signal, camera, show }) {
   const path = `v1/videos/${encodeURIComponent(name)}`;
@@ -55,7 +56,8 @@ async function readEvents(reader, tell) {
     const events = text.split("\n\n");
     text = events.pop();
     for (const event of events) {
-      const fields = new Map(event.split("\n").map((line) => [line.split(":")[0], line.slice(line.indexOf(":") + 1).trim()]));
+      const field = (line) => [line.split(":")[0], line.slice(line.indexOf(":") + 1).trim()];
+    const fields = new Map(event.split("\n").map(field));
       const name = fields.get("event");
       if (name === "end" || name === "failed") return name;
       if (name) tell(name, JSON.parse(fields.get("data")));

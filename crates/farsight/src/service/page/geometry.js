@@ -37,7 +37,8 @@ export function shown(lens, projection, at) {
 /** Places along a line that are joined by straight lines: its ends, and more where a lens bends it. */
 export function places(lens, from, to) {
   const pieces = lens ? BENT_PIECES : 1;
-  return Array.from({ length: pieces + 1 }, (_, i) => from.map((start, axis) => start + (to[axis] - start) * i / pieces));
+  const at = (i) => from.map((start, axis) => start + (to[axis] - start) * i / pieces);
+  return Array.from({ length: pieces + 1 }, (_, i) => at(i));
 }
 
 /** Focal lengths and principal point of a projection K [R | t]. */

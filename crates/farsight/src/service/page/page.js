@@ -138,7 +138,8 @@ function showObjects(objects) {
 function begin(isFilm) {
   state.request?.abort();
   clearTimeout(state.timer);
-  Object.assign(state, { isFilm, objects: [], answered: null, lens: null, chosen: null, reach: { farthest: 30, widest: 10 } });
+  const reach = { farthest: 30, widest: 10 };
+  Object.assign(state, { isFilm, objects: [], answered: null, lens: null, chosen: null, reach });
   state.trails.clear();
   rows.replaceChildren();
   find("stop").hidden = !isFilm;

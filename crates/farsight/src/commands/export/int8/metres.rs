@@ -52,7 +52,8 @@ impl Metres {
         let dataset = open_labelled(data, args.int8.split.as_deref())?;
         let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = tempfile::tempdir().context("no folder for the results")?;
-            let source = ModelSource::Memory { file: Box::new(file.clone()), name: args.model.clone() };
+            let source =
+                ModelSource::Memory { onnx: Box::new(file.onnx.clone()), second: None, name: args.model.clone() };
             let builder = Pipeline::builder().model(source).engine_options(args.int8.engine.options()?);
             // The network alone.
             let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);
