@@ -36,6 +36,7 @@ methods! {
         monodle: MonoDleConfig, MonoDleTask;
         oftnet: OftNetConfig, OftNetTask;
         gs3d: Gs3dConfig, Gs3dTask;
+        monogrnet: MonoGrNetConfig, MonoGrNetTask;
         ssd: SsdConfig;
     }
     second_stages {

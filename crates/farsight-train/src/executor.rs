@@ -184,19 +184,20 @@ impl Network {
 
     /// As [`Network::forward`], for a graph with several inputs, in the order of its input nodes.
     pub fn forward_from(&self, inputs: &[Tensor], mode: Mode, wanted: &[NodeId]) -> Vec<Tensor> {
-        self.forward_through(inputs, &|_| unreachable!("a graph with a sampler, run without one"), mode, wanted)
+        self.forward_through(inputs, &|_, _| unreachable!("a graph with a sampler, run without one"), mode, wanted)
     }
 
-    /// As [`Network::forward_from`]; `sampler` is what stands between the two parts of a graph
-    /// ([`Op::Sampler`]): it gets the maps that are read there.
+    /// As [`Network::forward_from`]; `sampler` is what stands between the parts of a graph ([`Op::Sampler`]): it gets the
+    /// number of the place, from 0, and the maps that are read there.
     pub fn forward_through(
         &self,
         inputs: &[Tensor],
-        sampler: &dyn Fn(&[Tensor]) -> Tensor,
+        sampler: &dyn Fn(usize, &[Tensor]) -> Tensor,
         mode: Mode,
         wanted: &[NodeId],
     ) -> Vec<Tensor> {
         let mut inputs = inputs.iter();
+        let mut places = 0..;
         let mut pending = self.consumers.clone();
         for &id in wanted {
             pending[id] += 1;
@@ -210,7 +211,7 @@ impl Network {
                 Op::Sampler { .. } => {
                     let read: Vec<Tensor> =
                         node.inputs.iter().filter_map(|&id| Some(maps[id].as_ref()?.shallow_clone())).collect();
-                    Some(self.precision.arranged(&sampler(&read).to_kind(kind)))
+                    places.next().map(|place| self.precision.arranged(&sampler(place, &read).to_kind(kind)))
                 }
                 _ => Some(self.compute(node, kind, &maps, &pending, mode)),
             };

@@ -375,7 +375,7 @@ impl<T: Task> Trainer<'_, T> {
 
     /// What the network says of a batch, where the loss reads it.
     fn forward(&self, learner: &Learner, batch: &T::Batch, mode: Mode) -> Vec<Tensor> {
-        let (input, sampler) = (T::input(batch), |maps: &[Tensor]| self.task.sampled(maps, batch));
+        let (input, sampler) = (T::input(batch), |place, maps: &[Tensor]| self.task.sampled(place, maps, batch));
         learner.network.forward_through(std::slice::from_ref(input), &sampler, mode, self.task.outputs())
     }
 

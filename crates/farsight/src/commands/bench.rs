@@ -149,9 +149,9 @@ fn open(args: &BenchArgs, images: usize, printer: &mut Printer) -> Result<Pipeli
     );
     let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(images);
     if let Some(path) = config {
-        let DetectorNetwork { first, second, .. } = untrained::network(path, engine.target())?;
-        let (onnx, second) = (Box::new(first.onnx), second.map(|part| Box::new(part.onnx)));
-        builder = builder.model(ModelSource::Memory { onnx, second, name: path.to_owned() });
+        let DetectorNetwork { first, later, .. } = untrained::network(path, engine.target())?;
+        let (onnx, later) = (Box::new(first.onnx), later.into_iter().map(|part| part.onnx).collect());
+        builder = builder.model(ModelSource::Memory { onnx, later, name: path.to_owned() });
     }
     pipeline_args::open(&args.input.into_iter().fold(builder, PipelineBuilder::input_size))
 }
