@@ -1,4 +1,4 @@
-"""Losses of MonoDLE and OFTNet, and means over voxels, by numpy from the formulas alone.
+"""Losses of MonoDLE, OFTNet, GS3D and MonoGRNet, and means over voxels, by numpy from the formulas alone.
 
 Prints the constants of crates/farsight-methods/tests/train/{monodle,oftnet}.rs: values, and the sum over all inputs of the
 gradient (central differences) times the cosine of the input's index.
@@ -147,3 +147,42 @@ right = -np.array([first[2] * z + first[3] - u * (third[2] * z + third[3]),
                    second[2] * z + second[3] - v * (third[2] * z + third[3])])
 x, y = np.linalg.solve(lines, right)
 print(f"guidance: {x:.9f}, {y:.9f}, {z:.9f}, yaw {alpha + np.arctan2(x, z):.9f}")
+
+
+def wave(step, *shape):
+    return np.sin(step * np.arange(np.prod(shape), dtype=np.float64)).reshape(shape)
+
+
+def entropy(logits, classes):
+    shifted = logits - logits.max(axis=1, keepdims=True)
+    log_p = shifted - np.log(np.exp(shifted).sum(axis=1, keepdims=True))
+    return -np.mean([row[c] for row, c in zip(log_p, classes)])
+
+
+def l1(found, expected):
+    return np.mean(np.abs(np.asarray(found) - np.asarray(expected)))
+
+
+# MonoGRNet: a grid of 3 x 2 cells, flattened; cell 3 may say anything, cells 1 and 5 have objects.
+cells = wave(0.37, 6, 6).T
+depth = wave(0.41, 1, 6).T
+center = wave(0.43, 2, 6).T
+counted, classes = [0, 1, 2, 4, 5], [0, 1, 0, 0, 1]
+terms = [entropy(cells[counted, :2], classes)]
+own = [1, 5]
+box_targets = [wave(1.2, 4), wave(1.3, 4)]
+depth_targets = [[20.5 - 25.0], [21.0 - 25.0]]
+center_targets = [wave(1.4, 2), wave(1.5, 2)]
+terms.append(0.1 * l1(cells[own, 2:], box_targets))
+rezoom, depth_step, center_step = wave(0.47, 3, 6), wave(0.53, 3, 1), wave(0.59, 3, 2)
+objects = [0, 2]
+object_depths = [[30.01 - 25.0], [30.02 - 25.0]]
+object_centers = [wave(0.51, 2), wave(0.52, 2)]
+terms.append(l1(depth[own], depth_targets) + l1(depth[own] + depth_step[objects], object_depths))
+terms.append(l1(center[own], center_targets) + l1(center[own] + center_step[objects], object_centers))
+moves = [wave(0.31, 4), wave(0.32, 4)]
+terms.append(0.1 * (entropy(rezoom[:, :2], [1, 0, 1]) + l1(rezoom[objects, 2:], moves)))
+corners = [wave(0.71, 24), wave(0.72, 24)]
+terms.append(0.5 * l1(3.0 * np.tanh(wave(0.61, 3, 24)[objects]), corners))
+terms.append(0.5 * l1(2.0 * np.tanh(wave(0.67, 2, 24)), [wave(0.9, 24)] * 2))
+print("monogrnet:", ", ".join(f"{term:.9f}" for term in terms))

@@ -11,10 +11,10 @@ pub fn bev_nms(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
 }
 
 /// `detections`, highest score first, without those that are a second box around what has a better one of the same
-/// class: in the image they overlap by more than 0.7.
-pub fn class_nms(detections: Vec<Detection>) -> Vec<Detection> {
+/// class: in the image they overlap by more than `max_overlap` (intersection over union).
+pub fn class_nms(detections: Vec<Detection>, max_overlap: f64) -> Vec<Detection> {
     without_repeats(detections, |better, other| {
-        better.class == other.class && iou_2d(&better.box2d, &other.box2d) > SAME_OBJECT_OVERLAP
+        better.class == other.class && iou_2d(&better.box2d, &other.box2d) > max_overlap
     })
 }
 
@@ -31,7 +31,7 @@ fn without_repeats(detections: Vec<Detection>, repeats: impl Fn(&Detection, &Det
 
 /// Boxes of one class that overlap by more than this in the image are of one object: of two cars of which one hides the
 /// other they rarely do.
-const SAME_OBJECT_OVERLAP: f64 = 0.7;
+pub const SAME_OBJECT_OVERLAP: f64 = 0.7;
 
 /// `detections` with scores that know that no two things stand in one place: of two boxes that mean one thing, the less
 /// likely one is there only if the likelier one is not. Scores are probabilities, highest first before and after.

@@ -5,7 +5,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use farsight_core::heatmap::HeatmapRule;
-use farsight_core::nms::{bev_nms, class_nms, soft_suppression};
+use farsight_core::nms::{SAME_OBJECT_OVERLAP, bev_nms, class_nms, soft_suppression};
 use farsight_core::overlap::iou_bev;
 use farsight_core::peaks::peaks;
 use farsight_core::{
@@ -303,6 +303,6 @@ fn of_boxes_of_a_class_around_one_thing_the_best_stays() {
     // Overlaps with the first: of the second 0.82, of the van 1, of the last 0.67.
     let all =
         vec![found(car.clone(), 0.9, 0.0), found(car.clone(), 0.8, 10.0), found(van, 0.7, 0.0), found(car, 0.6, 20.0)];
-    let left: Vec<f64> = class_nms(all).iter().map(|d| d.score).collect();
+    let left: Vec<f64> = class_nms(all, SAME_OBJECT_OVERLAP).iter().map(|d| d.score).collect();
     assert_eq!(left, [0.9, 0.7, 0.6]);
 }

@@ -104,8 +104,9 @@ pub enum Op {
         /// The first of them.
         start: usize,
     },
-    /// What a sampler makes of the maps before it (`farsight_core::samplers`), outside of any engine: the input of the
-    /// second of two graphs. Engines get the network in two parts ([`crate::transform::Network::parts`]).
+    /// What a sampler makes of the maps before it (`farsight_core::samplers`), outside of any engine. What comes after
+    /// it, up to the next sampler, reads nothing else. Engines get the network in parts
+    /// ([`crate::transform::Network::parts`]).
     Sampler {
         /// Width and height of what it makes, whatever the size of the image.
         size: [usize; 2],

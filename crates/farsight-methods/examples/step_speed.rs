@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let output = |name: &str| graph.tap(name).ok_or("the network has no such output");
     let outputs = [output(LOGITS)?, output(REGRESSION)?];
     let weights = initial_weights(&graph, 0);
-    let network = Network::new(graph, &weights, device, run.train.precision)?;
+    let network = Network::new(graph, &weights, device, run.train.precision.named().unwrap_or_default())?;
     let mut adam = Adam::new(run.train.adam(), network.trainable_parameters());
     let [width, height] = run.model.input;
     let input = Tensor::randn([batch_size as i64, 3, height as i64, width as i64], (Kind::Float, device));

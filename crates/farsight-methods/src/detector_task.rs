@@ -70,8 +70,8 @@ pub trait DetectorLoss: Debug + Sized + Send + Sync + 'static {
     fn batch(&self, samples: &[TrainSample<Self::Targets>], device: Device) -> Self::Batch;
 
     /// As [`Task::sampled`].
-    fn sampled(&self, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
-        let _ = (maps, batch);
+    fn sampled(&self, place: usize, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
+        let _ = (place, maps, batch);
         unreachable!("a method whose graph has a sampler says what it does")
     }
 
@@ -130,8 +130,8 @@ impl<L: DetectorLoss> Task for DetectorTask<L> {
         &batch.input
     }
 
-    fn sampled(&self, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
-        self.loss.sampled(maps, &batch.expected)
+    fn sampled(&self, place: usize, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
+        self.loss.sampled(place, maps, &batch.expected)
     }
 
     fn outputs(&self) -> &[NodeId] {

@@ -6,7 +6,7 @@ use farsight_graph::init::initial_weights;
 use farsight_graph::model::{FIRST_METHOD, Model, ModelError, method_of};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::Weights;
-use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
+use farsight_onnx::{Facts, LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
 use farsight_runtime::Runner;
 
 use crate::DETECTORS;
@@ -51,10 +51,10 @@ pub struct Part {
 
 /// The network of a detector.
 pub struct DetectorNetwork {
-    /// The network, or what of it is before its sampler.
+    /// The network, or what of it is before its first sampler.
     pub first: Part,
-    /// What comes after the sampler; none of methods without one.
-    pub second: Option<Part>,
+    /// What comes after each sampler.
+    pub later: Vec<Part>,
     entry: &'static Entry,
 }
 
@@ -68,40 +68,44 @@ impl DetectorNetwork {
         self.entry.local_head.map_or(Ok(None), |name| LocalHeadFile::new(&self.first.onnx, name, source))
     }
 
-    /// The detector, whose network `runner` runs, and `second` its second part; `head` is what the network that
-    /// `runner` runs has left out. `source` is only what errors call it.
+    /// The detector, whose network `runner` runs, and `later` its later parts; `head` is what the network that `runner`
+    /// runs has left out. `source` is only what errors call it.
     ///
     /// # Errors
     /// When the file's config is none, or a part is missing.
     pub fn detector(
         &self,
         runner: Box<dyn Runner>,
-        second: Option<Box<dyn Runner>>,
+        later: Vec<Box<dyn Runner>>,
         head: Option<&LocalHeadFile>,
         source: &Path,
     ) -> Result<Box<dyn Detector>, OnnxError> {
-        (self.entry.make)(Runners { runner, second, head }, &self.first.onnx, source)
+        (self.entry.make)(Runners { runner, later, head }, &self.first.onnx, source)
     }
 }
 
 /// What runs a detector.
 struct Runners<'a> {
     runner: Box<dyn Runner>,
-    second: Option<Box<dyn Runner>>,
+    later: Vec<Box<dyn Runner>>,
     head: Option<&'a LocalHeadFile>,
 }
 
 /// What becomes of the weights of a model file, in a form and for a target; the path is only what errors call it.
 type FromWeights = fn(Weights, NetworkForm, Target, &Path) -> Result<Parts, ReadError>;
 type Make = fn(Runners<'_>, &OnnxModel, &Path) -> Result<Box<dyn Detector>, OnnxError>;
-type Parts = (Part, Option<Part>);
+type Parts = (Part, Vec<Part>);
 
-/// Under which [`key::PART`] the first and the second part of a network are known.
-const PARTS: [&str; 2] = ["1 of 2", "2 of 2"];
+/// Under which [`key::PART`] the parts of a network are known, by how many there are.
+const PARTS: [&[&str]; 2] = [&["1 of 2", "2 of 2"], &["1 of 3", "2 of 3", "3 of 3"]];
 
-/// The file of the second part beside that of the first.
-pub fn second_path(first: &Path) -> PathBuf {
-    first.with_extension("second.onnx")
+/// The file of the part at this place beside that of the first, whose place is 0.
+pub fn part_path(first: &Path, place: usize) -> PathBuf {
+    match place {
+        0 => first.to_owned(),
+        1 => first.with_extension("second.onnx"),
+        _ => first.with_extension("third.onnx"),
+    }
 }
 
 /// In which form a network is written.
@@ -122,8 +126,8 @@ pub enum NetworkForm {
 pub fn from_model_file(path: &Path, form: NetworkForm, target: Target) -> Result<DetectorNetwork, ReadError> {
     let weights = Weights::read(path).map_err(ModelError::from)?;
     let entry = Entry::of(Some(method_of(&weights)));
-    let (first, second) = (entry.from_weights)(weights, form, target, path)?;
-    Ok(DetectorNetwork { first, second, entry })
+    let (first, later) = (entry.from_weights)(weights, form, target, path)?;
+    Ok(DetectorNetwork { first, later, entry })
 }
 
 /// The network of `model`; `source` is only what errors call it.
@@ -136,8 +140,8 @@ pub fn from_model<C: DetectorMethod>(
     target: Target,
     source: &Path,
 ) -> Result<DetectorNetwork, ReadError> {
-    let (first, second) = parts_of_model(model, form, target, source)?;
-    Ok(DetectorNetwork { first, second, entry: Entry::of(Some(C::METHOD)) })
+    let (first, later) = parts_of_model(model, form, target, source)?;
+    Ok(DetectorNetwork { first, later, entry: Entry::of(Some(C::METHOD)) })
 }
 
 /// The network that the table `[model]` of a training's config describes, with random weights; `source` is only what
@@ -153,45 +157,48 @@ pub fn untrained(
 ) -> Option<Result<DetectorNetwork, ReadError>> {
     let entry = DETECTORS.iter().find(|entry| entry.tag == tag)?;
     let parts = (entry.from_table)(table, target, source);
-    Some(parts.map(|(first, second)| DetectorNetwork { first, second, entry }))
+    Some(parts.map(|(first, later)| DetectorNetwork { first, later, entry }))
 }
 
-/// The network of an ONNX file of ours; a second part is read from the file beside it ([`second_path`]).
+/// The network of an ONNX file of ours; later parts are read from the files beside it ([`part_path`]).
 ///
 /// # Errors
-/// When that is missing or of another model, or the file itself is a second part.
+/// When one of them is missing or of another model, or the file itself is a later part.
 pub fn from_onnx(onnx: OnnxModel, path: &Path) -> Result<DetectorNetwork, OnnxError> {
-    let second = second_part(&onnx, path)?;
-    Ok(from_parts(onnx, second))
+    let later = later_parts(&onnx, path)?;
+    Ok(from_parts(onnx, later))
 }
 
 /// The network whose parts are in memory.
-pub fn from_parts(first: OnnxModel, second: Option<OnnxModel>) -> DetectorNetwork {
+pub fn from_parts(first: OnnxModel, later: Vec<OnnxModel>) -> DetectorNetwork {
     let entry = Entry::of(first.facts().get(key::METHOD));
     let part = |onnx| Part { onnx, trained: None };
-    DetectorNetwork { first: part(first), second: second.map(part), entry }
+    DetectorNetwork { first: part(first), later: later.into_iter().map(part).collect(), entry }
 }
 
-/// The second part that belongs to the first part `onnx`, which is the file `path`; none of a whole network.
-fn second_part(onnx: &OnnxModel, path: &Path) -> Result<Option<OnnxModel>, OnnxError> {
+/// The later parts that belong to the first part `onnx`, which is the file `path`; none of a whole network.
+fn later_parts(onnx: &OnnxModel, path: &Path) -> Result<Vec<OnnxModel>, OnnxError> {
     let part = |onnx: &OnnxModel| onnx.facts().get(key::PART).map(str::to_owned);
-    let [first, second] = PARTS;
-    match part(onnx) {
-        None => return Ok(None),
-        Some(found) if found == first => {}
-        Some(found) => return Err(OnnxError::new(path, OnnxProblem::Part { found, expected: first })),
-    }
-    let beside = second_path(path);
-    let file = OnnxModel::read(&beside)?;
-    let found = part(&file).unwrap_or_else(|| "no part".to_owned());
-    if found != second {
-        return Err(OnnxError::new(&beside, OnnxProblem::Part { found, expected: second }));
-    }
+    let Some(found) = part(onnx) else { return Ok(Vec::new()) };
+    let Some(names) = PARTS.iter().find(|names| names[0] == found) else {
+        // The parts are as many as the first that there is says.
+        let names = PARTS.iter().find(|names| names.contains(&found.as_str())).unwrap_or(&PARTS[0]);
+        return Err(OnnxError::new(path, OnnxProblem::Part { found, expected: names[0] }));
+    };
     let hash = |onnx: &OnnxModel| onnx.facts().get(key::WEIGHTS_SHA256).map(str::to_owned);
-    if hash(&file) != hash(onnx) {
-        return Err(OnnxError::new(&beside, OnnxProblem::OtherPart(path.to_owned())));
-    }
-    Ok(Some(file))
+    let read = |(place, expected): (usize, &&'static str)| {
+        let beside = part_path(path, place);
+        let file = OnnxModel::read(&beside)?;
+        let found = part(&file).unwrap_or_else(|| "no part".to_owned());
+        if found != *expected {
+            return Err(OnnxError::new(&beside, OnnxProblem::Part { found, expected }));
+        }
+        if hash(&file) != hash(onnx) {
+            return Err(OnnxError::new(&beside, OnnxProblem::OtherPart(path.to_owned())));
+        }
+        Ok(file)
+    };
+    names.iter().enumerate().skip(1).map(read).collect()
 }
 
 /// The network of any model of ours that has no parts, in this form; `source` is only what errors call it.
@@ -233,15 +240,17 @@ fn parts_of_model<C: Method>(
     let written = |network: &Network, facts: &Facts| -> Result<OnnxModel, OnnxError> {
         OnnxModel::from_bytes(write(network, facts, target).map_err(failed)?, source)
     };
-    let mut networks = Network::new(model).parts(C::OUTPUTS).into_iter();
-    let (Some(first), second) = (networks.next(), networks.next()) else { unreachable!("a network has a part") };
-    let Some(second) = second else {
+    let networks = Network::new(model).parts(C::OUTPUTS);
+    let names = PARTS.into_iter().find(|names| names.len() == networks.len());
+    let mut networks = networks.into_iter();
+    let Some(first) = networks.next() else { unreachable!("a network has a part") };
+    let Some(names) = names else {
         let onnx = match form {
             NetworkForm::Deployable => OnnxModel::from_model(model, &facts, target, source)?,
             NetworkForm::Int8 => OnnxModel::from_model_in_int8(model, &facts, target, source)?,
             NetworkForm::AsTrained => written(&first, &facts)?,
         };
-        return Ok((Part { onnx, trained: Some(first) }, None));
+        return Ok((Part { onnx, trained: Some(first) }, Vec::new()));
     };
     let part = |trained: Network, name: &str| -> Result<Part, ReadError> {
         let mut facts = facts.clone();
@@ -253,7 +262,8 @@ fn parts_of_model<C: Method>(
         };
         Ok(Part { onnx, trained: Some(trained) })
     };
-    Ok((part(first, PARTS[0])?, Some(part(second, PARTS[1])?)))
+    let later = networks.zip(&names[1..]).map(|(network, name)| part(network, name)).collect::<Result<_, _>>()?;
+    Ok((part(first, names[0])?, later))
 }
 
 fn detector_of<C: DetectorMethod>(
@@ -261,8 +271,8 @@ fn detector_of<C: DetectorMethod>(
     onnx: &OnnxModel,
     source: &Path,
 ) -> Result<Box<dyn Detector>, OnnxError> {
-    let Runners { runner, second, head } = runners;
+    let Runners { runner, later, head } = runners;
     let missing =
-        || OnnxError::new(source, OnnxProblem::Part { found: "a whole network".to_owned(), expected: PARTS[0] });
-    config_of::<C>(onnx, source)?.detector(runner, second, head).ok_or_else(missing)
+        || OnnxError::new(source, OnnxProblem::Part { found: "a whole network".to_owned(), expected: "its parts" });
+    config_of::<C>(onnx, source)?.detector(runner, later, head).ok_or_else(missing)
 }

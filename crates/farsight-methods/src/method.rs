@@ -20,19 +20,19 @@ pub trait Method: NetworkConfig {
     }
 }
 
-/// A method that detects with one network, or with two and a sampler between them.
+/// A method that detects with one network, or with several and a sampler before each but the first.
 pub trait DetectorMethod: Method {
     /// Why a model of it cannot be made narrower (`farsight prune`), if it cannot: what is pruned must be trained on.
     const NOT_PRUNED: Option<&'static str> = Some("its training goes on with whole networks only");
 
     /// The detector of this config.
     ///
-    /// `runner` runs its network; what comes after a sampler is run by `second`. None where that is missing. A network
-    /// that ends before the head of [`NetworkConfig::LOCAL_HEAD`] has left it in `head`.
+    /// `runner` runs its network; what comes after each sampler is run by one of `later`. None where one is missing. A
+    /// network that ends before the head of [`NetworkConfig::LOCAL_HEAD`] has left it in `head`.
     fn detector(
         self,
         runner: Box<dyn Runner>,
-        second: Option<Box<dyn Runner>>,
+        later: Vec<Box<dyn Runner>>,
         head: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>>;
 }

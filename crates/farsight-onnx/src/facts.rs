@@ -29,7 +29,7 @@ pub mod key {
     pub const PEAKS_HEAD: &str = "farsight.peaks_head";
     /// What is in 8 bits, and how that was decided, JSON; only in files that have such parts.
     pub const QUANTIZATION: &str = "farsight.quantization";
-    /// Which part of a network it is that is cut at a sampler: "1 of 2" or "2 of 2".
+    /// Which part of a network it is that is cut at its samplers: "1 of 2" and so on.
     pub const PART: &str = "farsight.part";
     /// For which engines the file is meant.
     pub const TARGET: &str = "farsight.target";

@@ -154,6 +154,31 @@ impl Default for RenderedConfig {
     }
 }
 
+/// Which numbers a run is asked to compute in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PrecisionChoice {
+    /// Single precision.
+    #[default]
+    F32,
+    /// bfloat16 between the layers ([`Precision::Bf16`]).
+    Bf16,
+    /// Whichever of both makes a step faster on this machine. The run's folder says which it was, and who goes on with
+    /// the run does so in the same numbers.
+    Auto,
+}
+
+impl PrecisionChoice {
+    /// What was asked for by name.
+    pub fn named(self) -> Option<Precision> {
+        match self {
+            Self::F32 => Some(Precision::F32),
+            Self::Bf16 => Some(Precision::Bf16),
+            Self::Auto => None,
+        }
+    }
+}
+
 /// How a network learns, whatever its method. The defaults are the paper's: Adam, cosine, weight decay 5e-4, 140
 /// epochs, batch 8.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -176,7 +201,7 @@ pub struct TrainConfig {
     /// Largest norm of the gradient; 0 for no limit.
     pub clip_norm: f64,
     /// Numbers of the convolutions.
-    pub precision: Precision,
+    pub precision: PrecisionChoice,
     /// Seed of the weights, the order and the augmentation.
     pub seed: u64,
     /// Weights to start from instead of random ones (safetensors with the network's names); others start as they would.
@@ -220,7 +245,7 @@ impl Default for TrainConfig {
             warm_up_steps: 0,
             bias_rate_factor: 1.0,
             clip_norm: 0.0,
-            precision: Precision::F32,
+            precision: PrecisionChoice::F32,
             seed: 0,
             start_from: None,
             start_without: None,
@@ -351,13 +376,13 @@ impl TrainConfig {
         })
     }
 
-    /// How a network starts and learns.
-    pub fn learner(&self) -> LearnerSettings {
+    /// How a network starts and learns in these numbers.
+    pub fn learner(&self, precision: Precision) -> LearnerSettings {
         LearnerSettings {
             adam: self.adam(),
             clip_norm: self.clip_norm,
             ema_decay: self.ema_decay,
-            precision: self.precision,
+            precision,
             seed: self.seed,
             start_from: self.start_from.clone(),
             parts: Parts {

@@ -73,6 +73,20 @@ impl Precision {
     }
 }
 
+/// Whether a device multiplies bfloat16 by itself. A CPU that does not emulates it, tens of times slower than single
+/// precision.
+pub fn has_bf16(device: Device) -> bool {
+    match device {
+        #[cfg(target_arch = "x86_64")]
+        Device::Cpu => std::arch::is_x86_feature_detected!("avx512bf16"),
+        #[cfg(target_arch = "aarch64")]
+        Device::Cpu => std::arch::is_aarch64_feature_detected!("bf16"),
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        Device::Cpu => false,
+        _ => true,
+    }
+}
+
 /// What numbers of this kind are summed in: double precision stays, all else becomes single.
 pub fn wide_kind(kind: Kind) -> Kind {
     if kind == Kind::Double { Kind::Double } else { Kind::Float }
@@ -170,19 +184,20 @@ impl Network {
 
     /// As [`Network::forward`], for a graph with several inputs, in the order of its input nodes.
     pub fn forward_from(&self, inputs: &[Tensor], mode: Mode, wanted: &[NodeId]) -> Vec<Tensor> {
-        self.forward_through(inputs, &|_| unreachable!("a graph with a sampler, run without one"), mode, wanted)
+        self.forward_through(inputs, &|_, _| unreachable!("a graph with a sampler, run without one"), mode, wanted)
     }
 
-    /// As [`Network::forward_from`]; `sampler` is what stands between the two parts of a graph
-    /// ([`Op::Sampler`]): it gets the maps that are read there.
+    /// As [`Network::forward_from`]; `sampler` is what stands between the parts of a graph ([`Op::Sampler`]): it gets the
+    /// number of the place, from 0, and the maps that are read there.
     pub fn forward_through(
         &self,
         inputs: &[Tensor],
-        sampler: &dyn Fn(&[Tensor]) -> Tensor,
+        sampler: &dyn Fn(usize, &[Tensor]) -> Tensor,
         mode: Mode,
         wanted: &[NodeId],
     ) -> Vec<Tensor> {
         let mut inputs = inputs.iter();
+        let mut places = 0..;
         let mut pending = self.consumers.clone();
         for &id in wanted {
             pending[id] += 1;
@@ -196,7 +211,7 @@ impl Network {
                 Op::Sampler { .. } => {
                     let read: Vec<Tensor> =
                         node.inputs.iter().filter_map(|&id| Some(maps[id].as_ref()?.shallow_clone())).collect();
-                    Some(self.precision.arranged(&sampler(&read).to_kind(kind)))
+                    places.next().map(|place| self.precision.arranged(&sampler(place, &read).to_kind(kind)))
                 }
                 _ => Some(self.compute(node, kind, &maps, &pending, mode)),
             };

@@ -57,10 +57,10 @@ pub trait Task: Sized {
     /// The network's input, `[batch, channels, height, width]`.
     fn input(batch: &Self::Batch) -> &Tensor;
 
-    /// What the sampler between the two parts of the graph ([`farsight_graph::graph::Op::Sampler`]) makes of the maps
-    /// that are read there, `[batch, channels, height, width]`. Graphs without one never ask.
-    fn sampled(&self, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
-        let _ = (maps, batch);
+    /// What the sampler at this place between the parts of the graph ([`farsight_graph::graph::Op::Sampler`]; the first
+    /// is 0) makes of the maps that are read there, `[batch, channels, height, width]`. Graphs without one never ask.
+    fn sampled(&self, place: usize, maps: &[Tensor], batch: &Self::Batch) -> Tensor {
+        let _ = (place, maps, batch);
         unreachable!("a task whose graph has a sampler says what it does")
     }
 

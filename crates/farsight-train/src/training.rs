@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use farsight_data::loader::LoaderError;
 use farsight_data::{
@@ -18,8 +19,8 @@ use farsight_synth::{SceneDataset, SceneStream};
 use tch::{Device, Tensor, no_grad};
 
 use crate::checkpoint::{self, Progress};
-use crate::config::{DataConfig, RunConfig, ValidateConfig};
-use crate::executor::Mode;
+use crate::config::{DataConfig, PrecisionChoice, RunConfig, ValidateConfig};
+use crate::executor::{Mode, Precision, has_bf16};
 use crate::fingerprint::Fingerprint;
 use crate::learner::Learner;
 use crate::metrics::{Metrics, MetricsWriter, Step, StepSummary, Window};
@@ -36,6 +37,10 @@ pub const VALIDATED_FILE: &str = "validated.safetensors";
 
 /// Name of the resolved config in a run's folder.
 pub const CONFIG_FILE: &str = "config.toml";
+
+/// Steps that say how fast a precision is, and those before them, in which libraries make up their minds.
+const TIMED_STEPS: usize = 3;
+const WARM_STEPS: usize = 2;
 
 /// A run about to happen.
 #[derive(Debug)]
@@ -57,6 +62,10 @@ pub struct Start {
     pub total: u64,
     /// How much came from `train.start_from`; none of a run without, and of one that goes on.
     pub loaded: Option<Loaded>,
+    /// In which numbers it computes.
+    pub precision: Precision,
+    /// Whether the device only emulates these numbers, and is many times slower than in single precision.
+    pub is_emulated: bool,
 }
 
 /// Told how a run goes, and asked to measure.
@@ -122,10 +131,16 @@ pub fn fit_on<T: Task>(
     check_data(&out.join(CHECKPOINT_FILE), *resume, &data, callback)?;
     let start = train.start_from.as_deref().map(Weights::read).transpose()?;
     let (task, graph) = T::new(run, start.as_ref())?;
-    let trainer = Trainer { job, task, frames, data, sampler };
+    let asked = Trainer { job, task, frames, data, sampler };
+    let precision = asked.precision(&graph)?;
+    // From here on the run says what it computes in.
+    let mut run = run.clone();
+    run.train.precision = precision;
+    let job = &Job { run, out: out.clone(), resume: *resume };
+    let trainer = Trainer { job, ..asked };
     let (mut learner, progress) = trainer.learner(graph)?;
     let progress = trainer.run(&mut learner, progress, callback)?;
-    if let Some(count) = train.statistics_batches {
+    if let Some(count) = job.run.train.statistics_batches {
         trainer.gather_statistics(&learner, count)?;
     }
     let path = out.join(T::MODEL_FILE);
@@ -185,7 +200,52 @@ impl<T: Task> Trainer<'_, T> {
         let path = self.checkpoint_path();
         let checkpoint = (self.job.resume && path.exists()).then_some(path.as_path());
         let run = &self.job.run;
-        Learner::start(graph, &run.train.learner(), checkpoint, &run.identity(), Device::cuda_if_available())
+        let settings = run.train.learner(self.numbers());
+        Learner::start(graph, &settings, checkpoint, &run.identity(), Device::cuda_if_available())
+    }
+
+    /// What the run computes in, once that is known.
+    fn numbers(&self) -> Precision {
+        self.job.run.train.precision.named().unwrap_or_default()
+    }
+
+    /// What the run is to compute in: as asked for, or as it did before, or as is fastest.
+    fn precision(&self, graph: &Graph) -> Result<PrecisionChoice, TrainError> {
+        let Job { run, out, resume } = self.job;
+        let asked = run.train.precision;
+        if asked != PrecisionChoice::Auto {
+            return Ok(asked);
+        }
+        if *resume && self.checkpoint_path().exists() {
+            let before: RunOf<T> = RunConfig::read(&out.join(CONFIG_FILE))?;
+            if before.train.precision != PrecisionChoice::Auto {
+                return Ok(before.train.precision);
+            }
+        }
+        if !has_bf16(Device::cuda_if_available()) {
+            return Ok(PrecisionChoice::F32);
+        }
+        let is_faster = self.step_time(graph, Precision::Bf16)? < self.step_time(graph, Precision::F32)?;
+        Ok(if is_faster { PrecisionChoice::Bf16 } else { PrecisionChoice::F32 })
+    }
+
+    /// How long a step takes in these numbers, by the run's first batches; what they teach is forgotten.
+    fn step_time(&self, graph: &Graph, precision: Precision) -> Result<Duration, TrainError> {
+        let train = &self.job.run.train;
+        let device = Device::cuda_if_available();
+        let settings = train.learner(precision);
+        let (mut learner, _) = Learner::start(graph.clone(), &settings, None, &self.job.run.identity(), device)?;
+        let batches = self.loader(Position::default(), Some(train.epochs))?.take(WARM_STEPS + TIMED_STEPS);
+        let mut times = Vec::new();
+        for batch in batches {
+            let items = batch.map_err(|source| TrainError::Sample { step: 0, source })?.items;
+            let began = Instant::now();
+            self.step(&mut learner, items, 0, train.rate(0, 1))?;
+            times.push(began.elapsed());
+        }
+        times.drain(..WARM_STEPS.min(times.len().saturating_sub(1)));
+        times.sort();
+        Ok(times.get(times.len() / 2).copied().unwrap_or_default())
     }
 
     /// Batches of samples.
@@ -223,7 +283,9 @@ impl<T: Task> Trainer<'_, T> {
         let batches = loader.batches_per_epoch();
         let total = batches * train.epochs;
         let mut metrics = MetricsWriter::open(out, progress.steps).map_err(write_error)?;
-        callback.on_start(Start { done: progress.steps, total, loaded: learner.loaded });
+        let precision = self.numbers();
+        let is_emulated = precision == Precision::Bf16 && !has_bf16(learner.network.device());
+        callback.on_start(Start { done: progress.steps, total, loaded: learner.loaded, precision, is_emulated });
 
         let mut window = Window::new();
         for batch in loader {
@@ -313,7 +375,7 @@ impl<T: Task> Trainer<'_, T> {
 
     /// What the network says of a batch, where the loss reads it.
     fn forward(&self, learner: &Learner, batch: &T::Batch, mode: Mode) -> Vec<Tensor> {
-        let (input, sampler) = (T::input(batch), |maps: &[Tensor]| self.task.sampled(maps, batch));
+        let (input, sampler) = (T::input(batch), |place, maps: &[Tensor]| self.task.sampled(place, maps, batch));
         learner.network.forward_through(std::slice::from_ref(input), &sampler, mode, self.task.outputs())
     }
 

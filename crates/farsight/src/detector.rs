@@ -51,8 +51,8 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
         Some(cut) => engine.start(cut.model.clone(), &name)?,
         None => start(&network.first, engine, &name)?,
     };
-    let second = network.second.as_ref().map(|part| start(part, engine, &name)).transpose()?;
-    let mut detector = network.detector(runner, second, head.as_ref(), &name)?;
+    let later = network.later.iter().map(|part| start(part, engine, &name)).collect::<Result<_, _>>()?;
+    let mut detector = network.detector(runner, later, head.as_ref(), &name)?;
     if let Some(size) = timing.input
         && !detector.set_input_size(size)
     {
@@ -93,7 +93,7 @@ pub fn smoke_detector(engine: &EngineOptions, file: DetectorFile, source: &Path)
     })
 }
 
-/// The whole network of the model at `path`, every output as it is; of one with a sampler what is before that.
+/// The whole network of the model at `path`, every output as it is; of one with samplers what is before the first.
 ///
 /// # Errors
 /// When the file is no detector, or the engine cannot run it.
@@ -128,9 +128,7 @@ fn network(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorNetwo
     let path = match source {
         ModelSource::Shipped(Family::FarsightW) => return Ok(from_model(&shipped::ssd()?, form, target, name)?),
         ModelSource::Shipped(Family::FarsightS) => return Ok(from_model(&shipped::smoke()?, form, target, name)?),
-        ModelSource::Memory { onnx, second, .. } => {
-            return Ok(from_parts((**onnx).clone(), second.as_deref().cloned()));
-        }
+        ModelSource::Memory { onnx, later, .. } => return Ok(from_parts((**onnx).clone(), later.clone())),
         ModelSource::File(path) => path,
     };
     model_file::check_detector(path)?;

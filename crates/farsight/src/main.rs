@@ -16,6 +16,7 @@ mod outputs;
 mod pipeline_args;
 mod printer;
 mod range_table;
+mod rangers;
 mod recording_file;
 mod shard;
 mod side_by_side;

@@ -17,10 +17,10 @@ pub enum ModelSource {
     File(PathBuf),
     /// A detector's network in memory.
     Memory {
-        /// The network, or what of it is before its sampler.
+        /// The network, or what of it is before its first sampler.
         onnx: Box<OnnxModel>,
-        /// What comes after the sampler; none of methods without one.
-        second: Option<Box<OnnxModel>>,
+        /// What comes after each sampler.
+        later: Vec<OnnxModel>,
         /// What errors call it.
         name: PathBuf,
     },

@@ -18,6 +18,7 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::gs3d::Gs3dConfig;
+use farsight_methods::monogrnet::MonoGrNetConfig;
 use farsight_methods::monodle::MonoDleConfig;
 use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::oftnet::grid::Grid;
@@ -492,6 +493,32 @@ fn a_gs3d_is_exported_shown_run_on_every_engine_and_evaluated() {
     let mut model = drawn(config, &[("heatmap", 2.0), ("size", 8.0)]);
     model.weights.tensors.get_mut("refine.bins.bias").unwrap().values.fill(1.0);
     does_all_that_a_detector_does(&model, ["surfaces", "GS3D"]);
+}
+
+#[test]
+fn a_monogrnet_is_exported_in_three_files_shown_run_on_every_engine_and_evaluated() {
+    let config = MonoGrNetConfig {
+        input: [320, 96],
+        width: 0.125,
+        backbone: Backbone::Resnet18,
+        ..MonoGrNetConfig::default()
+    };
+    let mut weights = initial_weights(&config.graph(), 5);
+    // Cells that find boxes of two cells with cars in them, some more likely than others.
+    let mut set = |name: &str, values: &[f32]| {
+        weights.tensors.get_mut(name).unwrap().values[..values.len()].copy_from_slice(values);
+    };
+    set("cells.2.bias", &[-1.0, 1.0, 0.0, 0.0, 2.0, 1.0]);
+    set("boxes.rezoom.6.bias", &[-1.0, 1.0]);
+    let corners = [-1.9, -0.8, -0.8, 1.9, -0.8, -0.8, 1.9, 0.8, -0.8, 1.9, 0.8, 0.8, 1.9, -0.8, 0.8, -1.9, -0.8, 0.8];
+    let corners = [&corners[..], &[-1.9, 0.8, 0.8, -1.9, 0.8, -0.8]].concat();
+    let raw: Vec<f32> = corners.iter().map(|value: &f32| (value / 3.0).atanh()).collect();
+    set("boxes.corners.6.bias", &raw);
+    for name in ["cells.2.weight", "boxes.rezoom.6.weight", "depth.coarse.out.weight", "center.coarse.2.weight"] {
+        weights.tensors.get_mut(name).unwrap().values.iter_mut().for_each(|value| *value *= 20.0);
+    }
+    let model = Model::new(config, weights).unwrap();
+    does_all_that_a_detector_does(&model, ["corner_map", "MonoGRNet"]);
 }
 
 /// Exports, shows, runs and evaluates `model`, as model file and as ONNX file; `output` is one of its outputs, `word`

@@ -207,8 +207,27 @@ title = "GS3D"
 patch.method = "gs3d"
 patch.model = { input = [96, 32], backbone = "resnet18", width = 0.05, head_channels = 8, surface_channels = 4, hidden = 8 }
 
+[arms.similar_triangles]
+title = "similar triangles"
+of = "smoke"
+ranger = "similar_triangles"
+
+[arms.estimated_horizon]
+title = "inverse perspective"
+of = "smoke"
+ranger = "estimated_horizon"
+
+[arms.box_mlp]
+title = "perceptron"
+of = "smoke"
+ranger = "box_mlp"
+
+[arms.shipped]
+title = "farsight-s"
+shipped = "farsight-s"
+
 [[blocks]]
-arms = ["smoke", "monodle", "oftnet", "gs3d"]
+arms = ["smoke", "monodle", "oftnet", "gs3d", "similar_triangles", "estimated_horizon", "box_mlp", "shipped"]
 seeds = [1]
 
 [[comparisons]]
@@ -223,13 +242,33 @@ fn arms_of_several_methods_are_trained_and_judged_alike() {
     fs::write(root.join("plan.toml"), METHODS).unwrap();
     let told = done(root, &arguments("methods", "methods.json"));
     let order: Vec<&str> = told.lines().map(|line| line.split(':').next().unwrap()).collect();
-    assert_eq!(order, ["smoke-1", "monodle-1", "oftnet-1", "gs3d-1"]);
+    assert_eq!(order[..4], ["smoke-1", "monodle-1", "oftnet-1", "gs3d-1"]);
+    assert_eq!(order[4..], ["similar_triangles-1", "estimated_horizon-1", "box_mlp-1", "shipped-1"]);
     let results = json(&root.join("methods.json"));
     for (cell, arm) in results["cells"].as_array().unwrap().iter().zip(["smoke", "monodle", "oftnet", "gs3d"]) {
         assert_eq!((&cell["arm"], &cell["steps"]), (&arm.into(), &2.into()), "{results}");
         assert!(cell["ap3d"].is_number(), "{results}");
     }
     assert_eq!(results["comparisons"][0]["seeds"], 1, "{results}");
+
+    // Rangers are of the boxes of SMOKE's answers; without steps, as the shipped model.
+    let rows = |cell: &str| {
+        let text = fs::read_to_string(root.join("methods").join(cell).join("results/000002.txt")).unwrap();
+        let words = |line: &str| line.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        text.lines().map(words).collect::<Vec<_>>()
+    };
+    let smoke = rows("smoke-1");
+    assert!(!smoke.is_empty(), "a network that answers nothing proves nothing");
+    for ranger in ["similar_triangles-1", "estimated_horizon-1", "box_mlp-1"] {
+        let ranged = rows(ranger);
+        let is_there = |row: &Vec<String>| smoke.iter().any(|other| row[0] == other[0] && row[4..8] == other[4..8]);
+        assert!(ranged.iter().all(is_there), "{ranger}: {ranged:?} of {smoke:?}");
+        assert!(ranged.iter().any(|row| smoke.iter().all(|other| row[13] != other[13])), "{ranger} has its own depths");
+    }
+    let found = |cell: &Value| cell["found"].as_f64().unwrap();
+    let shipped = &results["cells"][7];
+    assert_eq!(shipped["steps"], 0);
+    assert!(found(shipped) > found(&results["cells"][0]), "{results}");
 
     // A field of another method is told before anything is rendered.
     fs::write(root.join("plan.toml"), METHODS.replace("blocks = 1, ", "blocks = 1, msfe = \"a\", ")).unwrap();

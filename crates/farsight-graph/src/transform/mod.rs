@@ -3,6 +3,8 @@
 mod fold;
 mod local_head;
 
+use std::ops::Range;
+
 pub use local_head::LocalHead;
 
 use crate::graph::{Graph, NodeId, Op};
@@ -42,27 +44,40 @@ impl Network {
     }
 
     /// The parts that engines run one after the other, for the taps named in `outputs`: the whole network, or what is
-    /// before its sampler and what comes after. Taps of the first of two are the maps that the sampler reads, in its
-    /// order; the input of the second is what the sampler makes.
+    /// before its first sampler and what comes after each. The input of a later part is what its sampler makes. The taps
+    /// of a part are the maps in it that samplers behind it read, in their order, then its outputs.
     pub fn parts(self, outputs: &[&str]) -> Vec<Self> {
-        let is_sampler = |node: &crate::graph::Node| matches!(node.op, Op::Sampler { .. });
-        let Some(sampler) = self.graph.nodes.iter().position(is_sampler) else {
+        let nodes = &self.graph.nodes;
+        let samplers = || (0..nodes.len()).filter(|&id| matches!(nodes[id].op, Op::Sampler { .. }));
+        let starts: Vec<NodeId> = std::iter::once(0).chain(samplers()).collect();
+        if starts.len() == 1 {
             return vec![self.with_outputs(outputs)];
+        }
+        let ends = starts[1..].iter().copied().chain([nodes.len()]);
+        let read: Vec<NodeId> = samplers().flat_map(|id| nodes[id].inputs.iter().copied()).collect();
+        let wanted = outputs.iter().filter_map(|name| self.graph.tap(name));
+        let shown: Vec<NodeId> = read.into_iter().chain(wanted).collect();
+        starts.iter().zip(ends).map(|(&start, end)| self.part(start..end, &shown)).collect()
+    }
+
+    /// These nodes, of which the first is an input, with a tap at each node of `shown` that is among them.
+    fn part(&self, nodes: Range<NodeId>, shown: &[NodeId]) -> Self {
+        let mut part = self.clone();
+        part.graph.nodes = part.graph.nodes[nodes.clone()].to_vec();
+        part.graph.nodes[0].op = Op::Input;
+        part.graph.nodes[0].inputs.clear();
+        part.graph.nodes.iter_mut().flat_map(|node| &mut node.inputs).for_each(|id| *id -= nodes.start);
+        let tap = |id: NodeId| {
+            let (name, _) = self.graph.taps.iter().find(|(_, tapped)| *tapped == id)?;
+            Some((name.clone(), id - nodes.start))
         };
-        let mut second = self.clone();
-        second.graph.nodes.drain(..sampler);
-        let shifted = |id: &mut NodeId| *id -= sampler;
-        second.graph.nodes[0].op = Op::Input;
-        second.graph.nodes[0].inputs.clear();
-        second.graph.nodes.iter_mut().flat_map(|node| &mut node.inputs).for_each(shifted);
-        second.graph.taps.retain(|(_, id)| *id >= sampler);
-        second.graph.taps.iter_mut().for_each(|(_, id)| shifted(id));
-        let mut first = self;
-        let read = std::mem::take(&mut first.graph.nodes[sampler].inputs);
-        first.graph.nodes.truncate(sampler);
-        let tap = |id: &NodeId| first.graph.taps.iter().find(|(_, tapped)| tapped == id).cloned();
-        first.graph.taps = read.iter().filter_map(tap).collect();
-        vec![without_dead(first), second.with_outputs(outputs)]
+        part.graph.taps.clear();
+        for tap in shown.iter().filter(|id| nodes.contains(id)).filter_map(|id| tap(*id)) {
+            if !part.graph.taps.contains(&tap) {
+                part.graph.taps.push(tap);
+            }
+        }
+        without_dead(part)
     }
 
     /// Batch norms become part of the convolution before them, which gains a bias.

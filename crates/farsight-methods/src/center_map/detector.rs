@@ -73,7 +73,7 @@ impl<C: CenterMethod> DetectorMethod for C {
     fn detector(
         self,
         runner: Box<dyn Runner>,
-        _: Option<Box<dyn Runner>>,
+        _: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
         Some(Box::new(CenterDetector::new(runner, self)))

@@ -41,10 +41,15 @@ pub fn feature_camera(input_camera: &Camera) -> Camera {
 
 /// A box in cells of the feature map as pixels of the original image: the input is a scaled and shifted image.
 pub(crate) fn image_box(cells: &Box2d, view: &View) -> Box2d {
+    image_box_of(cells, STRIDE, view)
+}
+
+/// As [`image_box`], in cells of a map of this stride.
+pub(crate) fn image_box_of(cells: &Box2d, stride: usize, view: &View) -> Box2d {
     let (from, to) = (view.input_camera.principal_point(), view.camera.principal_point());
     let scale =
         [view.camera.focal_x() / view.input_camera.focal_x(), view.camera.focal_y() / view.input_camera.focal_y()];
-    let at = |cell: f64, axis: usize| (cell * STRIDE as f64 - from[axis]) * scale[axis] + to[axis];
+    let at = |cell: f64, axis: usize| (cell * stride as f64 - from[axis]) * scale[axis] + to[axis];
     Box2d::new(at(cells.x1, 0), at(cells.y1, 1), at(cells.x2, 0), at(cells.y2, 1))
 }
 

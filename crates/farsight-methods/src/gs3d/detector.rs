@@ -84,10 +84,10 @@ impl DetectorMethod for Gs3dConfig {
     fn detector(
         self,
         runner: Box<dyn Runner>,
-        second: Option<Box<dyn Runner>>,
+        later: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
-        Some(Box::new(Gs3dDetector::new(runner, second?, self)))
+        Some(Box::new(Gs3dDetector::new(runner, later.into_iter().next()?, self)))
     }
 }
 

@@ -176,7 +176,7 @@ impl DetectorLoss for Gs3dLoss {
     }
 
     /// The map of surfaces is the last that is read; the others are what boxes come from.
-    fn sampled(&self, maps: &[Tensor], batch: &Expected) -> Tensor {
+    fn sampled(&self, _: usize, maps: &[Tensor], batch: &Expected) -> Tensor {
         sampled(&maps[maps.len() - 1], &batch.points)
     }
 

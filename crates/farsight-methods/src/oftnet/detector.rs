@@ -77,10 +77,10 @@ impl DetectorMethod for OftNetConfig {
     fn detector(
         self,
         runner: Box<dyn Runner>,
-        second: Option<Box<dyn Runner>>,
+        later: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
-        Some(Box::new(OftNetDetector::new(runner, second?, self)))
+        Some(Box::new(OftNetDetector::new(runner, later.into_iter().next()?, self)))
     }
 }
 

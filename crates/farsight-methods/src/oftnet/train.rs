@@ -163,7 +163,7 @@ impl DetectorLoss for OftNetLoss {
         }
     }
 
-    fn sampled(&self, maps: &[Tensor], batch: &Expected) -> Tensor {
+    fn sampled(&self, _: usize, maps: &[Tensor], batch: &Expected) -> Tensor {
         sampled(maps, &batch.boxes, &self.model.grid)
     }
 

@@ -2,7 +2,7 @@
 
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use crate::refiner::{Effort, RefinerConfig};
-use farsight_core::nms::{class_nms, soft_suppression};
+use farsight_core::nms::{SAME_OBJECT_OVERLAP, class_nms, soft_suppression};
 use farsight_core::{Box2d, Camera, ClassReference, Detection, Region, ScalePrior};
 use farsight_data::network_input_into;
 use farsight_runtime::EngineError;
@@ -104,7 +104,7 @@ impl Refiner {
         let mut found: Vec<Detection> = candidates.into_iter().zip(refinements).map(fused).collect();
         // Stable: equals stay in the order of the detector.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let mut found = soft_suppression(class_nms(found));
+        let mut found = soft_suppression(class_nms(found, SAME_OBJECT_OVERLAP));
         found.retain(|detection| detection.score > min_score);
         Ok(found)
     }

@@ -121,7 +121,7 @@ impl DetectorMethod for SmokeConfig {
     fn detector(
         self,
         runner: Box<dyn Runner>,
-        _: Option<Box<dyn Runner>>,
+        _: Vec<Box<dyn Runner>>,
         head: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
         Some(Box::new(SmokeDetector::new(runner, &self, head.map(SparseHead::new))))

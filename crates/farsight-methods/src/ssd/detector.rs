@@ -147,7 +147,7 @@ impl DetectorMethod for SsdConfig {
     fn detector(
         self,
         runner: Box<dyn Runner>,
-        _: Option<Box<dyn Runner>>,
+        _: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
         Some(Box::new(SsdDetector::new(runner, self)))

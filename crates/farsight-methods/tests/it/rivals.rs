@@ -16,6 +16,10 @@ use farsight_methods::gs3d::targets::targets as targets_of_gs3d;
 use farsight_methods::monodle::MonoDleConfig;
 use farsight_methods::monodle::network::REGRESSION_HEADS;
 use farsight_methods::monodle::targets::targets;
+use farsight_methods::monogrnet::MonoGrNetConfig;
+use farsight_methods::monogrnet::codec::{CORNER_REACH_M, START_DEPTH_M, local_corners};
+use farsight_methods::monogrnet::decode::{cell_boxes, detection as monogrnet_detection, placed, shown};
+use farsight_methods::monogrnet::targets::{CellClass, targets as targets_of_monogrnet};
 use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::oftnet::grid::Grid;
 use farsight_methods::oftnet::network::ANSWERS;
@@ -312,4 +316,82 @@ fn gs3d_refines_its_guidances_to_what_its_targets_say() {
     // Of the three candidates of an object the first is its own box, the last is background or nearly so.
     let best = |candidate: usize| targets.candidates[candidate].target.iter().copied().fold(0.0, f32::max);
     assert!((0..3).all(|object| best(3 * object) >= best(3 * object + 2)));
+}
+
+/// Cells that say what their targets say, boxes that need no step, and corners that need none either.
+#[test]
+fn monogrnet_finds_what_its_targets_say() {
+    let config = MonoGrNetConfig { input: [640, 192], depth_focal_px: Some(500.0), ..MonoGrNetConfig::default() };
+    let camera = Camera::from_intrinsics(721.5, 721.5, 609.6, 172.9).unwrap();
+    let view = config.input_spec().view([1280, 384], &camera);
+    let labels = [([-6.1, 1.7, 14.2], -1.2), ([2.3, 1.6, 27.9], 3.0), ([12.0, 1.8, 48.4], 0.4)]
+        .map(|(location, yaw)| label(location, yaw, &view.input_camera));
+    let targets =
+        targets_of_monogrnet(&labels, &config, &view.input_camera, config.input, &mut Pcg64::seed_from_u64(3));
+    let ([columns, rows], area) = (targets.grid, targets.grid[0] * targets.grid[1]);
+    let mut maps = [6, 1, 2].map(|channels| vec![0.0_f32; channels * area]);
+    for (at, class) in targets.cells.iter().enumerate() {
+        maps[0][at] = if matches!(class, CellClass::Object(_)) { -4.0 } else { 4.0 };
+    }
+    for object in &targets.objects {
+        let at = object.cell[1] * columns + object.cell[0];
+        let numbers = [(0, 2, &object.box2d[..]), (1, 0, &[object.depth_m - START_DEPTH_M]), (2, 0, &object.center)];
+        for (map, first, values) in numbers {
+            values.iter().enumerate().for_each(|(k, value)| maps[map][(first + k) * area + at] = *value as f32);
+        }
+    }
+    let shapes = [6, 1, 2].map(|channels| [channels, rows, columns]);
+    let [cells, depth, center] =
+        [0, 1, 2].map(|map| TensorView { shape: &shapes[map], values: &maps[map] });
+    let options = DecodeOptions { min_score: Some(0.3), ..DecodeOptions::default() };
+    let found = cell_boxes(&config, [&cells, &depth, &center], &options);
+    assert_eq!(found.len(), targets.objects.len(), "{found:?}");
+    let mut all = Vec::new();
+    for one in &found {
+        let label = labels.iter().find(|label| {
+            let scale = config.codec().virtual_depth(1.0, &view.input_camera);
+            (one.depth_m - scale * label.box3d.depth_m()).abs() < 1e-3
+        });
+        let corners = local_corners(&label.unwrap().box3d);
+        let raw: Vec<f32> = corners.as_flattened().iter().map(|value| (value / CORNER_REACH_M).atanh() as f32).collect();
+        let rezoom = [-3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
+        let placed = placed(&config, one, [&rezoom, &[0.0], &[0.0; 2], &raw], &view.input_camera).unwrap();
+        all.extend(monogrnet_detection(&config, &placed, &[0.0; 24], &view));
+    }
+    let all = shown(&config, all, &options);
+    assert_eq!(all.len(), labels.len(), "several cells find one object: {all:?}");
+    for label in &labels {
+        let near = |one: &&Detection| (one.box3d.depth_m() - label.box3d.depth_m()).abs() < 1.0;
+        let one = all.iter().find(near).unwrap();
+        let off = one.box3d.location.iter().zip(label.box3d.location).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < LOCATION_M, "{off} m");
+        let (size, truth) = (one.box3d.dimensions, label.box3d.dimensions);
+        assert!((size.length - truth.length).abs() + (size.height - truth.height).abs() < LOCATION_M);
+        assert!(farsight_core::wrapped_angle(one.box3d.yaw - label.box3d.yaw).abs() < 1e-4);
+        assert!((one.score - 1.0 / (1.0 + (-6.0_f64).exp())).abs() < 1e-6);
+        assert!((view.input_height_px(&one.box2d) - label.box2d.height()).abs() < 0.01);
+    }
+}
+
+/// The authors' heads on VGG-16: 39x12 cells of 32 pixels.
+#[test]
+fn monogrnet_has_its_authors_grid_and_backbone() {
+    let config = MonoGrNetConfig::default();
+    let graph = config.graph();
+    let (base, _) = cost(&graph, config.input, |stage| stage.stage == "base");
+    assert_eq!(base, 14_723_136, "torchvision's vgg16_bn without its classifier");
+    let shapes = graph.shapes(config.input[0], config.input[1]).unwrap();
+    assert_eq!(shapes[graph.tap("cells").unwrap()], [6, 12, 39]);
+    assert_eq!(shapes[graph.tap("box_map").unwrap()], [512, 48, 156]);
+    assert_eq!(shapes[graph.tap("corners").unwrap()], [24, 1, 1]);
+    let parts = Network { weights: Weights::default(), graph, local_head: None }.parts(MonoGrNetConfig::OUTPUTS);
+    let taps = |part: &Network| part.graph.taps.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    assert_eq!(parts.len(), 3);
+    assert_eq!(taps(&parts[0]), ["cells", "depth", "center", "box_map", "corner_map"]);
+    assert_eq!(taps(&parts[1]), ["rezoom", "depth_step", "center_step", "corners"]);
+    assert_eq!(taps(&parts[2]), ["corner_steps"]);
+    for part in &parts {
+        assert!(part.graph.nodes.iter().all(|node| !matches!(node.op, Op::Sampler { .. })));
+        assert!(part.graph.nodes.iter().skip(1).all(|node| node.op != Op::Input), "one input each");
+    }
 }

@@ -16,6 +16,7 @@ mod golden_support;
 mod gs3d;
 mod imported_checkpoints;
 mod monodle;
+mod monogrnet;
 mod oftnet;
 mod parts;
 mod plate;

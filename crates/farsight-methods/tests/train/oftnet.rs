@@ -89,7 +89,7 @@ fn two_parts_on_the_built_in_engine_answer_as_the_whole_on_libtorch() {
     let wanted = [model.graph.tap("answer").unwrap()];
     let expected = no_grad(|| {
         let all = [boxes.clone()];
-        let sampler = |maps: &[Tensor]| sampled(maps, &all, &config.grid);
+        let sampler = |_, maps: &[Tensor]| sampled(maps, &all, &config.grid);
         network.forward_through(&[input], &sampler, Mode::Evaluate, &wanted).remove(0)
     });
 

@@ -15,10 +15,10 @@ use farsight_methods::smoke::corner_loss::corner_loss;
 use farsight_methods::smoke::train::loss::{BatchTargets, CornerWeights, loss, surface_loss};
 use farsight_methods::smoke::train::{SmokeRun, SmokeTask};
 use farsight_methods::training::train_on;
-use farsight_train::config::{RenderedConfig, ValidateConfig};
-use farsight_train::executor::{Precision, values_from_tensor};
+use farsight_train::config::{PrecisionChoice, RenderedConfig, ValidateConfig};
+use farsight_train::executor::{has_bf16, values_from_tensor};
 use farsight_train::metrics::{Metrics, StepSummary};
-use farsight_train::training::{CHECKPOINT_FILE, Callback, Job, Start, TrainError};
+use farsight_train::training::{CHECKPOINT_FILE, CONFIG_FILE, Callback, Job, Start, TrainError};
 use farsight_train::training::{FileOptions, fit, fit_on};
 use tch::{Device, Kind, Tensor};
 
@@ -312,11 +312,56 @@ fn a_model_of_running_means_is_the_mean_of_its_steps_the_later_the_heavier() {
 fn mixed_precision_and_clipping_train_too() {
     let folder = data_set(4);
     let mut run = run_config(folder.path());
-    run.train.precision = Precision::Bf16;
+    run.train.precision = PrecisionChoice::Bf16;
     run.train.clip_norm = 1.0;
     let mut observer = Silent::default();
     fit::<SmokeTask>(&Job { run, out: folder.path().join("run"), resume: false }, &mut observer).unwrap();
     assert!(observer.losses.iter().all(|loss| loss.is_finite()));
+}
+
+/// Stops after its second step.
+#[derive(Default)]
+struct Stops {
+    steps: usize,
+}
+
+impl Callback for Stops {
+    fn on_start(&mut self, _: Start) {}
+
+    fn validate(&mut self, _: u64, _: &Path, _: &ValidateConfig) -> Result<Vec<(String, f64)>, String> {
+        Ok(Vec::new())
+    }
+
+    fn on_step(&mut self, _: &StepSummary) {
+        self.steps += 1;
+    }
+
+    fn stops(&mut self) -> bool {
+        self.steps == 2
+    }
+}
+
+#[test]
+fn the_faster_numbers_are_taken_once_and_a_run_goes_on_in_them() {
+    let folder = data_set(4);
+    let job = |out: &str, precision, resume| {
+        let mut run = run_config(folder.path());
+        run.train.precision = precision;
+        Job { run, out: folder.path().join(out), resume }
+    };
+    let config = |out: &str| SmokeRun::read(&folder.path().join(out).join(CONFIG_FILE)).unwrap().train.precision;
+    for (name, precision) in [("f32", PrecisionChoice::F32), ("bf16", PrecisionChoice::Bf16)] {
+        let whole = fit::<SmokeTask>(&job(&format!("{name}-whole"), precision, false), &mut Silent::default()).unwrap();
+        let stopped = fit::<SmokeTask>(&job(name, precision, false), &mut Stops::default());
+        assert!(matches!(stopped, Err(TrainError::Stopped { step: 2 })), "{stopped:?}");
+        // Whatever is faster here, the run goes on as it began.
+        let resumed = fit::<SmokeTask>(&job(name, PrecisionChoice::Auto, true), &mut Silent::default()).unwrap();
+        assert!(fs::read(whole).unwrap() == fs::read(resumed).unwrap(), "{name}: the models differ");
+        assert_eq!(config(name), precision);
+    }
+    fit::<SmokeTask>(&job("fresh", PrecisionChoice::Auto, false), &mut Silent::default()).unwrap();
+    let taken = config("fresh");
+    assert!(taken != PrecisionChoice::Auto && (has_bf16(Device::Cpu) || taken == PrecisionChoice::F32), "{taken:?}");
 }
 
 /// Frames of a program's own are learnt from as those of files are.

@@ -150,9 +150,9 @@ fn builder(args: &BenchArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
     );
     let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(1);
     if let Some(path) = config {
-        let DetectorNetwork { first, second, .. } = untrained::network(path, engine.target())?;
-        let (onnx, second) = (Box::new(first.onnx), second.map(|part| Box::new(part.onnx)));
-        builder = builder.model(ModelSource::Memory { onnx, second, name: path.to_owned() });
+        let DetectorNetwork { first, later, .. } = untrained::network(path, engine.target())?;
+        let (onnx, later) = (Box::new(first.onnx), later.into_iter().map(|part| part.onnx).collect());
+        builder = builder.model(ModelSource::Memory { onnx, later, name: path.to_owned() });
     }
     Ok(args.input.into_iter().fold(builder, PipelineBuilder::input_size))
 }

@@ -25,8 +25,9 @@ use super::Outcome;
 use crate::outputs;
 use crate::pipeline_args::{PipelineArgs, overlap_from_text};
 use crate::printer::{Printer, counted};
+use crate::rangers::CAMERA_HEIGHT_M;
 use crate::shard::ShardArgs;
-pub(super) use geometric_baselines::{CAMERA_HEIGHT_M, evaluations as baseline_evaluations};
+pub(super) use geometric_baselines::evaluations as baseline_evaluations;
 use modelled::Files;
 pub(crate) use modelled::MIN_SCORE;
 pub(super) use modelled::write_results_of;
@@ -80,7 +81,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, requires = "explain")]
     loose: bool,
     /// Tell also what the same detections would give with the distances of geometric baselines: from the height of the
-    /// 2D box, and from its bottom edge
+    /// 2D box, from its bottom edge, and by GS3D's guidance
     #[arg(long, alias = "classic", conflicts_with = "explain")]
     geometric_baselines: bool,
     /// Tell also what AP would be if this part of each detection that matches an object in the image were true; with
@@ -91,7 +92,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "DIR", requires = "geometric_baselines")]
     calib: Option<PathBuf>,
     /// Height of the camera above the ground, metres, for --geometric-baselines
-    #[arg(long, value_name = "METRES", requires = "geometric_baselines", default_value_t = geometric_baselines::CAMERA_HEIGHT_M, value_parser = height_from_text, allow_negative_numbers = true)]
+    #[arg(long, value_name = "METRES", requires = "geometric_baselines", default_value_t = CAMERA_HEIGHT_M, value_parser = height_from_text, allow_negative_numbers = true)]
     camera_height: f64,
     /// What is taken for the scores, in everything that goes by them
     #[arg(long, value_enum, default_value_t = ScoresName::AsGiven)]

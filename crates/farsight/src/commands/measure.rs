@@ -16,11 +16,12 @@ use farsight_eval::{FrameFiles, LabelSource, Scores};
 use farsight_files::Scratch;
 
 use super::Outcome;
-use super::eval::{CAMERA_HEIGHT_M, MIN_SCORE, baseline_evaluations, write_results_of};
+use super::eval::{MIN_SCORE, baseline_evaluations, write_results_of};
 use crate::figures::{Figures, SetFigures, Source, documents};
 use crate::outputs;
 use crate::pipeline_args::{self, EngineArgs, PipelineArgs};
 use crate::printer::{Printer, counted};
+use crate::rangers::CAMERA_HEIGHT_M;
 use sets::{MeasuredSet, Sets, Stages};
 use summary::{class_figures, with_baseline, without_distances};
 
@@ -130,8 +131,8 @@ fn measured(
     let mut classes = class_figures(&as_given.report(), &by_place.report().ap);
     let indices: BTreeMap<String, usize> = dataset.ids().into_iter().zip(0..).collect();
     let camera = |id: &str| Ok(dataset.camera(indices[id])?);
-    for (name, _, evaluation) in baseline_evaluations(&camera, &files, CAMERA_HEIGHT_M, &options)? {
-        with_baseline(&mut classes, name, &evaluation.report().ranging);
+    for (ranger, evaluation) in baseline_evaluations(&camera, &files, CAMERA_HEIGHT_M, &options)? {
+        with_baseline(&mut classes, ranger.word(), &evaluation.report().ranging);
     }
     if set.vehicles
         && let Some(figures) = classes.remove("car")

@@ -61,6 +61,7 @@ pub(crate) mod progress {
     use std::time::{Duration, Instant};
 
     use farsight_train::config::ValidateConfig;
+    use farsight_train::executor::Precision;
     use farsight_train::metrics::StepSummary;
     use farsight_train::training::{Callback, Loaded, Start};
     use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
@@ -95,7 +96,15 @@ pub(crate) mod progress {
     }
 
     impl Callback for Progress<'_> {
-        fn on_start(&mut self, Start { done, total, loaded }: Start) {
+        fn on_start(&mut self, Start { done, total, loaded, precision, is_emulated }: Start) {
+            if is_emulated {
+                self.printer.warning(
+                    "this CPU has no bfloat16 and emulates it, tens of times slower than train.precision = \"f32\"; \
+                     \"auto\" takes what is faster",
+                );
+            } else if precision == Precision::Bf16 {
+                self.printer.status("computes in bfloat16");
+            }
             if let Some(Loaded { tensors, of }) = loaded {
                 self.printer.status(&format!("starts from {tensors} of its {of} tensors; the others are random"));
             }

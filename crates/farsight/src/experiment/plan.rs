@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight::shipped::Family;
 use farsight_files::read_config;
 use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::Metric;
+use crate::rangers::RangerName;
 
 /// No plan has more cells: a few days of a machine each.
 const MAX_CELLS: usize = 10_000;
@@ -61,6 +63,34 @@ struct Arm {
     /// Laid over the base, table by table.
     #[serde(default)]
     patch: Table,
+    /// With `ranger`, instead of a training: the arm whose answers of the same seed get other distances.
+    of: Option<String>,
+    /// What these distances are by.
+    ranger: Option<RangerName>,
+    /// Instead of a training: the name of a shipped model, which answers with all that follows it.
+    shipped: Option<String>,
+}
+
+impl Arm {
+    fn is_trained(&self) -> bool {
+        self.ranger.is_none() && self.shipped.is_none()
+    }
+
+    fn shipped(&self) -> Option<Family> {
+        Family::ALL.into_iter().find(|family| Some(family.name()) == self.shipped.as_deref())
+    }
+}
+
+/// Where the answers of a cell come from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(not(feature = "train"), allow(dead_code, reason = "cells are run by a build that can train"))]
+pub(crate) enum Work {
+    /// A training.
+    Training,
+    /// The answers of another cell, with the distances of a ranger.
+    Ranging { of: Cell, by: RangerName },
+    /// A shipped model.
+    Shipped(Family),
 }
 
 /// Arms that are run with the same seeds.
@@ -132,7 +162,7 @@ impl Experiment {
         if let Some(name) = self.arms.keys().find(|name| !is_name(name)) {
             bail!("an arm is called \"{name}\"; expected letters, digits and _");
         }
-        self.arms.iter().try_for_each(|(name, arm)| self.check_method(name, arm))?;
+        self.arms.iter().try_for_each(|(name, arm)| self.check_arm(name, arm))?;
         let known = |arm: &String, place: &str| {
             ensure!(self.arms.contains_key(arm), "{place} names the arm \"{arm}\"; expected one of [arms]");
             Ok(())
@@ -150,6 +180,10 @@ impl Experiment {
         ensure!(count <= MAX_CELLS, "blocks has {count} cells; expected at most {MAX_CELLS}");
         let mut met = BTreeSet::new();
         for cell in self.cells() {
+            if let Work::Ranging { of, .. } = self.work(&cell) {
+                let (is_there, of, cell) = (met.contains(&(of.arm.clone(), of.seed)), of.name(), cell.name());
+                ensure!(is_there, "blocks has the cell {cell} and not {of} before it, whose answers it ranges");
+            }
             ensure!(met.insert((cell.arm.clone(), cell.seed)), "blocks has the cell {} twice", cell.name());
         }
         for comparison in &self.comparisons {
@@ -180,6 +214,27 @@ impl Experiment {
             ensure!(!is_there, "{table}.{field} is the experiment's to say; expected none in base and arms");
         }
         Ok(())
+    }
+
+    /// An arm is a training, or one of the two other kinds and nothing of a training.
+    fn check_arm(&self, name: &str, arm: &Arm) -> Result<()> {
+        let Arm { patch, of, ranger, shipped, .. } = arm;
+        if let Some(shipped) = shipped {
+            let known = Family::ALL.map(Family::name).join(" or ");
+            ensure!(arm.shipped().is_some(), "arms.{name}.shipped is \"{shipped}\"; expected {known}");
+        }
+        ensure!(
+            of.is_some() == ranger.is_some(),
+            "arms.{name} has one of of and ranger; expected both, or none of them"
+        );
+        if let Some(of) = of {
+            let is_trained = self.arms.get(of).is_some_and(Arm::is_trained);
+            ensure!(is_trained, "arms.{name}.of is \"{of}\"; expected an arm that is trained");
+        }
+        let kinds = [!patch.is_empty(), ranger.is_some(), shipped.is_some()];
+        let kinds = kinds.into_iter().filter(|is_it| *is_it).count();
+        ensure!(kinds <= 1, "arms.{name} has more than one of patch, ranger and shipped; expected one");
+        if arm.is_trained() { self.check_method(name, arm) } else { Ok(()) }
     }
 
     /// Arms may be of several methods, but no arm may inherit the fields of another one's.
@@ -225,6 +280,18 @@ impl Experiment {
         arms
     }
 
+    /// Where the answers of a cell come from.
+    pub(crate) fn work(&self, cell: &Cell) -> Work {
+        let Some(arm) = self.arms.get(&cell.arm) else { return Work::Training };
+        if let Some(family) = arm.shipped() {
+            return Work::Shipped(family);
+        }
+        match (&arm.of, arm.ranger) {
+            (Some(of), Some(by)) => Work::Ranging { of: Cell { arm: of.clone(), seed: cell.seed }, by },
+            _ => Work::Training,
+        }
+    }
+
     /// The training config of a cell, without its data.
     pub(crate) fn config(&self, cell: &Cell) -> Table {
         let mut config = self.base.clone();
@@ -238,7 +305,8 @@ impl Experiment {
     /// The weights that the arms start from, where they do.
     pub(crate) fn start_files(&self) -> Vec<PathBuf> {
         let start = |config: &Table| Some(PathBuf::from(config.get("train")?.get("start_from")?.as_str()?));
-        let mut files: Vec<PathBuf> = self.cells().iter().filter_map(|cell| start(&self.config(cell))).collect();
+        let cells = self.cells().into_iter().filter(|cell| self.work(cell) == Work::Training);
+        let mut files: Vec<PathBuf> = cells.filter_map(|cell| start(&self.config(&cell))).collect();
         files.sort();
         files.dedup();
         files
@@ -336,6 +404,18 @@ claims = { ap3d = 0.56 }
     }
 
     #[test]
+    fn answers_come_from_trainings_rangers_and_shipped_models() {
+        let text = PLAN
+            .replace("[[comparisons]]", "[[blocks]]\narms = [\"d\", \"c\"]\nseeds = [2]\n\n[[comparisons]]")
+            .replace("[[blocks]]\narms = [\"a\"", "[arms.c]\ntitle = \"c\"\nof = \"a\"\nranger = \"box_mlp\"\n\n[arms.d]\ntitle = \"d\"\nshipped = \"farsight-w\"\n\n[[blocks]]\narms = [\"a\"");
+        let plan = read(&text).unwrap();
+        let cell = |arm: &str| Cell { arm: arm.to_owned(), seed: 2 };
+        assert_eq!(plan.work(&cell("a")), Work::Training);
+        assert_eq!(plan.work(&cell("c")), Work::Ranging { of: cell("a"), by: RangerName::BoxMlp });
+        assert_eq!(plan.work(&cell("d")), Work::Shipped(Family::World));
+    }
+
+    #[test]
     fn plans_that_cannot_be_run_are_told() {
         let table = [
             ("name = \"two\"", "name = \"a/b\"", "name is \"a/b\"; expected letters, digits and _"),
@@ -360,6 +440,31 @@ claims = { ap3d = 0.56 }
                 "arms.b is of \"monodle\" and inherits base.model, which is of \"smoke\"; expected that table in the arms",
             ),
             ("resamples = 9", "resamples = 1000001", "endpoints.resamples is 1000001; expected 1 to 1000000"),
+            (
+                "[[blocks]]",
+                "[arms.c]\ntitle = \"c\"\nof = \"a\"\n[[blocks]]",
+                "arms.c has one of of and ranger; expected both, or none of them",
+            ),
+            (
+                "[arms.a]\ntitle = \"plain\"",
+                "[arms.a]\ntitle = \"plain\"\nof = \"c\"\nranger = \"guidance\"",
+                "arms.a.of is \"c\"; expected an arm that is trained",
+            ),
+            (
+                "[arms.a]\ntitle = \"plain\"",
+                "[arms.a]\ntitle = \"plain\"\nshipped = \"farsight-x\"",
+                "arms.a.shipped is \"farsight-x\"; expected farsight-w or farsight-s",
+            ),
+            (
+                "[arms.b]\ntitle = \"other\"",
+                "[arms.b]\ntitle = \"other\"\nshipped = \"farsight-w\"",
+                "arms.b has more than one of patch, ranger and shipped; expected one",
+            ),
+            (
+                "[arms.a]\ntitle = \"plain\"",
+                "[arms.a]\ntitle = \"plain\"\nof = \"b\"\nranger = \"guidance\"",
+                "blocks has the cell a-1 and not b-1 before it, whose answers it ranges",
+            ),
         ];
         for (old, new, expected) in table {
             let error = format!("{:#}", read(&PLAN.replace(old, new)).unwrap_err());
@@ -442,9 +547,12 @@ claims = { ap3d = 0.56 }
     fn table_1_has_arms_named_by_method_at_equal_cost() {
         let plan = plan("table1.toml");
         let (_, smoke) = cost(&plan, "smoke");
-        let arms = plan.arms();
-        assert_eq!(arms, ["oftnet", "gs3d", "centernet3d", "monodle", "smoke", "smoke_imp"]);
-        for arm in &arms {
+        let is_trained = |arm: &String| plan.work(&Cell { arm: arm.clone(), seed: 1 }) == Work::Training;
+        let (trained, others): (Vec<String>, Vec<String>) = plan.arms().into_iter().partition(is_trained);
+        assert_eq!(trained, ["oftnet", "gs3d", "centernet3d", "monodle", "smoke", "smoke_imp"]);
+        let rangers = RangerName::ALL.map(RangerName::word);
+        assert_eq!(others, [&rangers[..], &["farsight_w"]].concat());
+        for arm in &trained {
             let (method, macs) = cost(&plan, arm);
             assert!(arm == &method || arm == "smoke_imp", "{arm} is of {method}");
             let share = macs as f64 / smoke as f64;

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use farsight::object::detections;
-use farsight::{EngineOptions, ModelSource, Pipeline, Road, StageSource};
+use farsight::{EngineOptions, ModelSource, Pipeline, PipelineBuilder, Road, StageSource};
 use farsight_core::Detection;
 use farsight_data::Dataset;
 use farsight_data::kitti::write_results;
@@ -123,11 +123,24 @@ impl CellFolder {
         steps.with_context(|| format!("{}: does not say its steps", path.display()))
     }
 
-    /// Looks at the frames that have no answer yet; the detector alone.
-    pub(super) fn look(
+    /// Lets the trained detector look at the frames that have no answer yet, alone.
+    pub(super) fn look_trained(
         &self,
         dataset: &dyn Dataset,
         engine: &EngineOptions,
+        deadline: Option<Instant>,
+        printer: &mut Printer,
+    ) -> Result<Step> {
+        let builder = Pipeline::builder().road(Road::Ignored).refiner(StageSource::Off).plates(StageSource::Off);
+        let builder = builder.model(ModelSource::File(self.model())).engine_options(engine.clone());
+        self.look(dataset, builder, deadline, printer)
+    }
+
+    /// Lets a pipeline look at the frames that have no answer yet.
+    pub(super) fn look(
+        &self,
+        dataset: &dyn Dataset,
+        builder: PipelineBuilder,
         deadline: Option<Instant>,
         printer: &mut Printer,
     ) -> Result<Step> {
@@ -136,19 +149,14 @@ impl CellFolder {
         if open.is_empty() {
             return Ok(Step::Done);
         }
-        let builder = Pipeline::builder().road(Road::Ignored).min_score(MIN_SCORE);
-        let builder = builder.refiner(StageSource::Off).plates(StageSource::Off);
-        let builder = builder.engine_options(engine.clone()).images(open.len());
-        let pipeline = builder.model(ModelSource::File(self.model())).open()?;
+        let pipeline = builder.min_score(MIN_SCORE).images(open.len()).open()?;
         let (began, mut done) = (Instant::now(), 0);
         let look = |(index, _): &(usize, String)| -> Result<Vec<Detection>> {
             let found = pipeline.detect(&dataset.image(*index)?, &dataset.camera(*index)?);
-            let mut found = detections(&found.with_context(|| dataset.origin(*index))?);
-            found.iter_mut().for_each(round);
-            Ok(found)
+            Ok(detections(&found.with_context(|| dataset.origin(*index))?))
         };
         in_order(&open, pipeline.side_by_side(), look, |(_, id), found| {
-            write_results(&self.answer(id), &found?)?;
+            self.keep(id, found?)?;
             done += 1;
             if done % TOLD_EVERY == 0 {
                 let rate = done as f64 / began.elapsed().as_secs_f64();
@@ -157,6 +165,12 @@ impl CellFolder {
             anyhow::Ok(if is_over(deadline) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })?;
         Ok(if done == open.len() { Step::Done } else { Step::Stopped })
+    }
+
+    /// Keeps these answers for a frame.
+    pub(super) fn keep(&self, id: &str, mut found: Vec<Detection>) -> Result<()> {
+        found.iter_mut().for_each(round);
+        Ok(write_results(&self.answer(id), &found)?)
     }
 }
 

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use farsight::EngineOptions;
-use farsight_data::{Dataset, open_labelled};
+use farsight::shipped::{self, Family};
+use farsight::{EngineOptions, ModelSource, Pipeline};
+use farsight_data::{Dataset, DatasetError, open_labelled};
 use farsight_eval::{Evaluation, FrameFiles, LabelSource};
 use farsight_files::{read_text, write_atomically};
 use farsight_graph::weights::Weights;
@@ -19,11 +20,12 @@ use super::cell::{CellFolder, Step, is_over};
 use super::record::{self, Record};
 use super::twins::{Split, prepare};
 use crate::commands::Outcome;
-use crate::experiment::plan::set;
+use crate::experiment::plan::{Work, set};
 use crate::experiment::results::CellResult;
 use crate::experiment::statistics::{self, Judge};
 use crate::experiment::{Cell, Experiment, Results, tables};
 use crate::printer::{Printer, counted};
+use crate::rangers::{CAMERA_HEIGHT_M, Ranger, RangerName};
 
 /// What is to be run.
 pub(crate) struct Job {
@@ -107,23 +109,35 @@ enum Ran {
 }
 
 fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
-    for arm in job.plan.arms() {
-        // Before anything is rendered or trained.
-        let config = job.plan.config(&Cell { arm: arm.clone(), seed: 0 });
-        check(&config, Path::new(&format!("arms.{arm}")))?;
+    // Before anything is rendered or trained.
+    for cell in job.plan.cells().iter().filter(|cell| job.plan.work(cell) == Work::Training) {
+        check(&job.plan.config(cell), Path::new(&format!("arms.{}", cell.arm)))?;
     }
     let split = prepare(&job.plan.data, &job.data, job.kitti.as_deref(), printer)?;
     fs::create_dir_all(&job.out).with_context(|| format!("{}: cannot be made", job.out.display()))?;
-    // A list of its own, as frames that are held out are no split.
-    let list = job.out.join("evaluate.txt");
-    let text = split.evaluate.join("\n") + "\n";
-    write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
-    let dataset = open_labelled(&job.data, Some(&list))?;
+    let dataset = frames(job, "evaluate.txt", &split.evaluate)?;
     let start = |path: PathBuf| -> Result<(String, String)> {
         Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
     };
     let starts = job.plan.start_files().into_iter().map(start).collect::<Result<_>>()?;
     Ok(Open { job, dataset, split, starts, judge: Judge::default() })
+}
+
+/// SHA-256 of the weights of a shipped detector and of its refiner.
+fn hashes(family: Family) -> Result<[String; 2]> {
+    let detector = match family {
+        Family::World => shipped::world()?.weights.sha256(),
+        Family::Smoke => shipped::smoke()?.weights.sha256(),
+    };
+    Ok([detector, shipped::refiner(family)?.weights.sha256()])
+}
+
+/// These frames of the data. A list of their own is kept, as frames that are held out are no split.
+fn frames(job: &Job, list: &str, ids: &[String]) -> Result<Arc<dyn Dataset>> {
+    let list = job.out.join(list);
+    let text = ids.join("\n") + "\n";
+    write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
+    Ok(open_labelled(&job.data, Some(&list))?)
 }
 
 impl Open<'_> {
@@ -140,8 +154,27 @@ impl Open<'_> {
         config
     }
 
-    /// What must be the same for a cell to go on: config, frames, start and program.
+    /// What must be the same for a cell to go on: where its answers come from, frames and program.
     fn identity(&self, cell: &Cell) -> Result<String> {
+        let identity = match self.job.plan.work(cell) {
+            Work::Training => self.identity_of_training(cell),
+            Work::Ranging { of, by } => serde_json::json!({
+                "of": self.identity_of_training(&of),
+                "ranger": by.word(),
+                "camera_height_m": CAMERA_HEIGHT_M,
+            }),
+            Work::Shipped(family) => serde_json::json!({
+                "shipped": family.name(),
+                "weights": hashes(family)?,
+                "twin_seed": self.job.plan.data.twin_seed,
+                "evaluate": self.split.evaluate.join(" "),
+                "program": env!("CARGO_PKG_VERSION"),
+            }),
+        };
+        Ok(serde_json::to_string(&identity)? + "\n")
+    }
+
+    fn identity_of_training(&self, cell: &Cell) -> serde_json::Value {
         let mut config = self.job.plan.config(cell);
         let start = config.get("train").and_then(|train| train.get("start_from")?.as_str()).unwrap_or("nothing");
         let start = self.starts.get(start).map_or("nothing", String::as_str).to_owned();
@@ -152,15 +185,14 @@ impl Open<'_> {
         }
         config.remove("validate");
         let Split { train, evaluate } = &self.split;
-        let identity = serde_json::json!({
+        serde_json::json!({
             "config": config,
             "twin_seed": self.job.plan.data.twin_seed,
             "train": train.join(" "),
             "evaluate": evaluate.join(" "),
             "start": start,
             "program": env!("CARGO_PKG_VERSION"),
-        });
-        Ok(serde_json::to_string(&identity)? + "\n")
+        })
     }
 
     fn folder(&self, cell: &Cell) -> PathBuf {
@@ -175,21 +207,60 @@ impl Open<'_> {
         if self.measured(cell).exists() {
             return Ok(Ran::Before);
         }
-        let Job { deadline, ref engine, .. } = *self.job;
         printer.status(&format!("{}: {}", cell.name(), self.job.plan.title(&cell.arm)));
-        let config = self.config(cell);
-        if folder.train(&config, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
+        let Some(steps) = self.answer(cell, &folder, printer).with_context(|| cell.name())? else {
             return Ok(Ran::Stopped);
-        }
-        if folder.look(&*self.dataset, engine, deadline, printer).with_context(|| cell.name())? == Step::Stopped {
-            return Ok(Ran::Stopped);
-        }
+        };
         let metrics = statistics::metrics(&self.evaluation(&folder.results())?)?;
-        let result = CellResult { arm: cell.arm.clone(), seed: cell.seed, steps: folder.steps()?, metrics };
+        let result = CellResult { arm: cell.arm.clone(), seed: cell.seed, steps, metrics };
         self.keep(cell, &result)?;
         let record = Record::of(&folder, &identity, result, &self.split.evaluate)?;
         record.write(&record::path(&self.job.records, cell))?;
         Ok(Ran::Whole)
+    }
+
+    /// Makes the answers of a cell. How many steps were trained for them; none when the time was over first.
+    fn answer(&self, cell: &Cell, folder: &CellFolder, printer: &mut Printer) -> Result<Option<u64>> {
+        let Job { deadline, ref engine, .. } = *self.job;
+        let looked = match self.job.plan.work(cell) {
+            Work::Training => {
+                if folder.train(&self.config(cell), deadline, printer)? == Step::Stopped {
+                    return Ok(None);
+                }
+                let looked = folder.look_trained(&*self.dataset, engine, deadline, printer)?;
+                return Ok((looked == Step::Done).then_some(folder.steps()?));
+            }
+            Work::Ranging { of, by } => self.range(folder, &of, by).map(|()| Step::Done),
+            Work::Shipped(family) => {
+                let builder = Pipeline::builder().model(ModelSource::Shipped(family)).engine_options(engine.clone());
+                folder.look(&*self.dataset, builder, deadline, printer)
+            }
+        };
+        Ok((looked? == Step::Done).then_some(0))
+    }
+
+    /// Gives the answers of another cell the distances of a ranger.
+    fn range(&self, folder: &CellFolder, of: &Cell, by: RangerName) -> Result<()> {
+        ensure!(self.measured(of).exists(), "ranges the answers of {}; expected that cell to be done", of.name());
+        let ranger = match Ranger::geometric(by, CAMERA_HEIGHT_M) {
+            Some(ranger) => ranger,
+            None => self.fitted(of.seed)?,
+        };
+        let files = self.answers(&self.folder(of).join("results"))?;
+        for (index, id) in self.dataset.ids().into_iter().enumerate() {
+            let (frame, _) = files.read(&id)?;
+            let detections = frame.predictions.into_iter().map(|prediction| prediction.detection).collect();
+            folder.keep(&id, ranger.ranged(detections, &self.dataset.camera(index)?))?;
+        }
+        Ok(())
+    }
+
+    /// The ranger that learns, from the frames that arms learn from.
+    fn fitted(&self, seed: u64) -> Result<Ranger> {
+        let dataset = frames(self.job, "train.txt", &self.split.train)?;
+        let frame = |index| Ok((dataset.camera(index)?, dataset.labels(index)?));
+        let frames = (0..dataset.len()).map(frame).collect::<Result<Vec<_>, DatasetError>>()?;
+        Ranger::fitted(&frames, seed).with_context(|| format!("{}: no object to learn from", dataset.name()))
     }
 
     /// Takes a cell that is done elsewhere from its record, where it is not in the folder.
@@ -218,10 +289,14 @@ impl Open<'_> {
         self.folder(cell).join("measured.json")
     }
 
-    fn evaluation(&self, results: &Path) -> Result<Evaluation> {
+    /// Answers beside the labels.
+    fn answers(&self, results: &Path) -> Result<FrameFiles> {
         let ids = Some(self.split.evaluate.clone());
-        let files = FrameFiles::open(LabelSource::from(&self.dataset), results, ids)?.with_any_classes();
-        statistics::evaluation(&files)
+        Ok(FrameFiles::open(LabelSource::from(&self.dataset), results, ids)?.with_any_classes())
+    }
+
+    fn evaluation(&self, results: &Path) -> Result<Evaluation> {
+        statistics::evaluation(&self.answers(results)?)
     }
 
     /// Every cell of the folder that is done, whoever did it, and the comparisons that they allow.

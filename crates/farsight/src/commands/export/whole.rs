@@ -1,9 +1,9 @@
-//! Export of a detector of another method than SMOKE: one network, or two with a sampler between them.
+//! Export of a detector of another method than SMOKE: one network, or several with samplers between them.
 
 use anyhow::{Result, ensure};
 use farsight::model_file::with_own;
 use farsight_graph::model::Model;
-use farsight_methods::detectors::{DetectorNetwork, NetworkForm, Part, from_model, second_path};
+use farsight_methods::detectors::{DetectorNetwork, NetworkForm, Part, from_model, part_path};
 use farsight_methods::method::{DetectorMethod, ModelTaker};
 use farsight_onnx::Target;
 use farsight_runtime::{Tensor, probe};
@@ -15,7 +15,7 @@ use crate::printer::Printer;
 /// Large enough for the last map of an SSD.
 const PROBE_SIZE: [usize; 2] = [320, 320];
 
-/// Columns and rows of the grid that the second of two networks is tried on, whatever its own are.
+/// Columns and rows of the grid that later parts are tried on, whatever their own are.
 const PROBE_GRID: [usize; 2] = [24, 20];
 
 /// Writes the model in the form that is asked for.
@@ -65,8 +65,8 @@ fn check_options(args: &ExportArgs, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Checks the network against itself as it was trained, and writes it; a second part goes into the file beside
-/// ([`second_path`]).
+/// Checks the network against itself as it was trained, and writes it; later parts go into files beside it
+/// ([`part_path`]).
 fn export(
     args: &ExportArgs,
     network: &DetectorNetwork,
@@ -80,15 +80,18 @@ fn export(
         Ok((input, expected, reference))
     };
     let (input, expected, reference) = answered(&trained.first, PROBE_SIZE)?;
-    let (Some(second), Some(second_trained)) = (&network.second, &trained.second) else {
+    if network.later.is_empty() {
         return keep(&network.first.onnx, &input, &expected, &reference, &args.out, printer);
-    };
-    let beside = second_path(&args.out);
+    }
     check(&network.first.onnx, &input, &expected, &reference, &args.out, printer)?;
-    let (input, expected, reference) = answered(second_trained, PROBE_GRID)?;
-    check(&second.onnx, &input, &expected, &reference, &beside, printer)?;
-    // Nobody finds a first part without its second.
-    write_file(&second.onnx, &beside, printer)?;
+    for (place, (part, trained)) in network.later.iter().zip(&trained.later).enumerate() {
+        let (input, expected, reference) = answered(trained, PROBE_GRID)?;
+        check(&part.onnx, &input, &expected, &reference, &part_path(&args.out, place + 1), printer)?;
+    }
+    // Nobody finds a first part without the others.
+    for (place, part) in network.later.iter().enumerate() {
+        write_file(&part.onnx, &part_path(&args.out, place + 1), printer)?;
+    }
     write_file(&network.first.onnx, &args.out, printer)?;
     Ok(Outcome::Done)
 }

@@ -54,7 +54,7 @@ impl Metres {
         let mut judged = |file: &DetectorFile| -> Result<_> {
             let folder = Scratch::temporary_folder().context("no folder for the results")?;
             let source =
-                ModelSource::Memory { onnx: Box::new(file.onnx.clone()), second: None, name: args.model.clone() };
+                ModelSource::Memory { onnx: Box::new(file.onnx.clone()), later: Vec::new(), name: args.model.clone() };
             let builder = Pipeline::builder().model(source).engine_options(args.int8.engine.options()?);
             // The network alone.
             let builder = builder.refiner(StageSource::Off).plates(StageSource::Off).road(Road::Ignored);

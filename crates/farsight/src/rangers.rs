@@ -1,0 +1,170 @@
+//! Rangers: what distance a detection would have by its 2D box and the camera, without a look at the image. What the
+//! distances of a network have to beat.
+
+use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height, horizon_from_boxes, level_horizon};
+use farsight_core::{Camera, Detection, ObjectClass};
+#[cfg(feature = "train")]
+use farsight_core::Label;
+#[cfg(feature = "train")]
+use farsight_data::ItemKey;
+#[cfg(feature = "train")]
+use farsight_methods::box_mlp::Example;
+use farsight_methods::box_mlp::{BoxMlp, features};
+use farsight_methods::gs3d::guidance::guidance;
+use farsight_synth::sizes::SizeStatistics;
+use serde::Deserialize;
+
+/// Height of KITTI's camera above the road, metres (Geiger et al. 2013).
+pub(crate) const CAMERA_HEIGHT_M: f64 = 1.65;
+
+/// Names of the rangers, as plans of experiments have them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum RangerName {
+    /// The mean height of the class over the height of the 2D box.
+    SimilarTriangles,
+    /// The bottom edge of the 2D box on flat ground.
+    InversePerspective,
+    /// The same with the horizon that the boxes of the image ask for.
+    EstimatedHorizon,
+    /// GS3D's first step: a cuboid of the class's mean size that fills the 2D box.
+    Guidance,
+    /// A multi-layer perceptron on the sides of the 2D box.
+    BoxMlp,
+}
+
+impl RangerName {
+    /// All of them.
+    pub(crate) const ALL: [Self; 5] = [
+        Self::SimilarTriangles,
+        Self::InversePerspective,
+        Self::EstimatedHorizon,
+        Self::Guidance,
+        Self::BoxMlp,
+    ];
+
+    /// The name in result files.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::SimilarTriangles => "similar_triangles",
+            Self::InversePerspective => "inverse_perspective",
+            Self::EstimatedHorizon => "estimated_horizon",
+            Self::Guidance => "guidance",
+            Self::BoxMlp => "box_mlp",
+        }
+    }
+
+    /// What it does, for people.
+    pub(crate) fn description(self) -> &'static str {
+        match self {
+            Self::SimilarTriangles => "similar triangles: mean height of the class over the height of the 2D box",
+            Self::InversePerspective => "inverse perspective: the bottom edge of the 2D box on flat ground",
+            Self::EstimatedHorizon => "inverse perspective with the horizon that the boxes of the image ask for",
+            Self::Guidance => "GS3D's guidance: a cuboid of the class's mean size that fills the 2D box",
+            Self::BoxMlp => "a multi-layer perceptron on the sides of the 2D box (after DisNet)",
+        }
+    }
+}
+
+/// A ranger, ready to range.
+#[derive(Debug, Clone)]
+pub(crate) enum Ranger {
+    /// Of the four that learn nothing.
+    Geometric {
+        name: RangerName,
+        /// Height of the camera above the ground, metres.
+        camera_height_m: f64,
+    },
+    /// The one that learns.
+    #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "experiments alone fit it"))]
+    BoxMlp(BoxMlp),
+}
+
+impl Ranger {
+    /// One that needs nothing but the height of the camera; none of the one that learns.
+    pub(crate) fn geometric(name: RangerName, camera_height_m: f64) -> Option<Self> {
+        (name != RangerName::BoxMlp).then_some(Self::Geometric { name, camera_height_m })
+    }
+
+    /// The one that learns, from labelled objects of which at least half is seen: each frame's camera and labels. None
+    /// without such an object. The seed is that of its weights and of the order of examples.
+    #[cfg(feature = "train")]
+    pub(crate) fn fitted(frames: &[(Camera, Vec<Label>)], seed: u64) -> Option<Self> {
+        let examples = frames.iter().flat_map(|(camera, labels)| {
+            let seen = labels.iter().filter(|label| (0..=1).contains(&label.occlusion) && label.truncation < 0.5);
+            seen.filter_map(move |label| example(label, camera))
+        });
+        let mut rng = ItemKey { epoch: 0, index: 0, seed }.rng();
+        Some(Self::BoxMlp(BoxMlp::fit(&examples.collect::<Vec<_>>(), &mut rng)?))
+    }
+
+    /// The detections of an image with the distances that they have by this ranger. Those that it can say nothing about
+    /// are left out. Boxes in space keep size and heading and go along their centre's ray; a guidance has its own size.
+    pub(crate) fn ranged(&self, detections: Vec<Detection>, camera: &Camera) -> Vec<Detection> {
+        let depth: Box<dyn Fn(&Detection) -> Option<f64> + '_> = match self {
+            Self::BoxMlp(network) => Box::new(|one| {
+                let features = features(&one.box2d, camera, mean_hwl(&one.class))?;
+                Some(network.depth_m(&features))
+            }),
+            Self::Geometric { name: RangerName::Guidance, .. } => {
+                return detections.into_iter().filter_map(|one| guided(one, camera)).collect();
+            }
+            Self::Geometric { name: RangerName::SimilarTriangles, .. } => Box::new(|one| by_height(one, camera)),
+            Self::Geometric { name, camera_height_m } => {
+                let estimated = (*name == RangerName::EstimatedHorizon)
+                    .then(|| estimated_horizon(&detections, camera, *camera_height_m))
+                    .flatten();
+                let horizon = estimated.unwrap_or_else(|| level_horizon(camera));
+                Box::new(move |one| {
+                    depth_from_ground(&one.box2d, camera, horizon, *camera_height_m, half_length_m(&one.class))
+                })
+            }
+        };
+        let depths: Vec<Option<f64>> = detections.iter().map(&depth).collect();
+        detections.into_iter().zip(depths).filter_map(|(one, depth)| moved(one, camera, depth?)).collect()
+    }
+}
+
+/// Mean height, width and length of a class, metres.
+fn mean_hwl(class: &ObjectClass) -> [f64; 3] {
+    let SizeStatistics { height, width, length, .. } = SizeStatistics::of(class);
+    [height.mean, width.mean, length.mean]
+}
+
+/// Edges of boxes are where an object is nearest, so much before its centre.
+fn half_length_m(class: &ObjectClass) -> f64 {
+    SizeStatistics::of(class).length.mean / 2.0
+}
+
+fn by_height(detection: &Detection, camera: &Camera) -> Option<f64> {
+    let [height, ..] = mean_hwl(&detection.class);
+    depth_from_height(&detection.box2d, camera, height, half_length_m(&detection.class))
+}
+
+fn estimated_horizon(detections: &[Detection], camera: &Camera, camera_height_m: f64) -> Option<f64> {
+    let nearest = |one: &Detection| Some((one.box2d, by_height(one, camera)? - half_length_m(&one.class)));
+    let objects: Vec<_> = detections.iter().filter_map(nearest).collect();
+    horizon_from_boxes(&objects, camera, camera_height_m)
+}
+
+#[cfg(feature = "train")]
+fn example(label: &Label, camera: &Camera) -> Option<Example> {
+    let depth_m = label.box3d.depth_m();
+    let features = features(&label.box2d, camera, mean_hwl(&label.class))?;
+    (depth_m > 0.0).then_some(Example { features, depth_m })
+}
+
+fn guided(mut detection: Detection, camera: &Camera) -> Option<Detection> {
+    detection.box3d = guidance(&detection.box2d, detection.alpha(), mean_hwl(&detection.class), camera)?;
+    detection.range_sigma_m = None;
+    Some(detection)
+}
+
+/// The detection at this depth, its centre on the same ray.
+fn moved(mut detection: Detection, camera: &Camera, depth_m: f64) -> Option<Detection> {
+    let pixel = camera.pixel_from_point(detection.box3d.center())?;
+    let [x, y, z] = camera.point_from_pixel(pixel, depth_m);
+    detection.box3d.location = [x, y + detection.box3d.dimensions.height / 2.0, z];
+    detection.range_sigma_m = None;
+    Some(detection)
+}
