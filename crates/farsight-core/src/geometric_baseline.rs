@@ -46,7 +46,8 @@ pub fn horizon_from_boxes(objects: &[(Box2d, f64)], camera: &Camera, camera_heig
     let mut rows: Vec<f64> = rows.filter(|row| row.is_finite()).collect();
     rows.sort_by(f64::total_cmp);
     let middle = rows.len() / 2;
-    (rows.len() >= MIN_BOXES).then(|| if rows.len() % 2 == 1 { rows[middle] } else { f64::midpoint(rows[middle - 1], rows[middle]) })
+    (rows.len() >= MIN_BOXES)
+        .then(|| if rows.len() % 2 == 1 { rows[middle] } else { f64::midpoint(rows[middle - 1], rows[middle]) })
 }
 
 /// Fewer boxes say nothing of a horizon: with one, its distance would be the one that its height says.

@@ -297,7 +297,9 @@ mod tests {
     #[test]
     fn what_says_nothing_gives_nothing() {
         let camera = Camera::from_hfov(80.0, 1280, 384).unwrap();
-        for box2d in [Box2d::new(0.0, 0.0, 0.5, 9.0), Box2d::new(0.0, 9.0, 9.0, 3.0), Box2d::new(0.0, 0.0, f64::NAN, 9.0)] {
+        for box2d in
+            [Box2d::new(0.0, 0.0, 0.5, 9.0), Box2d::new(0.0, 9.0, 9.0, 3.0), Box2d::new(0.0, 0.0, f64::NAN, 9.0)]
+        {
             assert_eq!(features(&box2d, &camera, [1.5, 1.6, 3.9]), None, "{box2d:?}");
         }
         assert_eq!(BoxMlp::fit(&[], &mut Pcg64Mcg::seed_from_u64(3)), None);

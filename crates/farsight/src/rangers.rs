@@ -1,10 +1,10 @@
 //! Rangers: what distance a detection would have by its 2D box and the camera, without a look at the image. What the
 //! distances of a network have to beat.
 
-use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height, horizon_from_boxes, level_horizon};
-use farsight_core::{Camera, Detection, ObjectClass};
 #[cfg(feature = "train")]
 use farsight_core::Label;
+use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height, horizon_from_boxes, level_horizon};
+use farsight_core::{Camera, Detection, ObjectClass};
 #[cfg(feature = "train")]
 use farsight_data::ItemKey;
 #[cfg(feature = "train")]
@@ -35,13 +35,8 @@ pub(crate) enum RangerName {
 
 impl RangerName {
     /// All of them.
-    pub(crate) const ALL: [Self; 5] = [
-        Self::SimilarTriangles,
-        Self::InversePerspective,
-        Self::EstimatedHorizon,
-        Self::Guidance,
-        Self::BoxMlp,
-    ];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::SimilarTriangles, Self::InversePerspective, Self::EstimatedHorizon, Self::Guidance, Self::BoxMlp];
 
     /// The name in result files.
     pub(crate) fn word(self) -> &'static str {

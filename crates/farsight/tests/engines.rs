@@ -18,8 +18,8 @@ use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_methods::centernet3d::CenterNet3dConfig;
 use farsight_methods::gs3d::Gs3dConfig;
-use farsight_methods::monogrnet::MonoGrNetConfig;
 use farsight_methods::monodle::MonoDleConfig;
+use farsight_methods::monogrnet::MonoGrNetConfig;
 use farsight_methods::oftnet::OftNetConfig;
 use farsight_methods::oftnet::grid::Grid;
 use farsight_methods::smoke::config::SmokeConfig;
@@ -497,12 +497,8 @@ fn a_gs3d_is_exported_shown_run_on_every_engine_and_evaluated() {
 
 #[test]
 fn a_monogrnet_is_exported_in_three_files_shown_run_on_every_engine_and_evaluated() {
-    let config = MonoGrNetConfig {
-        input: [320, 96],
-        width: 0.125,
-        backbone: Backbone::Resnet18,
-        ..MonoGrNetConfig::default()
-    };
+    let config =
+        MonoGrNetConfig { input: [320, 96], width: 0.125, backbone: Backbone::Resnet18, ..MonoGrNetConfig::default() };
     let mut weights = initial_weights(&config.graph(), 5);
     // Cells that find boxes of two cells with cars in them, some more likely than others.
     let mut set = |name: &str, values: &[f32]| {

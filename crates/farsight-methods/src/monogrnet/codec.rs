@@ -120,9 +120,7 @@ pub fn global_corners(local: &Corners, center: [f64; 3]) -> Corners {
 
 /// Corners as the network says them.
 pub fn corners_from(channels: &[f32; CORNER_NUMBERS], reach_m: f64) -> Corners {
-    std::array::from_fn(|corner| {
-        std::array::from_fn(|axis| reach_m * f64::from(channels[3 * corner + axis]).tanh())
-    })
+    std::array::from_fn(|corner| std::array::from_fn(|axis| reach_m * f64::from(channels[3 * corner + axis]).tanh()))
 }
 
 /// The upright box that lies nearest to these corners: each side is the mean of its four edges.

@@ -97,9 +97,7 @@ impl MonoGrNetConfig {
             let is_other = self.backbone != Backbone::Dla34;
             let wrong = is_other && (self.norm != NormKind::Batch || self.stem != Stem::Full);
             let name = self.backbone.name();
-            wrong.then(|| {
-                format!("model.norm or model.stem does not fit {name}; expected batch and no choice of stem")
-            })
+            wrong.then(|| format!("model.norm or model.stem does not fit {name}; expected batch and no choice of stem"))
         };
         problem_of_input(self.input)
             .or_else(|| problem_of_width(self.width))

@@ -76,9 +76,8 @@ pub fn cell_boxes(
     };
     let all = (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row]));
     // The second look may raise a score, but not one that was nearly nothing.
-    let is_box = |found: &CellBox| {
-        found.score > min_score / 2.0 && found.box2d.width() > 0.0 && found.box2d.height() > 0.0
-    };
+    let is_box =
+        |found: &CellBox| found.score > min_score / 2.0 && found.box2d.width() > 0.0 && found.box2d.height() > 0.0;
     let mut found: Vec<CellBox> = all.map(at).filter(is_box).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found.truncate(BOXES_A_DETECTION * options.max_detections);
@@ -125,7 +124,8 @@ fn visible<'a>(corners: &'a Corners, camera: &'a Camera) -> impl Iterator<Item =
 /// The detection that a box becomes by what the third part says of its corners; none without extent.
 pub fn detection(config: &MonoGrNetConfig, placed: &Placed, steps: &[f32], view: &View) -> Option<Detection> {
     let steps = corners_from(steps.try_into().ok()?, CORNER_STEP_M);
-    let corners: Corners = std::array::from_fn(|k| std::array::from_fn(|axis| placed.corners[k][axis] + steps[k][axis]));
+    let corners: Corners =
+        std::array::from_fn(|k| std::array::from_fn(|axis| placed.corners[k][axis] + steps[k][axis]));
     let box3d = box_from_corners(&corners);
     let [width, height] = view.image_size.map(|side| side as f64);
     let box2d = image_box_of(&placed.box2d, CELL_STRIDE, view).clamped(width, height);

@@ -218,8 +218,7 @@ impl DetectorLoss for MonoGrNetLoss {
             mean_l1(&reached, &batch.corners) * weights.corner_weight,
             mean_l1(&stepped, &batch.steps) * (weights.refinement_weight * counted.min(1) as f64),
         ];
-        let [boxes, depth, center, rezoom, corners, refinement] =
-            parts.each_ref().map(|part| part.double_value(&[]));
+        let [boxes, depth, center, rezoom, corners, refinement] = parts.each_ref().map(|part| part.double_value(&[]));
         let cells = entropy.double_value(&[]);
         let objective = parts.iter().fold(entropy, |sum, part| sum + part);
         (objective, LossTerms { cells, boxes, depth, center, rezoom, corners, refinement })

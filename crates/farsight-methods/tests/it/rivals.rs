@@ -341,8 +341,7 @@ fn monogrnet_finds_what_its_targets_say() {
         }
     }
     let shapes = [6, 1, 2].map(|channels| [channels, rows, columns]);
-    let [cells, depth, center] =
-        [0, 1, 2].map(|map| TensorView { shape: &shapes[map], values: &maps[map] });
+    let [cells, depth, center] = [0, 1, 2].map(|map| TensorView { shape: &shapes[map], values: &maps[map] });
     let options = DecodeOptions { min_score: Some(0.3), ..DecodeOptions::default() };
     let found = cell_boxes(&config, [&cells, &depth, &center], &options);
     assert_eq!(found.len(), targets.objects.len(), "{found:?}");
@@ -353,7 +352,8 @@ fn monogrnet_finds_what_its_targets_say() {
             (one.depth_m - scale * label.box3d.depth_m()).abs() < 1e-3
         });
         let corners = local_corners(&label.unwrap().box3d);
-        let raw: Vec<f32> = corners.as_flattened().iter().map(|value| (value / CORNER_REACH_M).atanh() as f32).collect();
+        let raw: Vec<f32> =
+            corners.as_flattened().iter().map(|value| (value / CORNER_REACH_M).atanh() as f32).collect();
         let rezoom = [-3.0, 3.0, 0.0, 0.0, 0.0, 0.0];
         let placed = placed(&config, one, [&rezoom, &[0.0], &[0.0; 2], &raw], &view.input_camera).unwrap();
         all.extend(monogrnet_detection(&config, &placed, &[0.0; 24], &view));

@@ -12,8 +12,8 @@ use farsight_methods::detector_task::DetectorLoss;
 use farsight_methods::monogrnet::MonoGrNetConfig;
 use farsight_methods::monogrnet::sampler::{on_map, sample};
 use farsight_methods::monogrnet::targets::{BoxObject, BoxTarget, CellClass, CellTarget, CornerTarget, Targets};
-use farsight_methods::monogrnet::train::{Expected, MonoGrNetLoss, MonoGrNetRun, MonoGrNetTask, MonoGrNetTaskConfig};
 use farsight_methods::monogrnet::train::sampled;
+use farsight_methods::monogrnet::train::{Expected, MonoGrNetLoss, MonoGrNetRun, MonoGrNetTask, MonoGrNetTaskConfig};
 use farsight_train::executor::values_from_tensor;
 use farsight_train::metrics::Metrics;
 use tch::{Device, Kind, Tensor};
@@ -56,7 +56,8 @@ fn later_parts_learn_on_a_first_one_that_stays() {
     let (_, model) = learnt::<MonoGrNetTask>(first, 2, folder.path());
     let mut second = run(folder.path());
     second.train.start_from = Some(folder.path().join("run/model.safetensors"));
-    let anew = ["depth.", "center.", "corners.", "boxes.depth_step.", "boxes.center_step.", "boxes.corners.", "refine."];
+    let anew =
+        ["depth.", "center.", "corners.", "boxes.depth_step.", "boxes.center_step.", "boxes.corners.", "refine."];
     second.train.start_without = Some(anew.map(str::to_owned).to_vec());
     second.train.freeze = vec!["backbone.".to_owned(), "cells.".to_owned()];
     let other = tempfile::tempdir().unwrap();
@@ -73,10 +74,7 @@ fn what_cannot_be_is_told() {
     let table: Changes<MonoGrNetRun> = &[
         (|run| run.task.corner_weight = -1.0, "task.corner_weight is -1; expected 0 or a positive number"),
         (|run| run.model.depth_focal_px = Some(0.0), "model.depth_focal_px is 0; expected a positive number of pixels"),
-        (
-            |run| run.model.input = [200, 64],
-            "model.input is 200x64; expected multiples of 32 pixels, at most 8192",
-        ),
+        (|run| run.model.input = [200, 64], "model.input is 200x64; expected multiples of 32 pixels, at most 8192"),
     ];
     for (change, expected) in table {
         let mut run = run("unused".as_ref());
@@ -153,9 +151,8 @@ fn the_loss_is_that_of_an_independent_computation() {
         wave(0.67, &[2, 24, 1, 1]),
     ];
     let (objective, terms) = loss.loss(&outputs, &expected);
-    let values = [
-        0.875_520_108, 0.061_462_829, 8.828_822_259, 1.892_306_449, 0.088_679_329, 0.883_516_505, 0.563_321_387,
-    ];
+    let values =
+        [0.875_520_108, 0.061_462_829, 8.828_822_259, 1.892_306_449, 0.088_679_329, 0.883_516_505, 0.563_321_387];
     for ((name, found), expected) in terms.named().into_iter().zip(values) {
         assert!((found - expected).abs() < 1e-5 * expected.abs().max(1.0), "{name}: {found}, not {expected}");
     }
