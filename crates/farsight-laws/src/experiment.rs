@@ -7,13 +7,16 @@ mod metrics;
 #[path = "../../farsight/src/experiment/plan.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]
 pub(crate) mod plan;
-
+#[path = "../../farsight/src/experiment/ranger_name.rs"]
+#[allow(dead_code, reason = "the program uses the rest")]
+mod ranger_name;
 #[path = "../../farsight/src/experiment/results.rs"]
 #[allow(dead_code, reason = "the program uses the rest")]
 pub(crate) mod results;
 
 use metrics::Metric;
 use plan::Experiment;
+use ranger_name::RangerName;
 
 /// A plan, through a file as users have it: of what is accepted every cell has a config, which says the same when it is
 /// printed and read again.

@@ -12,54 +12,11 @@ use farsight_methods::box_mlp::Example;
 use farsight_methods::box_mlp::{BoxMlp, features};
 use farsight_methods::gs3d::guidance::guidance;
 use farsight_synth::sizes::SizeStatistics;
-use serde::Deserialize;
+
+pub(crate) use crate::experiment::RangerName;
 
 /// Height of KITTI's camera above the road, metres (Geiger et al. 2013).
 pub(crate) const CAMERA_HEIGHT_M: f64 = 1.65;
-
-/// Names of the rangers, as plans of experiments have them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum RangerName {
-    /// The mean height of the class over the height of the 2D box.
-    SimilarTriangles,
-    /// The bottom edge of the 2D box on flat ground.
-    InversePerspective,
-    /// The same with the horizon that the boxes of the image ask for.
-    EstimatedHorizon,
-    /// GS3D's first step: a cuboid of the class's mean size that fills the 2D box.
-    Guidance,
-    /// A multi-layer perceptron on the sides of the 2D box.
-    BoxMlp,
-}
-
-impl RangerName {
-    /// All of them.
-    pub(crate) const ALL: [Self; 5] =
-        [Self::SimilarTriangles, Self::InversePerspective, Self::EstimatedHorizon, Self::Guidance, Self::BoxMlp];
-
-    /// The name in result files.
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::SimilarTriangles => "similar_triangles",
-            Self::InversePerspective => "inverse_perspective",
-            Self::EstimatedHorizon => "estimated_horizon",
-            Self::Guidance => "guidance",
-            Self::BoxMlp => "box_mlp",
-        }
-    }
-
-    /// What it does, for people.
-    pub(crate) fn description(self) -> &'static str {
-        match self {
-            Self::SimilarTriangles => "similar triangles: mean height of the class over the height of the 2D box",
-            Self::InversePerspective => "inverse perspective: the bottom edge of the 2D box on flat ground",
-            Self::EstimatedHorizon => "inverse perspective with the horizon that the boxes of the image ask for",
-            Self::Guidance => "GS3D's guidance: a cuboid of the class's mean size that fills the 2D box",
-            Self::BoxMlp => "a multi-layer perceptron on the sides of the 2D box (after DisNet)",
-        }
-    }
-}
 
 /// A ranger, ready to range.
 #[derive(Debug, Clone)]

@@ -7,6 +7,7 @@
 mod metrics;
 #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "running cells reads the rest"))]
 pub(crate) mod plan;
+mod ranger_name;
 #[cfg_attr(not(feature = "train"), allow(dead_code, reason = "running cells writes them"))]
 pub(crate) mod results;
 #[cfg(feature = "train")]
@@ -17,4 +18,5 @@ pub(crate) use metrics::Metric;
 #[cfg(feature = "train")]
 pub(crate) use plan::Cell;
 pub(crate) use plan::Experiment;
+pub(crate) use ranger_name::RangerName;
 pub(crate) use results::Results;

@@ -9,8 +9,7 @@ use farsight_files::read_config;
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::Metric;
-use crate::rangers::RangerName;
+use super::{Metric, RangerName};
 
 /// No plan has more cells: a few days of a machine each.
 const MAX_CELLS: usize = 10_000;
@@ -534,12 +533,7 @@ claims = { ap3d = 0.56 }
     fn cost(plan: &Experiment, arm: &str) -> (String, u64) {
         let config = plan.config(&Cell { arm: arm.to_owned(), seed: 1 });
         let (method, model) = (config["method"].as_str().unwrap(), config["model"].as_table().unwrap().clone());
-        let (graph, [width, height]) = if let Some(description) = Description::of_table(method, model.clone()) {
-            description.map(|one| (one.graph, one.input)).unwrap()
-        } else {
-            let smoke: SmokeConfig = model.try_into().unwrap();
-            (smoke.graph(), smoke.input)
-        };
+        let Description { graph, input: [width, height], .. } = Description::of_table(method, model).unwrap().unwrap();
         (method.to_owned(), total(&count(&graph, width, height).unwrap()).macs)
     }
 
