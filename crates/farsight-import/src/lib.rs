@@ -3,9 +3,9 @@
 //! [`read_pth`] reads what `torch.save` writes, in the zip layout (PyTorch 1.6 and later) and in the legacy stream
 //! before it. What the names mean is the business of the method that they belong to.
 //!
-//! PyTorch's files are Python pickles, which Python reads by running them. The reader here runs nothing: see [`PickleError`]
-//! and the module behind it. A hostile file gives an error; it cannot make the program panic or take memory out of
-//! proportion to its own size.
+//! PyTorch's files are Python pickles, which Python reads by running them. The reader here runs nothing: see
+//! [`PickleError`] and the module behind it. A hostile file gives an error; it cannot make the program panic or take
+//! memory out of proportion to its own size.
 
 mod attribution;
 mod error;

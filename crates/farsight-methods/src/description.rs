@@ -34,7 +34,7 @@ impl Entry {
             of_model: |weights, path| Ok(Description::of_model(&Model::<C>::from_weights(weights, path)?)),
             of_onnx: |onnx, path| Ok(Description::of_config(&config_of::<C>(onnx, path)?)),
             of_table: |table| {
-                let config: C = table.try_into().map_err(|error: toml::de::Error| error.to_string())?;
+                let config: C = table.try_into().map_err(|error: toml::de::Error| format!("[model]: {error}"))?;
                 config.problem().map_or_else(|| Ok(Description::of_config(&config)), Err)
             },
         }

@@ -6,7 +6,7 @@ use farsight_graph::init::initial_weights;
 use farsight_graph::model::{FIRST_METHOD, Model, ModelError, method_of};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::Weights;
-use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
+use farsight_onnx::{Facts, LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
 use farsight_runtime::Runner;
 
 use crate::DETECTORS;

@@ -56,7 +56,8 @@ pub(crate) fn open(source: &ModelSource, engine: &EngineOptions, timing: Timing)
     if let Some(size) = timing.input
         && !detector.set_input_size(size)
     {
-        return Err(model_file::kind_error(&name, "a model whose inputs have sizes of their own", "no size for it"));
+        let found = "a model that gives its inputs sizes of their own";
+        return Err(model_file::kind_error(&name, found, "no size for them"));
     }
     Ok(OpenDetector { detector, name, weights_sha256 })
 }

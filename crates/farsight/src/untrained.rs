@@ -49,7 +49,7 @@ pub(crate) fn read(path: &Path) -> Result<Description> {
     let tag = known(method, path)?;
     match Description::of_table(&tag, model) {
         Some(Ok(description)) => Ok(description),
-        Some(Err(problem)) => bail!("{}: [model]: {problem}", path.display()),
+        Some(Err(problem)) => bail!("{}: {problem}", path.display()),
         None => unreachable!("a method that is known"),
     }
 }

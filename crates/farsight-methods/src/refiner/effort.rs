@@ -3,7 +3,8 @@
 /// How many iterations of the refiner each object gets, and how many mirror images.
 ///
 /// A cut-out around a box that hardly differs from that of the iteration before shows the same pixels, and the answer
-/// would be nearly the same. So an object is *settled* when its next cut-out is the last one within a share of its side.
+/// would be nearly the same. So an object is *settled* when its next cut-out is the last one within a share of its
+/// side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Effort {
     /// One iteration, or two where the first one moved the box; no mirror images.

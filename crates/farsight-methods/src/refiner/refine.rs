@@ -111,8 +111,8 @@ impl Refiner {
 
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
-    /// Several iterations ([`Effort`]), each where the one before it saw the object: a cut-out around a better box shows
-    /// more of the object and less of the rest. What has no score above `promising` after one keeps its answer.
+    /// Several iterations ([`Effort`]), each where the one before it saw the object: a cut-out around a better box
+    /// shows more of the object and less of the rest. What has no score above `promising` after one keeps its answer.
     ///
     /// # Errors
     /// When the engine fails.

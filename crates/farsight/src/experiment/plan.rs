@@ -429,12 +429,7 @@ claims = { ap3d = 0.56 }
     fn cost(plan: &Experiment, arm: &str) -> (String, u64) {
         let config = plan.config(&Cell { arm: arm.to_owned(), seed: 1 });
         let (method, model) = (config["method"].as_str().unwrap(), config["model"].as_table().unwrap().clone());
-        let (graph, [width, height]) = if let Some(description) = Description::of_table(method, model.clone()) {
-            description.map(|one| (one.graph, one.input)).unwrap()
-        } else {
-            let smoke: SmokeConfig = model.try_into().unwrap();
-            (smoke.graph(), smoke.input)
-        };
+        let Description { graph, input: [width, height], .. } = Description::of_table(method, model).unwrap().unwrap();
         (method.to_owned(), total(&count(&graph, width, height).unwrap()).macs)
     }
 

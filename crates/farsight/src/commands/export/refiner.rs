@@ -185,7 +185,8 @@ fn two_stage_frames(
     Ok((seen, classes))
 }
 
-/// The regions of the frames of `data`, where its splits tell: `farsight synth --scene-config` writes one for each region.
+/// The regions of the frames of `data`, where its splits tell: `farsight synth --scene-config` writes one for each
+/// region.
 fn regions(data: &Path) -> Result<BTreeMap<String, Region>> {
     let mut regions = BTreeMap::new();
     for region in Region::ALL {

@@ -75,7 +75,7 @@ function stroke(context, points) {
   context.stroke();
 }
 
-/** A label above a point; where there is one already, farther up. None where there is no room, or if it may not move. */
+/** A label above a point; where there is one already, farther up. None without room, or if it may not move. */
 function drawLabel(pen, text, x, y, background, mayMove = true) {
   const { context, unit, labels } = pen;
   context.font = `${Math.round(13 * unit)}px system-ui, sans-serif`;
