@@ -121,7 +121,7 @@ pub(crate) fn requests() -> Vec<Vec<u8>> {
 }
 
 pub(crate) fn split() -> Vec<Vec<u8>> {
-    vec![b"000000\n000001\n000002\n".to_vec(), b"# a comment\n\n0\r\n1\r\n".to_vec()]
+    vec![b"000000\n000001\n000002\n".to_vec(), b"0\r\n1\r\n".to_vec()]
 }
 
 pub(crate) fn class_map() -> Vec<Vec<u8>> {
@@ -275,13 +275,17 @@ pub(crate) fn tflite() -> Vec<Vec<u8>> {
 
 /// The plans that come with the project.
 pub(crate) fn experiment() -> Vec<Vec<u8>> {
-    configs("experiments")
+    // What names a method is where the arms of a plan start.
+    configs("experiments").into_iter().filter(|text| !names_method(text)).collect()
 }
 
 /// The training configs that come with the project.
 pub(crate) fn train_config() -> Vec<Vec<u8>> {
-    let names_method = |text: &[u8]| String::from_utf8_lossy(text).lines().any(|line| line.starts_with("method = "));
     configs("").into_iter().filter(|text| names_method(text)).collect()
+}
+
+fn names_method(text: &[u8]) -> bool {
+    String::from_utf8_lossy(text).lines().any(|line| line.starts_with("method = "))
 }
 
 /// The TOML files in a folder of `configs`.
