@@ -297,7 +297,8 @@ fn links(top: &Path, folder: &Path, found: &mut Vec<[PathBuf; 2]>) {
         let path = folder.join(entry.unwrap().file_name());
         let kind = fs::symlink_metadata(top.join(&path)).unwrap().file_type();
         if kind.is_symlink() {
-            let leads_to = fs::canonicalize(top.join(&path)).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            let leads_to =
+                fs::canonicalize(top.join(&path)).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
             let leads_to = leads_to.strip_prefix(top).unwrap().to_owned();
             found.push([path, leads_to]);
         } else if kind.is_dir() {
