@@ -2,6 +2,7 @@
 
 mod dist;
 mod libtorch;
+mod python;
 mod quickstart;
 mod sbom;
 mod wheel;
@@ -16,7 +17,8 @@ const USAGE: &str = "\
 cargo xtask COMMAND
 
   quickstart [--data DIR]  fetch libtorch, train the compact network on eight KITTI frames, range them, draw them
-  test [--all | ARGS]      all tests, libtorch included; --all with those that take long, rerun and Ray; ARGS go to `cargo test`
+  test [--all | ARGS]      all tests, libtorch included; --all with those that take long, rerun and Ray, and with the Python packages
+                           that single tests want, which pip fetches; ARGS go to `cargo test`
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
@@ -102,7 +104,9 @@ fn test(arguments: &[&str]) -> Result<(), String> {
         return run(cargo(Some(&libtorch)).args(everything).args(arguments));
     }
     let features = "farsight/train,farsight/rerun,farsight-laws/train";
-    run(cargo(Some(&libtorch)).args(["test", "--workspace", "--features", features, "--", "--include-ignored"]))?;
+    let path = python::path_with_everything()?;
+    let all = ["test", "--workspace", "--features", features, "--", "--include-ignored"];
+    run(cargo(Some(&libtorch)).args(all).env("PATH", path))?;
     wheel::wheel(&["--dev", "--test"])?;
     wheel::wheel(&["--dev", "--test=ray"])
 }

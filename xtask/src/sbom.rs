@@ -1,16 +1,16 @@
-//! What the program is made of: a list of its crates in the format `CycloneDX` 1.5.
+//! What the program and the wheel are made of: a list of their crates in the format `CycloneDX` 1.5.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
 use crate::{cargo, root};
 
-/// The list as JSON, of everything that is linked into the program on this system.
+/// The list as JSON, of everything that is linked into the program and the wheel's module on this system.
 pub(crate) fn cyclone_dx(version: &str) -> Result<String, String> {
     let format = "{p}|{l}";
-    let tree =
-        ["tree", "--locked", "--package", "farsight", "--edges", "normal", "--prefix", "none", "--format", format];
-    let output = cargo(None).args(tree).output().map_err(|error| format!("cargo tree: {error}"))?;
+    let packages = ["--package", "farsight", "--package", "farsight-py"];
+    let tree = ["tree", "--locked", "--edges", "normal", "--prefix", "none", "--format", format];
+    let output = cargo(None).args(tree).args(packages).output().map_err(|error| format!("cargo tree: {error}"))?;
     if !output.status.success() {
         return Err(format!("cargo tree: {}", String::from_utf8_lossy(&output.stderr)));
     }
@@ -77,7 +77,17 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{checksums, document};
+    use super::{checksums, cyclone_dx, document};
+
+    #[test]
+    fn what_is_in_the_program_and_what_is_in_the_wheel_are_listed() {
+        let text = cyclone_dx("0.1.0").unwrap();
+        for name in ["farsight", "farsight-py", "clap", "pyo3", "rten", "farsight-weights-w"] {
+            assert!(text.contains(&format!("\"type\": \"library\", \"name\": \"{name}\"")), "no {name}");
+        }
+        // Of the wheel's build, not in it; and libtorch is for training.
+        assert!(!text.contains("\"name\": \"pyo3-build-config\"") && !text.contains("\"name\": \"tch\""));
+    }
 
     #[test]
     fn crates_are_listed_once_with_hash_and_licence() {

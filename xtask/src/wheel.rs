@@ -6,10 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::SystemTime;
 
+use crate::python::{maturin, script};
 use crate::{cargo, root, run};
-
-/// Versions of maturin that build it.
-const MATURIN: &str = "maturin>=1.16,<2";
 
 /// What is built how.
 #[derive(Debug, Clone, Copy, Default)]
@@ -41,6 +39,14 @@ impl Tests {
             Self::Plain => &["requirements.txt"],
             Self::Slice => &["requirements.txt", "requirements-ray.txt"],
             Self::Ray => &["requirements-ray.txt"],
+        }
+    }
+
+    /// Engines that are tried where they can be had.
+    fn engines(self) -> &'static [&'static str] {
+        match self {
+            Self::None | Self::Ray => &[],
+            Self::Plain | Self::Slice => &["onnxruntime", "openvino"],
         }
     }
 
@@ -133,33 +139,17 @@ fn test(options: Options, package: &Path, wheel: &Path) -> Result<(), String> {
         install.arg("-r").arg(package.join("tests").join(file));
     }
     run(&mut install)?;
+    for package in options.tests.engines() {
+        if let Err(error) = run(Command::new(&python).args(pip).arg(package)) {
+            eprintln!("{error}; the tests with {package} are skipped");
+        }
+    }
     let mut pytest = Command::new(&python);
     pytest
         .args(["-m", "pytest", "--quiet", "-m", options.tests.marks()])
         .env("FARSIGHT_PROGRAM", built.unwrap_or_else(|| options.program()))
         .current_dir(package);
     run(&mut pytest)
-}
-
-/// The maturin in target/python, which is put there when it is missing.
-fn maturin() -> Result<PathBuf, String> {
-    let environment = root().join("target/python");
-    let maturin = script(&environment, "maturin");
-    if maturin.is_file() {
-        return Ok(maturin);
-    }
-    let python = script(&environment, "python");
-    if !python.is_file() {
-        run(Command::new("python3").args(["-m", "venv"]).arg(&environment))?;
-    }
-    run(Command::new(python).args(["-m", "pip", "install", "--quiet", MATURIN]))?;
-    Ok(maturin)
-}
-
-/// A command of a Python environment.
-fn script(environment: &Path, name: &str) -> PathBuf {
-    let folder = if cfg!(windows) { "Scripts" } else { "bin" };
-    environment.join(folder).join(format!("{name}{}", env::consts::EXE_SUFFIX))
 }
 
 /// The wheel that was built last.

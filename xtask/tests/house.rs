@@ -1,4 +1,5 @@
-//! The laws of ARCHITECTURE.md that can be read off the sources: floors of crates, and no circles between modules.
+//! The laws of ARCHITECTURE.md that can be read off the sources: floors of crates, and no circles between modules; and
+//! what can be read off them besides.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of a test may panic")]
 
@@ -273,4 +274,57 @@ fn comments_prose_configs_and_scripts_have_at_most_120_columns() {
         }
     }
     assert!(long.is_empty(), "longer than {COLUMNS} columns: {long:#?}");
+}
+
+/// Whether a name is like a pattern, in which a `*` stands for anything.
+fn is_like(name: &str, pattern: &str) -> bool {
+    let Some((start, rest)) = pattern.split_once('*') else { return name == pattern };
+    let Some(name) = name.strip_prefix(start) else { return false };
+    name.char_indices().map(|(at, _)| at).chain([name.len()]).any(|at| is_like(&name[at..], rest))
+}
+
+/// Whether docker gets a file to build from: of the rules of `.dockerignore` that are about it, or about a folder above
+/// it, the last one counts.
+fn is_kept(rules: &str, file: &Path) -> bool {
+    let names: Vec<&str> = file.iter().map(|name| name.to_str().unwrap()).collect();
+    let is_about = |rule: &str| {
+        let patterns: Vec<&str> = rule.split('/').collect();
+        patterns.len() <= names.len() && patterns.iter().zip(&names).all(|(pattern, name)| is_like(name, pattern))
+    };
+    let rules = rules.lines().map(str::trim).filter(|rule| !rule.is_empty() && !rule.starts_with('#'));
+    rules.fold(true, |is_kept, rule| match rule.strip_prefix('!') {
+        Some(kept) => is_kept || is_about(kept),
+        None => is_kept && !is_about(rule),
+    })
+}
+
+/// The links below a folder of the workspace and what they lead to, both from its top.
+fn links(top: &Path, folder: &Path, found: &mut Vec<[PathBuf; 2]>) {
+    for entry in fs::read_dir(top.join(folder)).unwrap() {
+        let path = folder.join(entry.unwrap().file_name());
+        let kind = fs::symlink_metadata(top.join(&path)).unwrap().file_type();
+        if kind.is_symlink() {
+            let leads_to =
+                fs::canonicalize(top.join(&path)).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            let leads_to = leads_to.strip_prefix(top).unwrap().to_owned();
+            found.push([path, leads_to]);
+        } else if kind.is_dir() {
+            links(top, &path, found);
+        }
+    }
+}
+
+#[test]
+fn docker_gets_whatever_links_lead_to() {
+    let top = fs::canonicalize(root()).unwrap();
+    let rules = fs::read_to_string(top.join(".dockerignore")).unwrap();
+    let mut found = Vec::new();
+    links(&top, Path::new("crates"), &mut found);
+    assert!(found.iter().any(|[link, _]| link.ends_with("farsight-w.safetensors")), "{found:?}");
+    let lost: Vec<_> = found.iter().filter(|[_, leads_to]| !is_kept(&rules, leads_to)).collect();
+    assert!(lost.is_empty(), "docker builds without what these lead to: {lost:?}");
+    // A start of a training is not for the program.
+    for left_out in ["target/debug/farsight", "docs/demo.png", "models/claim-start.safetensors"] {
+        assert!(!is_kept(&rules, Path::new(left_out)), "{left_out}");
+    }
 }

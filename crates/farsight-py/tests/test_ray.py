@@ -5,8 +5,11 @@ import json
 import os
 import shutil
 import signal
+import subprocess
+import sysconfig
 import threading
 import time
+import venv
 from pathlib import Path
 
 import pytest
@@ -92,12 +95,29 @@ def test_columns_of_images_cameras_and_errors(cluster, photo):
         farsight.ray.map(cluster.data.from_items([{"photo": 1}]), num_cpus=1, model="farsight-s").take_all()
 
 
-def test_a_worker_without_the_wheel_says_so(monkeypatch):
-    import sys
+@pytest.fixture
+def python_without_the_wheel(tmp_path):
+    """An interpreter that has all packages of this one but farsight."""
+    venv.create(tmp_path / "without", symlinks=True)
+    python = tmp_path / "without/bin/python"
+    packages = tmp_path / "packages"
+    packages.mkdir()
+    for one in Path(sysconfig.get_path("purelib")).iterdir():
+        if not one.name.startswith("farsight"):
+            (packages / one.name).symlink_to(one)
+    where = subprocess.run(
+        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"], check=True, capture_output=True, text=True
+    )
+    (Path(where.stdout.strip()) / "packages.pth").write_text(f"{packages}\n")
+    subprocess.run([python, "-c", "import ray"], check=True)
+    assert subprocess.run([python, "-c", "import farsight"], capture_output=True).returncode == 1
+    return python
 
+
+def test_a_worker_without_the_wheel_says_so(cluster, photo, python_without_the_wheel):
     import farsight.ray
 
-    worker = farsight.ray._worker()
-    monkeypatch.setitem(sys.modules, "farsight.ray", None)
-    with pytest.raises(RuntimeError, match=r"this Ray worker has no .*; expected the wheel on every machine"):
-        worker({}, None)
+    rows = cluster.data.from_items([{"bytes": photo.read_bytes()}])
+    options = {"runtime_env": {"py_executable": str(python_without_the_wheel)}, "max_restarts": 0}
+    with pytest.raises(Exception, match=r"this Ray worker has no farsight.*; expected the wheel on every machine"):
+        farsight.ray.map(rows, hfov=81.4, num_cpus=1, model="farsight-s", ray_options=options).take_all()

@@ -2,6 +2,7 @@
 
 import pickle
 import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -62,6 +63,19 @@ def test_frames_come_as_they_are_asked_for(model, frames):
             assert len(list(follow)) == FRAMES - 1
     finally:
         (frames / "zzz.jpg").unlink()
+
+
+def test_a_film_is_followed_as_the_program_does(model, program, frames, tmp_path):
+    if shutil.which("ffmpeg") is None:
+        pytest.skip("there is no ffmpeg")
+    film = tmp_path / "film.mp4"
+    ffmpeg = ["ffmpeg", "-v", "error", "-framerate", "10", "-i", str(frames / "%06d.jpg"), "-pix_fmt", "yuv420p"]
+    # Their sides are odd numbers, which such films do not have.
+    subprocess.run([*ffmpeg, "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", str(film)], check=True)
+    printed = program("track", film, "--hfov", 81.4, "--json", "-")
+    followed = list(model.track(str(film), hfov=81.4))
+    assert [frame.to_json() for frame in followed] == printed.splitlines()
+    assert len(followed) == FRAMES and followed[-1].time_s == pytest.approx(0.3) and len(followed[-1]) > 0
 
 
 def test_what_is_wrong_is_told(model, frames, tmp_path):

@@ -15,7 +15,7 @@ pub use without_rerun::RerunRecording;
 mod with_rerun {
     use re_sdk::{RecordingStream, RecordingStreamBuilder};
     use re_sdk_types::archetypes::{Boxes3D, EncodedImage, Pinhole, Transform3D, ViewCoordinates};
-    use re_sdk_types::components::{PinholeProjection, Resolution};
+    use re_sdk_types::components::PinholeProjection;
     use re_sdk_types::datatypes::Quaternion;
 
     use super::{Path, RecordedFrame, RecordingError};
@@ -70,7 +70,7 @@ mod with_rerun {
             let [a, b, c, d, e, f, g, h, i] = single(parts.k);
             // Column by column.
             let projection = PinholeProjection::from([[a, d, g], [b, e, h], [c, f, i]]);
-            let resolution = Resolution::new(frame.image.width() as f32, frame.image.height() as f32);
+            let resolution = [frame.image.width() as f32, frame.image.height() as f32];
             let pinhole = Pinhole::new(projection).with_resolution(resolution);
             self.stream.log("world/camera", &pinhole).map_err(failed)?;
             let image = EncodedImage::from_file_contents(frame.jpeg()?).with_media_type("image/jpeg");

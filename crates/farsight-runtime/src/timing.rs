@@ -23,6 +23,19 @@ impl StageTimes {
         self.load + self.warp + self.network + self.decode + self.refine
     }
 
+    /// The share of one of `count` that went through the stages together.
+    #[must_use]
+    pub fn divided(&self, count: usize) -> Self {
+        let share = |time: Duration| time.div_f64(count.max(1) as f64);
+        Self {
+            load: share(self.load),
+            warp: share(self.warp),
+            network: share(self.network),
+            decode: share(self.decode),
+            refine: share(self.refine),
+        }
+    }
+
     /// Each stage's time and that of `other` together.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {

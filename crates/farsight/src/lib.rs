@@ -45,6 +45,7 @@ pub mod service;
 pub mod shipped;
 pub mod source;
 mod stages;
+mod together;
 pub mod video;
 pub mod view;
 

@@ -1,5 +1,6 @@
 //! From an image and its camera to what is told.
 
+use std::slice;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use farsight_core::box3d::Dimensions;
@@ -108,10 +109,69 @@ impl Pipeline {
         image: &RgbImage,
         view: &View,
     ) -> Result<(Vec<DetectedObject>, StageTimes), DetectError> {
-        let (straight, straightening) = timed(|| view.straightened(image));
         let settings = self.shared.settings.over(view.road());
-        let (mut answers, times) = self.objects(&[(&*straight?, view.camera())], &settings)?;
-        Ok((answers.pop().unwrap_or_default(), StageTimes { warp: times.warp + straightening, ..times }))
+        let (mut answers, times) = self.straightened(&[(image, view)], &settings)?;
+        Ok((answers.pop().unwrap_or_default(), times))
+    }
+
+    fn straightened(
+        &self,
+        images: &[(&RgbImage, &View)],
+        settings: &Settings,
+    ) -> Result<(Vec<Vec<DetectedObject>>, StageTimes), DetectError> {
+        let straight = || images.iter().map(|(image, view)| view.straightened(image)).collect::<Result<Vec<_>, _>>();
+        let (straight, straightening) = timed(straight);
+        let straight = straight?;
+        let cameras = images.iter().map(|(_, view)| view.camera());
+        let seen: Vec<(&RgbImage, &Camera)> = straight.iter().map(|image| &**image).zip(cameras).collect();
+        let (answers, times) = self.objects(&seen, settings)?;
+        Ok((answers, StageTimes { warp: times.warp + straightening, ..times }))
+    }
+
+    /// [`Pipeline::detect_view`] for several images: an answer for each, in their order, and its share of the time. The
+    /// engine sees those together that need inputs of one size and stand over the same road.
+    pub fn detect_views(
+        &self,
+        images: &[(&RgbImage, &View)],
+    ) -> Vec<Result<(Vec<DetectedObject>, StageTimes), DetectError>> {
+        let mut groups: Vec<([usize; 2], Settings, Vec<usize>)> = Vec::new();
+        for (place, (image, view)) in images.iter().enumerate() {
+            let size = self.input_size([image.width() as usize, image.height() as usize], view.camera());
+            let settings = self.shared.settings.over(view.road());
+            match groups.iter_mut().find(|group| (group.0, group.1) == (size, settings)) {
+                Some((.., places)) => places.push(place),
+                None => groups.push((size, settings, vec![place])),
+            }
+        }
+        let mut answers = Vec::new();
+        for (_, settings, places) in groups {
+            let group: Vec<(&RgbImage, &View)> = places.iter().map(|place| images[*place]).collect();
+            answers.extend(places.into_iter().zip(self.seen_together(&group, &settings)));
+        }
+        answers.sort_by_key(|(place, _)| *place);
+        answers.into_iter().map(|(_, answer)| answer).collect()
+    }
+
+    /// An answer for each; after an error each is seen alone, so that it is told of the image that it is about.
+    fn seen_together(
+        &self,
+        images: &[(&RgbImage, &View)],
+        settings: &Settings,
+    ) -> Vec<Result<(Vec<DetectedObject>, StageTimes), DetectError>> {
+        match self.straightened(images, settings) {
+            Ok((answers, times)) => {
+                let share = times.divided(images.len());
+                let answers = answers.into_iter().zip(images).map(|(mut objects, (_, view))| {
+                    objects.iter_mut().for_each(|object| object.box2d = view.shown(&object.box2d));
+                    Ok((objects, share))
+                });
+                answers.collect()
+            }
+            Err(_) if images.len() > 1 => {
+                images.iter().flat_map(|image| self.seen_together(slice::from_ref(image), settings)).collect()
+            }
+            Err(error) => vec![Err(error)],
+        }
     }
 
     /// [`Pipeline::detect`] for several images that the detector's engine sees together, and the time of each stage for

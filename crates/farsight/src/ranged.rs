@@ -11,6 +11,7 @@ use crate::camera_source::CameraSourceError;
 use crate::json::ImageRecord;
 use crate::object::DetectedObject;
 use crate::pipeline::Pipeline;
+use crate::together::answer_good;
 use crate::view::{View, ViewSource};
 
 /// An image that gets no answer.
@@ -50,13 +51,41 @@ impl Pipeline {
     /// # Errors
     /// When its camera is not known, or the model fails.
     pub fn range_image(&self, name: &Path, image: &LoadedImage, views: &ViewSource) -> Result<RangedImage, RangeError> {
-        let LoadedImage { pixels, exif, .. } = image;
-        let size = [pixels.width() as usize, pixels.height() as usize];
-        let view = views.view(name, size, exif)?;
-        let (objects, times) = self.detect_view(pixels, &view)?;
+        let view = seen_by(name, image, views)?;
+        let seen = self.detect_view(&image.pixels, &view)?;
+        Ok(self.ranged((name, image, views), view, seen))
+    }
+
+    /// [`Pipeline::range_image`] for several images, which are seen together where that is possible
+    /// ([`Pipeline::detect_views`]): an answer for each, in their order.
+    pub fn range_images(&self, images: &[(&Path, &LoadedImage, &ViewSource)]) -> Vec<Result<RangedImage, RangeError>> {
+        let viewed = images.iter().map(|asked @ (name, image, views)| Ok((*asked, seen_by(name, image, views)?)));
+        answer_good(viewed.collect(), |viewed| {
+            let asked: Vec<_> = viewed.iter().map(|((_, image, _), view)| (&image.pixels, view)).collect();
+            let seen = self.detect_views(&asked);
+            viewed.into_iter().zip(seen).map(|((asked, view), seen)| Ok(self.ranged(asked, view, seen?))).collect()
+        })
+    }
+
+    fn ranged(
+        &self,
+        (name, image, views): (&Path, &LoadedImage, &ViewSource),
+        view: View,
+        (objects, times): (Vec<DetectedObject>, StageTimes),
+    ) -> RangedImage {
+        let pixels = &image.pixels;
         let record = ImageRecord::new(name, pixels, view.camera(), &objects, self);
         let record = record.with_camera_origin(views.cameras().origin(name)).with_lens(view.lens());
-        let unfamiliar = self.unfamiliar(size, view.camera());
-        Ok(RangedImage { view, objects, record, unfamiliar, times })
+        let unfamiliar = self.unfamiliar(size_of(image), view.camera());
+        RangedImage { view, objects, record, unfamiliar, times }
     }
+}
+
+fn size_of(image: &LoadedImage) -> [usize; 2] {
+    [image.pixels.width() as usize, image.pixels.height() as usize]
+}
+
+/// How an image was taken.
+fn seen_by(name: &Path, image: &LoadedImage, views: &ViewSource) -> Result<View, CameraSourceError> {
+    views.view(name, size_of(image), &image.exif)
 }

@@ -1,4 +1,4 @@
-//! The load test of the service: `cargo run --release --example load` (docs/service.md has its figures).
+//! The load test of the service: `load [--workers N] [--batch N]`; docs/service.md has its figures and how to run it.
 //!
 //! The service runs in a process of its own, around a stand-in for the pipeline that takes 1 ms. What is measured is
 //! the service: its queue, its refusals, its memory.
@@ -26,10 +26,11 @@ const MIXED: usize = 50_000;
 const WARM_UP: usize = 5_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    if std::env::args().nth(1).as_deref() == Some("serve") {
-        return stand_in::serve();
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    if let Some(("serve", words)) = words.split_first().map(|(first, rest)| (first.as_str(), rest)) {
+        return stand_in::serve(words);
     }
-    let service = Service::start()?;
+    let service = Service::start(&words)?;
     let address = service.address;
     let peak = timed::closed(address, 16, PHASE).goodput;
     println!("peak: {peak:.0} images/s, 16 clients that ask again as soon as they are answered");
@@ -68,9 +69,9 @@ struct Service {
 }
 
 impl Service {
-    fn start() -> Result<Self, Box<dyn Error>> {
+    fn start(words: &[String]) -> Result<Self, Box<dyn Error>> {
         let mut command = Command::new(std::env::current_exe()?);
-        let mut child = command.arg("serve").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        let mut child = command.arg("serve").args(words).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
         let out = child.stdout.take().ok_or("the service has no output")?;
         let mut line = String::new();
         BufReader::new(out).read_line(&mut line)?;

@@ -36,12 +36,27 @@ impl Infer for StandIn {
     }
 }
 
+/// What the words ask for; a queue as `farsight serve` has it.
+fn config(words: &[String]) -> Result<Config, Box<dyn Error>> {
+    let mut config = Config::default();
+    for pair in words.chunks(2) {
+        let number = pair.get(1).and_then(|number| number.parse().ok()).filter(|number| *number > 0);
+        match (pair[0].as_str(), number) {
+            ("--workers", Some(number)) => config.workers = number,
+            ("--batch", Some(number)) => config.batch = number,
+            _ => return Err(format!("{pair:?}; expected --workers N or --batch N").into()),
+        }
+    }
+    Ok(config)
+}
+
 /// Answers until standard input ends.
-pub(crate) fn serve() -> Result<(), Box<dyn Error>> {
+pub(crate) fn serve(words: &[String]) -> Result<(), Box<dyn Error>> {
+    let config = config(words)?;
     // Thousands of panics are asked for.
     std::panic::set_hook(Box::new(|_| {}));
     let infer: Arc<dyn Infer> = Arc::new(StandIn);
-    let server = Server::start(TcpListener::bind("127.0.0.1:0")?, &infer, Config::default())?;
+    let server = Server::start(TcpListener::bind("127.0.0.1:0")?, &infer, config)?;
     println!("{}", server.address());
     std::io::stdin().read_to_end(&mut Vec::new())?;
     server.stop();

@@ -65,6 +65,9 @@ pub(crate) struct ServeArgs {
     /// Images that are looked at at once
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count)]
     workers: usize,
+    /// Images that are looked at together; the first waits at most 5 ms for others
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = count)]
+    batch: usize,
     /// Images that wait; one more is refused
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = count)]
     queue: usize,
@@ -151,6 +154,7 @@ pub(crate) fn run(args: &ServeArgs, printer: &mut Printer) -> Result<Outcome> {
     let scheme = if tls.is_some() { "https" } else { "http" };
     let config = Config {
         workers: args.workers,
+        batch: args.batch,
         queue: args.queue,
         deadline,
         token,

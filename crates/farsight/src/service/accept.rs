@@ -1,6 +1,5 @@
 //! Connections: accepting, TLS, and cutting off those who are slow.
 
-use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,24 +12,18 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::{sleep, timeout};
-use tokio_io_timeout::TimeoutStream;
 use tokio_rustls::TlsAcceptor;
 
+use super::patience::Patience;
 use super::shared::Shared;
-use super::{PAUSE, http, unless};
-
-/// Connections that are open at once; further ones wait to be accepted.
-const MAX_CONNECTIONS: usize = 256;
-
-/// How long a connection may take to say what it wants, and before that for the handshake of TLS.
-const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+use super::{Config, PAUSE, http, unless};
 
 /// How long requests that are inside have when the service ends.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Accepts connections until the service ends, and waits for what is inside then.
 pub(super) async fn accept(listener: TcpListener, shared: Arc<Shared>, mut stopped: watch::Receiver<bool>) {
-    let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let connections = Arc::new(Semaphore::new(shared.config.max_connections.max(1)));
     let (service, graceful) = (http::router(Arc::clone(&shared)), GracefulShutdown::new());
     let acceptor = shared.config.tls.as_ref().map(super::Tls::acceptor);
     let mut stopping = Box::pin(async move {
@@ -48,11 +41,8 @@ pub(super) async fn accept(listener: TcpListener, shared: Arc<Shared>, mut stopp
             continue;
         };
         let open = shared.metrics.connections().clone();
-        let connection = Connection {
-            service: service.clone(),
-            watcher: graceful.watcher(),
-            write_timeout: shared.config.write_timeout,
-        };
+        let connection =
+            Connection { service: service.clone(), watcher: graceful.watcher(), shared: Arc::clone(&shared) };
         let acceptor = acceptor.clone();
         tokio::spawn(async move {
             open.inc();
@@ -70,26 +60,25 @@ pub(super) async fn accept(listener: TcpListener, shared: Arc<Shared>, mut stopp
 struct Connection {
     service: Router,
     watcher: Watcher,
-    write_timeout: Duration,
+    shared: Arc<Shared>,
 }
 
 impl Connection {
     async fn serve(self, stream: TcpStream, acceptor: Option<TlsAcceptor>) {
         // Answers are written in one piece; waiting for more only makes them late.
         let _ = stream.set_nodelay(true);
-        let mut stream = TimeoutStream::new(stream);
-        stream.set_write_timeout(Some(self.write_timeout));
-        let stream: Pin<Box<TimeoutStream<TcpStream>>> = Box::pin(stream);
+        let Config { write_timeout, least_write_rate, header_timeout, .. } = self.shared.config;
+        let stream = Patience::new(stream, write_timeout, least_write_rate);
         let Some(acceptor) = acceptor else { return self.answer(stream).await };
         // A client that speaks no TLS, or none that is spoken here, has nothing to wait for.
-        if let Ok(Ok(stream)) = timeout(HEADER_TIMEOUT, acceptor.accept(stream)).await {
+        if let Ok(Ok(stream)) = timeout(header_timeout, acceptor.accept(stream)).await {
             self.answer(stream).await;
         }
     }
 
     async fn answer(self, stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static) {
         let mut builder = http1::Builder::new();
-        builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT);
+        builder.timer(TokioTimer::new()).header_read_timeout(self.shared.config.header_timeout);
         let service = TowerToHyperService::new(self.service);
         // A client that went away, reads too slowly, or speaks no HTTP.
         let _ = self.watcher.watch(builder.serve_connection(TokioIo::new(stream), service)).await;

@@ -15,6 +15,9 @@ use prometheus_client::registry::{Registry, Unit};
 /// Upper ends of the bins of times, seconds.
 const BINS_S: [f64; 12] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
 
+/// Upper ends of the bins of batches, images.
+const BATCH_BINS: [f64; 7] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+
 /// The weight of the newest time in the mean of times.
 const NEWEST: f64 = 0.1;
 
@@ -52,6 +55,7 @@ pub(super) struct Metrics {
     waiting: Gauge,
     connections: Gauge,
     waited: Histogram,
+    batches: Histogram,
     worked: Histogram,
     stages: Times<Stage>,
     frames: Family<Video, Counter>,
@@ -79,6 +83,7 @@ impl Metrics {
             waiting: Gauge::default(),
             connections: Gauge::default(),
             waited: histogram(),
+            batches: Histogram::new(BATCH_BINS),
             worked: histogram(),
             stages: times(),
             frames: Family::default(),
@@ -106,8 +111,10 @@ impl Metrics {
             Unit::Seconds,
             self.waited.clone(),
         );
-        all.register_with_unit("work", "Decoding and looking", Unit::Seconds, self.worked.clone());
-        all.register_with_unit("stage", "Each stage of the work", Unit::Seconds, self.stages.clone());
+        all.register("batch_size", "Images that were looked at together", self.batches.clone());
+        let help = "Decoding and looking, each image; in a batch its share";
+        all.register_with_unit("work", help, Unit::Seconds, self.worked.clone());
+        all.register_with_unit("stage", "Each stage of the work, likewise", Unit::Seconds, self.stages.clone());
         self
     }
 
@@ -120,6 +127,11 @@ impl Metrics {
     /// An image whose work began after so long a wait.
     pub(super) fn began(&self, waited: Duration) {
         self.waited.observe(waited.as_secs_f64());
+    }
+
+    /// So many images that are looked at together.
+    pub(super) fn batch(&self, size: usize) {
+        self.batches.observe(size as f64);
     }
 
     /// An image that was looked at, with its stages if it got an answer.

@@ -14,6 +14,7 @@ mod infer;
 mod inference;
 mod log;
 mod metrics;
+mod patience;
 mod queue;
 mod range;
 mod rejection;
@@ -42,7 +43,7 @@ use queue::Queue;
 use shared::Shared;
 use videos::Videos;
 
-pub use infer::{Infer, Inference, ModelCard};
+pub use infer::{AskedImage, Infer, Inference, ModelCard};
 pub use log::{Log, LogRecord};
 pub use rejection::Rejection;
 pub use tls::{Tls, TlsError};
@@ -63,6 +64,10 @@ const PAUSE: Duration = Duration::from_millis(50);
 pub struct Config {
     /// Threads that look at images, each with networks of its own.
     pub workers: usize,
+    /// Images that such a thread looks at together.
+    pub batch: usize,
+    /// How long the first image of such a batch waits for others, if nothing else holds it up.
+    pub batch_wait: Duration,
     /// Requests that wait beside those that are looked at.
     pub queue: usize,
     /// Time from the request's head to the beginning of the work.
@@ -77,17 +82,25 @@ pub struct Config {
     pub hosts: Vec<String>,
     /// The certificate, if it speaks TLS.
     pub tls: Option<Tls>,
+    /// Connections that are open at once; further ones wait to be accepted.
+    pub max_connections: usize,
+    /// How long a connection may take to say what it wants, and before that for the handshake of TLS.
+    pub header_timeout: Duration,
     /// A client that takes nothing of its answer for so long is cut off.
     pub write_timeout: Duration,
+    /// Bytes a second of which a client that lets answers wait must take more, or it is cut off some time later.
+    pub least_write_rate: u64,
     /// Who is told of each request.
     pub log: Log,
 }
 
 impl Default for Config {
-    /// One worker, 32 that wait, ten seconds, no token, no TLS.
+    /// One worker, no batches, 32 that wait, ten seconds, no token, no TLS.
     fn default() -> Self {
         Self {
             workers: 1,
+            batch: 1,
+            batch_wait: Duration::from_millis(5),
             queue: 32,
             deadline: Duration::from_secs(10),
             token: None,
@@ -95,7 +108,10 @@ impl Default for Config {
             videos: BTreeMap::new(),
             hosts: Vec::new(),
             tls: None,
+            max_connections: 256,
+            header_timeout: Duration::from_secs(10),
             write_timeout: Duration::from_secs(10),
+            least_write_rate: 8 << 10,
             log: Log::default(),
         }
     }
@@ -118,7 +134,7 @@ impl Server {
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
         let metrics = Arc::new(Metrics::new());
-        let queue = Queue::start(infer, config.workers.max(1), config.queue, Arc::clone(&metrics))?;
+        let queue = Queue::start(infer, &config, Arc::clone(&metrics))?;
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
         let (stop, stopped) = watch::channel(false);
         let videos = Videos::new(&config.videos, &metrics, &config.log, &stopped);

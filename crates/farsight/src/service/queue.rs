@@ -12,11 +12,12 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
-use super::infer::Infer;
+use super::Config;
+use super::infer::{AskedImage, Infer, Inference};
 use super::metrics::Metrics;
 use super::rejection::Rejection;
-use crate::ViewSource;
 use crate::json::ImageRecord;
+use crate::{RangeError, ViewSource};
 
 /// An image to be looked at.
 pub(super) struct Task {
@@ -37,6 +38,13 @@ struct Job {
     place: OwnedSemaphorePermit,
 }
 
+impl Job {
+    /// Nobody waits for what was given up or whose client went away.
+    fn is_wanted(&self) -> bool {
+        self.turn.is_open() && !self.reply.is_closed()
+    }
+}
+
 /// Whether the work of a job has begun or never will: who says so first decides.
 #[derive(Default)]
 struct Turn(AtomicU8);
@@ -44,6 +52,10 @@ struct Turn(AtomicU8);
 impl Turn {
     const BEGUN: u8 = 1;
     const GIVEN_UP: u8 = 2;
+
+    fn is_open(&self) -> bool {
+        self.0.load(Ordering::Acquire) == 0
+    }
 
     fn take(&self, state: u8) -> bool {
         self.0.compare_exchange(0, state, Ordering::AcqRel, Ordering::Acquire).is_ok()
@@ -66,12 +78,8 @@ pub(super) struct Queue {
 
 impl Queue {
     /// Starts the threads.
-    pub(super) fn start(
-        infer: &Arc<dyn Infer>,
-        workers: usize,
-        waiting: usize,
-        metrics: Arc<Metrics>,
-    ) -> io::Result<Self> {
+    pub(super) fn start(infer: &Arc<dyn Infer>, config: &Config, metrics: Arc<Metrics>) -> io::Result<Self> {
+        let [workers, batch] = [config.workers, config.batch].map(|count| count.max(1));
         let (jobs, todo) = channel();
         let todo = Arc::new(Mutex::new(todo));
         let working = Arc::new(AtomicUsize::new(0));
@@ -81,10 +89,12 @@ impl Queue {
                 todo: Arc::clone(&todo),
                 working: Arc::clone(&working),
                 metrics: Arc::clone(&metrics),
+                batch,
+                batch_wait: config.batch_wait,
             };
             thread::Builder::new().name(format!("farsight-{number}")).spawn(move || worker.work())?;
         }
-        let all_places = workers + waiting;
+        let all_places = workers * batch + config.queue;
         Ok(Self { jobs, places: Arc::new(Semaphore::new(all_places)), all_places, workers, working, metrics })
     }
 
@@ -135,35 +145,73 @@ struct Worker {
     todo: Arc<Mutex<Receiver<Job>>>,
     working: Arc<AtomicUsize>,
     metrics: Arc<Metrics>,
+    /// Most jobs that are done together, and how long the first of them waits for others.
+    batch: usize,
+    batch_wait: Duration,
 }
 
 impl Worker {
     fn work(self) {
-        loop {
-            let next = self.todo.lock().unwrap_or_else(PoisonError::into_inner).recv();
-            let Ok(Job { task, turn, reply, since, place }) = next else { return };
-            // Nobody waits for what was given up or whose client went away.
-            if reply.is_closed() || !turn.take(Turn::BEGUN) {
+        while let Some(jobs) = self.next() {
+            let jobs: Vec<Job> = jobs.into_iter().filter(|job| job.is_wanted() && job.turn.take(Turn::BEGUN)).collect();
+            if jobs.is_empty() {
                 continue;
             }
-            self.metrics.began(since.elapsed());
-            self.working.fetch_add(1, Ordering::Relaxed);
-            let answer = self.answer(&task);
-            self.working.fetch_sub(1, Ordering::Relaxed);
-            drop(place);
-            // The client may be gone by now.
-            let _ = reply.send(answer);
+            jobs.iter().for_each(|job| self.metrics.began(job.since.elapsed()));
+            self.working.fetch_add(jobs.len(), Ordering::Relaxed);
+            let answers = self.answers(&jobs.iter().map(|job| &job.task).collect::<Vec<_>>());
+            self.working.fetch_sub(jobs.len(), Ordering::Relaxed);
+            for (Job { reply, place, .. }, answer) in jobs.into_iter().zip(answers) {
+                drop(place);
+                // The client may be gone by now.
+                let _ = reply.send(answer);
+            }
         }
     }
 
-    fn answer(&self, task: &Task) -> Answer {
+    /// Waits for a job, and a little for others that are done with it. A job that had to wait anyway takes those along
+    /// that are there by then.
+    fn next(&self) -> Option<Vec<Job>> {
+        let todo = self.todo.lock().unwrap_or_else(PoisonError::into_inner);
+        let first = todo.recv().ok()?;
+        let end = first.since.checked_add(self.batch_wait);
+        let mut jobs = vec![first];
+        while jobs.len() < self.batch {
+            let left = end.map_or(self.batch_wait, |end| end.saturating_duration_since(Instant::now()));
+            let Ok(job) = todo.recv_timeout(left) else { break };
+            jobs.extend(Some(job).filter(Job::is_wanted));
+        }
+        Some(jobs)
+    }
+
+    fn answers(&self, tasks: &[&Task]) -> Vec<Answer> {
         let begun = Instant::now();
-        let looked = catch_unwind(AssertUnwindSafe(|| self.infer.infer(&task.bytes, &task.name, &task.views)));
-        let stages = looked.as_ref().ok().and_then(|looked| Some(looked.as_ref().ok()?.times));
-        self.metrics.worked(begun.elapsed(), stages);
+        self.metrics.batch(tasks.len());
+        let looked = self.looked(tasks);
+        let share = begun.elapsed().div_f64(tasks.len() as f64);
+        let answer = |looked: Option<Result<Inference, RangeError>>| {
+            let stages = looked.as_ref().and_then(|looked| Some(looked.as_ref().ok()?.times));
+            self.metrics.worked(share, stages);
+            let looked = looked.ok_or_else(Rejection::panicked)?;
+            looked.map(|looked| looked.record).map_err(|error| Rejection::from(&error))
+        };
+        looked.into_iter().map(answer).collect()
+    }
+
+    /// What is in each image; none where that panics.
+    fn looked(&self, tasks: &[&Task]) -> Vec<Option<Result<Inference, RangeError>>> {
+        let images = tasks.iter().map(|Task { bytes, name, views }| AskedImage { bytes, name, views });
+        let images: Vec<AskedImage<'_>> = images.collect();
+        // Whoever catches a panic sees nothing of what it left behind.
+        let looked = catch_unwind(AssertUnwindSafe(|| match images[..] {
+            [AskedImage { bytes, name, views }] => vec![self.infer.infer(bytes, name, views)],
+            _ => self.infer.infer_batch(&images),
+        }));
         match looked {
-            Ok(looked) => looked.map(|looked| looked.record).map_err(|error| Rejection::from(&error)),
-            Err(_) => Err(Rejection::panicked()),
+            Ok(looked) if looked.len() == tasks.len() => looked.into_iter().map(Some).collect(),
+            // One of them breaks it, so each is looked at alone, where it breaks its own request only.
+            _ if tasks.len() > 1 => tasks.iter().flat_map(|task| self.looked(&[*task])).collect(),
+            _ => vec![None],
         }
     }
 }

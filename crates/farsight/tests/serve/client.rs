@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use farsight::json::ImageRecord;
-use farsight::service::{Config, Infer, Inference, ModelCard, Server};
+use farsight::service::{AskedImage, Config, Infer, Inference, ModelCard, Server};
 use farsight::{RangeError, StageTimes, ViewSource};
 use serde_json::Value;
 
@@ -70,6 +70,8 @@ pub(crate) struct StandIn {
     pub(crate) looks: AtomicUsize,
     pub(crate) images: Mutex<Vec<Vec<u8>>>,
     pub(crate) seen: Mutex<Vec<ViewSource>>,
+    /// Sizes of the batches.
+    pub(crate) batches: Mutex<Vec<usize>>,
     begun: Mutex<Sender<()>>,
     go_on: Mutex<Receiver<()>>,
 }
@@ -90,6 +92,11 @@ impl Infer for StandIn {
         let record = format!(r#"{{"image": {:?}, "width": 1, "height": 1, "detections": []}}"#, name.to_string_lossy());
         let record: ImageRecord = serde_json::from_str(&record).unwrap();
         Ok(Inference { record, times: StageTimes::default() })
+    }
+
+    fn infer_batch(&self, images: &[AskedImage<'_>]) -> Vec<Result<Inference, RangeError>> {
+        self.batches.lock().unwrap().push(images.len());
+        images.iter().map(|AskedImage { bytes, name, views }| self.infer(bytes, name, views)).collect()
     }
 
     fn card(&self) -> ModelCard {
@@ -113,6 +120,7 @@ impl Stage {
             looks: AtomicUsize::new(0),
             images: Mutex::default(),
             seen: Mutex::default(),
+            batches: Mutex::default(),
             begun: Mutex::new(tell_begun),
             go_on: Mutex::new(wait),
         });

@@ -1,15 +1,16 @@
-// Uses the page as people do: node page.mjs ADDRESS CHROMIUM PHOTO. Pictures go to `pictures` beside it.
+// Uses the page as people do: node page.mjs ADDRESS GUARDED TOKEN CHROMIUM PHOTO, where the service at GUARDED asks for
+// TOKEN. Pictures go to `pictures` beside it.
 
 import assert from "node:assert/strict";
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { chromium } from "playwright-core";
 
-const [address, executablePath, photo] = process.argv.slice(2);
+const [address, guarded, token, executablePath, photo] = process.argv.slice(2);
 const TIMEOUT_MS = 60_000;
 mkdirSync("pictures", { recursive: true });
 const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
 
-async function opened(options) {
+async function opened(options = {}, at = address) {
   const viewport = { width: 1280, height: 900 };
   const context = await browser.newContext({ viewport, acceptDownloads: true, ...options });
   const page = await context.newPage();
@@ -22,10 +23,10 @@ async function opened(options) {
     if (message.type() === "error" && isOwn) page.problems.push(message.text());
   });
   page.on("request", (request) => {
-    const isOwn = [address, "blob:", "data:"].some((start) => request.url().startsWith(start));
+    const isOwn = [at, "blob:", "data:"].some((start) => request.url().startsWith(start));
     if (!isOwn) page.problems.push(`asks elsewhere: ${request.url()}`);
   });
-  await page.goto(address);
+  await page.goto(at);
   return page;
 }
 
@@ -36,13 +37,20 @@ const isBad = (page) => page.locator("#status").evaluate((line) => line.classLis
 const cells = (page) => page.locator("#objects tr").evaluateAll(
   (rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent)));
 
-/** Colours of the picture: how many pixels are like this. */
-const pixelsLike = (page, red, green, blue) => page.locator("#photo").evaluate((canvas, wanted) => {
+const CAR = [77, 163, 255];
+const ROAD = [255, 225, 77];
+
+/** Pixels of a canvas that have a colour: how many, and their mean row. */
+const pixelsLike = (page, color, canvas = "#photo") => page.locator(canvas).evaluate((canvas, wanted) => {
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  let count = 0;
-  for (let at = 0; at < data.length; at += 4) count += wanted.every((value, i) => Math.abs(data[at + i] - value) < 12);
-  return count;
-}, [red, green, blue]);
+  let [count, rows] = [0, 0];
+  for (let at = 0; at < data.length; at += 4) {
+    if (!wanted.every((value, i) => Math.abs(data[at + i] - value) < 12)) continue;
+    count += 1;
+    rows += Math.floor(at / 4 / canvas.width);
+  }
+  return { count, row: rows / count };
+}, color);
 
 async function photoIsMeasured() {
   const page = await opened();
@@ -52,8 +60,9 @@ async function photoIsMeasured() {
   assert.ok(before.length > 1, JSON.stringify(before));
   assert.match(before[0][1], /^\d+\.\d ±\d+\.\d m$/);
   assert.match(before[0][2], /^\d+\.\d to \d+\.\d m$/);
-  assert.ok(await pixelsLike(page, 255, 225, 77) > 300, "no horizon is drawn");
-  assert.ok(await pixelsLike(page, 77, 163, 255) > 100, "no box of a car is drawn");
+  assert.ok((await pixelsLike(page, ROAD)).count > 300, "no horizon is drawn");
+  assert.ok((await pixelsLike(page, CAR)).count > 100, "no box of a car is drawn");
+  assert.ok((await pixelsLike(page, CAR, "#above")).count > 100, "no car is drawn from above");
   await page.screenshot({ path: "pictures/photo.png", fullPage: true });
   // The keyboard: the slider, and the list.
   await page.focus("#hfov");
@@ -86,8 +95,66 @@ async function photoIsMeasured() {
   await page.context().close();
 }
 
+/** A photo that is dropped, with a camera that the service knows. */
+async function photoIsDropped() {
+  const page = await opened();
+  const dropped = await page.evaluateHandle((bytes) => {
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([Uint8Array.from(bytes)], "dropped.jpg", { type: "image/jpeg" }));
+    return transfer;
+  }, [...readFileSync(photo)]);
+  const isOver = () => page.locator("#drop").evaluate((place) => place.classList.contains("over"));
+  await page.dispatchEvent("#drop", "dragover", { dataTransfer: dropped });
+  assert.ok(await isOver(), "nothing shows that it may be dropped here");
+  const asked = page.waitForRequest(/v1\/range/);
+  await page.dispatchEvent("#drop", "drop", { dataTransfer: dropped });
+  assert.equal(new URL((await asked).url()).search, "?hfov=65");
+  assert.ok(!await isOver());
+  await until(page, /objects? found/);
+  const before = await cells(page);
+  const again = page.waitForRequest(/v1\/range/);
+  await page.selectOption("#camera", "dash");
+  assert.equal(new URL((await again).url()).search, "?camera=dash");
+  assert.ok(await page.locator("#hfov-row").isHidden(), "a field of view is asked for that the camera has");
+  await page.waitForFunction((old) => {
+    const now = document.querySelector("#objects td:nth-child(2)")?.textContent;
+    return now && now !== old;
+  }, before[0][1]);
+  await until(page, /objects? found/);
+  assert.ok((await pixelsLike(page, ROAD)).count > 300, "no horizon of the stored camera is drawn");
+  await page.screenshot({ path: "pictures/camera.png", fullPage: true });
+  assert.deepEqual(page.problems, []);
+  await page.context().close();
+}
+
+async function tokenIsAskedFor() {
+  const page = await opened({}, guarded);
+  await until(page, /no token, or another one/);
+  assert.ok(await isBad(page));
+  assert.ok(await page.locator("#token-row").isVisible());
+  await page.screenshot({ path: "pictures/token.png", fullPage: true });
+  await page.fill("#token", "another word that is no token");
+  const refused = page.waitForResponse(/v1\/cameras/);
+  await page.click("#token-use");
+  assert.equal((await refused).status(), 401);
+  await until(page, /no token, or another one/);
+  await page.fill("#token", token);
+  await page.click("#token-use");
+  await until(page, /No photo or film yet/);
+  assert.ok(!await isBad(page));
+  assert.ok(await page.locator("#token-row").isHidden(), "a token is asked for that was given");
+  await page.setInputFiles("#file", photo);
+  await until(page, /objects? found/);
+  await page.selectOption("#video", "front");
+  await until(page, /front: ended/);
+  assert.equal((await cells(page)).length, 1);
+  assert.deepEqual(page.problems, []);
+  await page.context().close();
+}
+
 async function filmIsFollowed() {
   const page = await opened({ colorScheme: "dark" });
+  assert.equal((await pixelsLike(page, CAR, "#above")).count, 0);
   await page.selectOption("#video", "front");
   await until(page, /front: [12]\.\d s, 1 object/);
   assert.ok(await page.locator("#stop").isVisible());
@@ -95,11 +162,16 @@ async function filmIsFollowed() {
   assert.equal(name, "#7 Car");
   assert.match(range, /^[12]\d\.\d ±1\.0 m$/);
   assert.match(closing, /^5\.0 ±0\.5 m\/s, \d\.\d s$/);
+  // Its box, its error bar, where it is in a second; and its way, in a paler colour.
+  const far = await pixelsLike(page, CAR, "#above");
+  assert.ok(far.count > 100, `${far.count} pixels of a track are drawn from above`);
   await page.locator("#objects tr").first().focus();
   await page.screenshot({ path: "pictures/film-dark.png", fullPage: true });
   await until(page, /front: (2\.\d s|ended)/);
   assert.equal(await page.evaluate(() => document.activeElement.dataset.key), "7", "the focus stays through frames");
   await until(page, /front: ended/);
+  const near = await pixelsLike(page, CAR, "#above");
+  assert.ok(near.row > far.row + 10, `the car came nearer, from row ${far.row} to ${near.row}`);
   await page.selectOption("#video", "broken");
   await until(page, /broken: cannot be read/);
   assert.ok(await isBad(page));
@@ -168,6 +240,8 @@ async function phonesShowAll() {
 
 try {
   await photoIsMeasured();
+  await photoIsDropped();
+  await tokenIsAskedFor();
   await filmIsFollowed();
   await cornersCalibrate();
   await phonesShowAll();

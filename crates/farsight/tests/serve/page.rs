@@ -1,17 +1,21 @@
 //! The page in a real browser: Chromium, driven by playwright-core.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use farsight::Pipeline;
-use farsight::service::{Infer, SourceFrames, Video, VideoFailure};
+use farsight::service::{Config, Infer, SourceFrames, Token, Video, VideoFailure};
+use farsight::{CameraSource, Pipeline};
 
 use crate::program::root;
 use crate::videos::{frame, served};
 
 /// Pinned, so that a newer one breaks nothing.
 const PLAYWRIGHT: &str = "playwright-core@1.65.1";
+
+/// What one of the services asks for.
+const TOKEN: &str = "0123456789abcdef";
 
 /// A film of one scene, in which a car comes nearer.
 #[derive(Debug)]
@@ -68,14 +72,18 @@ fn the_page_works_in_a_browser() {
     };
     let image = root().join("assets/scenes/image_2/000000.jpg");
     let infer: Arc<dyn Infer> = Arc::new(Pipeline::shipped().unwrap());
-    let videos: Vec<(&str, Arc<dyn Video>)> =
-        vec![("front", Arc::new(Scene { image: image.clone() })), ("broken", Arc::new(Missing))];
-    let server = served(&infer, videos);
+    let front: Arc<dyn Video> = Arc::new(Scene { image: image.clone() });
+    let cameras = BTreeMap::from([("dash".to_owned(), CameraSource::FieldOfView(81.4).into())]);
+    let videos = vec![("front", Arc::clone(&front)), ("broken", Arc::new(Missing))];
+    let server = served(&infer, videos, Config { cameras, ..Config::default() });
+    let token = Some(Token::new(TOKEN).unwrap());
+    let guarded = served(&infer, vec![("front", front)], Config { token, ..Config::default() });
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/serve/page.mjs");
     // Beside its library, where node looks for it.
     std::fs::copy(&script, folder.join("page.mjs")).unwrap();
     let mut command = Command::new("node");
-    command.arg("page.mjs").arg(format!("http://{}", server.address())).arg(browser).arg(image);
+    let [open, guarded] = [&server, &guarded].map(|server| format!("http://{}", server.address()));
+    command.arg("page.mjs").args([open, guarded, TOKEN.to_owned()]).arg(browser).arg(image);
     let output = command.current_dir(&folder).output().unwrap();
     let told = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{told}\n{}", String::from_utf8_lossy(&output.stderr));

@@ -4,10 +4,13 @@ use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use image::{ExtendedColorType, ImageEncoder};
 
-use crate::client::{post, sent};
+use crate::client::{get, post, sent};
 use crate::program;
 
 /// The program, listening where it likes.
@@ -25,6 +28,13 @@ impl Service {
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let address = line.trim().strip_prefix("listening on http://").unwrap_or_else(|| panic!("{line:?}"));
         Self { address: address.parse().unwrap(), child }
+    }
+}
+
+impl Service {
+    fn terminate(&self) {
+        let asked = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status().unwrap();
+        assert!(asked.success());
     }
 }
 
@@ -79,9 +89,67 @@ fn the_program_answers_as_range_does_and_ends_when_it_is_asked_to() {
     assert_eq!(large.error().1, "the image has 8000 x 6000 pixels; expected at most 40000000");
 
     if cfg!(unix) {
-        let asked = Command::new("kill").args(["-TERM", &service.child.id().to_string()]).status().unwrap();
-        assert!(asked.success());
+        service.terminate();
         assert!(service.child.wait().unwrap().success());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_inside_when_it_is_asked_to_end_is_answered() {
+    let images = program::root().join("assets/scenes/image_2");
+    let image = std::fs::read(images.join("000000.jpg")).unwrap();
+    let mut service = Service::start(&images, &["--batch", "2"]);
+    let address = service.address;
+    let ask = |_| {
+        let image = image.clone();
+        thread::spawn(move || post(address, "?hfov=81.4", &image))
+    };
+    let asked: Vec<_> = (0..4).map(ask).collect();
+    while !get(address, "/metrics").body.contains("farsight_requests_inside 4\n") {
+        assert!(asked.iter().any(|asked| !asked.is_finished()), "never four at once");
+    }
+    service.terminate();
+    assert!(asked.iter().any(|asked| !asked.is_finished()), "all were answered before it was asked to end");
+    for asked in asked {
+        let answer = asked.join().unwrap();
+        assert_eq!(answer.status, 200, "{answer:?}");
+    }
+    assert!(service.child.wait().unwrap().success());
+}
+
+#[test]
+fn no_answer_names_the_folder_of_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let hidden = folder.path().join("hidden-folder");
+    std::fs::create_dir(&hidden).unwrap();
+    std::fs::copy(program::root().join("models/farsight-s.safetensors"), hidden.join("mine.safetensors")).unwrap();
+    let service = Service::start(folder.path(), &["--model", "hidden-folder/mine.safetensors"]);
+    let image = std::fs::read(program::root().join("assets/scenes/image_2/000000.jpg")).unwrap();
+    let elsewhere = std::fs::canonicalize(folder.path()).unwrap();
+    let tensor = format!(
+        r#"{{"inputs":[{{"name":"image","shape":[1],"datatype":"BYTES","data":["{}"]}}],"parameters":{{"hfov":81.4}}}}"#,
+        STANDARD.encode(&image)
+    );
+    let length = format!("Content-Length: {}", tensor.len());
+    let inferred = sent(service.address, "POST /v2/models/mine.safetensors/infer", &[&length], tensor.as_bytes());
+    let ranged = post(service.address, "?hfov=81.4", &image);
+    assert_eq!(ranged.json()["model"]["name"], "mine.safetensors", "{ranged:?}");
+    for (answer, status) in [
+        (ranged, 200),
+        (inferred, 200),
+        (post(service.address, "?hfov=81.4", b"no image"), 400),
+        (post(service.address, "", &image), 400),
+        (post(service.address, "?camera=front", &image), 404),
+        (get(service.address, "/v2"), 200),
+        (get(service.address, "/v2/models/mine.safetensors"), 200),
+        (get(service.address, "/v2/models/none"), 404),
+        (get(service.address, "/metrics"), 200),
+    ] {
+        assert_eq!(answer.status, status, "{answer:?}");
+        let text = format!("{}{}", answer.head, answer.body);
+        let named = ["hidden-folder", &elsewhere.to_string_lossy()].map(|path| text.contains(path));
+        assert_eq!(named, [false, false], "{text}");
     }
 }
 

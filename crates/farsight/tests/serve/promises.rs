@@ -1,18 +1,21 @@
 //! What the service promises: queue, deadlines, sizes, cameras, errors.
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::net::{TcpListener, TcpStream};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use farsight::service::{Config, Infer, Inference, MAX_BODY_BYTES, ModelCard, Server, Token};
-use farsight::{CameraSource, RangeError, ViewSource};
+use farsight::json::ImageRecord;
+use farsight::service::{AskedImage, Config, Infer, Inference, MAX_BODY_BYTES, ModelCard, Server, Token};
+use farsight::{CameraSource, Pipeline, RangeError, ViewSource};
+use serde_json::Value;
 
-use crate::client::{Stage, get, post, sent};
+use crate::client::{Response, Stage, get, post, sent};
+use crate::program;
 
 #[test]
 fn one_more_than_the_queue_holds_is_refused_at_once() {
@@ -79,6 +82,171 @@ fn a_panic_harms_its_own_request_only() {
         assert_eq!((broken.status, broken.error().0.as_str()), (500, "panic"));
         assert_eq!(post(address, "?hfov=65", b"an image").status, 200);
     }
+}
+
+/// So long nobody waits, so a batch begins when it is full.
+const FOR_EVER: Duration = Duration::from_hours(1);
+
+const IMAGE: &[u8] = b"an image";
+
+/// Sends all at once; the answers.
+fn posted(address: SocketAddr, bodies: &[&'static [u8]]) -> Vec<Response> {
+    let ask = |body: &&'static [u8]| {
+        let body = *body;
+        thread::spawn(move || post(address, "?hfov=65", body))
+    };
+    let asked: Vec<_> = bodies.iter().map(ask).collect();
+    asked.into_iter().map(|asked| asked.join().unwrap()).collect()
+}
+
+#[test]
+fn images_that_wait_make_one_batch() {
+    let stage = Stage::new(Config { batch: 2, batch_wait: FOR_EVER, ..Config::default() });
+    let address = stage.server.address();
+    let statuses: Vec<u16> = posted(address, &[IMAGE; 4]).iter().map(|answer| answer.status).collect();
+    assert_eq!(statuses, [200; 4]);
+    assert_eq!(*stage.stand_in.batches.lock().unwrap(), [2, 2]);
+    let metrics = get(address, "/metrics").body;
+    for line in [
+        "farsight_batch_size_bucket{le=\"1.0\"} 0\n",
+        "farsight_batch_size_bucket{le=\"2.0\"} 2\n",
+        "farsight_work_seconds_count 4\n",
+    ] {
+        assert!(metrics.contains(line), "no {line} in {metrics}");
+    }
+}
+
+#[test]
+fn a_panic_in_a_batch_harms_its_own_request_only() {
+    let stage = Stage::new(Config { batch: 3, batch_wait: FOR_EVER, ..Config::default() });
+    let answers = posted(stage.server.address(), &[IMAGE, b"panic", IMAGE]);
+    let statuses: Vec<u16> = answers.iter().map(|answer| answer.status).collect();
+    assert_eq!(statuses, [200, 500, 200]);
+    assert_eq!(answers[1].error().0, "panic");
+    assert_eq!(*stage.stand_in.batches.lock().unwrap(), [3]);
+    assert_eq!(posted(stage.server.address(), &[IMAGE; 3]).len(), 3);
+}
+
+#[test]
+fn a_lone_image_waits_for_company_no_longer_than_the_limit() {
+    let stage = Stage::new(Config { batch: 3, ..Config::default() });
+    let address = stage.server.address();
+    assert_eq!(post(address, "?hfov=65", b"an image").status, 200);
+    let metrics = get(address, "/metrics").body;
+    assert!(metrics.contains("farsight_batch_size_bucket{le=\"1.0\"} 1\n"), "{metrics}");
+}
+
+#[test]
+fn what_waits_for_company_past_its_deadline_is_never_begun() {
+    let deadline = Duration::from_millis(300);
+    let stage = Stage::new(Config { batch: 3, batch_wait: FOR_EVER, deadline, ..Config::default() });
+    let address = stage.server.address();
+    let late = post(address, "?hfov=65", b"too early");
+    assert_eq!((late.status, late.error().0.as_str()), (504, "deadline"));
+    // It still has its place in the batch, but is not looked at with the others.
+    assert!(posted(address, &[IMAGE; 2]).iter().all(|answer| answer.status == 200));
+    assert_eq!(*stage.stand_in.batches.lock().unwrap(), [2]);
+}
+
+#[test]
+fn a_batch_of_the_pipeline_gives_each_image_its_own_answer() {
+    let scenes = program::root().join("assets/scenes/image_2");
+    let [first, second] = ["000000.jpg", "000001.jpg"].map(|name| std::fs::read(scenes.join(name)).unwrap());
+    let pipeline = Pipeline::shipped().unwrap();
+    let [wide, narrow] = [81.4, 50.0].map(|hfov_deg| ViewSource::from(CameraSource::FieldOfView(hfov_deg)));
+    let road = program::root().join("assets/scenes/calib/000000.txt");
+    let calibrated = ViewSource::from(CameraSource::from_calibration(&road).unwrap())
+        .with_lens(Some("brown:-0.05,0,0,0,0".parse().unwrap()));
+    let name = Path::new("image");
+    let asked = [
+        (&first[..], &wide),
+        (&b"no image"[..], &wide),
+        (&second[..], &wide),
+        (&first[..], &narrow),
+        (&first[..], &calibrated),
+    ]
+    .map(|(bytes, views)| AskedImage { bytes, name, views });
+    let together = pipeline.infer_batch(&asked);
+    assert_eq!(together.len(), asked.len());
+    for (AskedImage { bytes, name, views }, together) in asked.into_iter().zip(together) {
+        match (pipeline.infer(bytes, name, views), together) {
+            (Ok(alone), Ok(together)) => assert_near(&alone.record, &together.record),
+            (Err(alone), Err(together)) => assert_eq!(alone.to_string(), together.to_string()),
+            (alone, together) => panic!("{alone:?} alone, {together:?} together"),
+        }
+    }
+}
+
+/// The engine adds up in another order for a batch: so far the numbers of an answer may differ, metres and pixels.
+const ORDER_OF_SUMS: f64 = 1e-2;
+
+fn assert_near(a: &ImageRecord, b: &ImageRecord) {
+    assert!(!a.detections.is_empty());
+    let numbers = |record: &ImageRecord| {
+        let mut found = Vec::new();
+        numbers_in(&serde_json::to_value(record).unwrap(), &mut found);
+        found
+    };
+    let [a, b] = [a, b].map(numbers);
+    assert_eq!(a.len(), b.len());
+    let most = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(most < ORDER_OF_SUMS, "{most}");
+}
+
+fn numbers_in(value: &Value, found: &mut Vec<f64>) {
+    match value {
+        Value::Number(number) => found.extend(number.as_f64()),
+        Value::Array(list) => list.iter().for_each(|value| numbers_in(value, found)),
+        Value::Object(fields) => fields.values().for_each(|value| numbers_in(value, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn one_connection_more_than_there_may_be_waits_for_another_to_end() {
+    let stage = Stage::new(Config { max_connections: 2, ..Config::default() });
+    let open = || {
+        let mut stream = TcpStream::connect(stage.server.address()).unwrap();
+        stream.write_all(b"GET /v2/health/live HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+        stream.set_read_timeout(Some(Duration::from_millis(500))).unwrap();
+        stream
+    };
+    let mut byte = [0];
+    let [first, _second] = [open(), open()].map(|mut stream| {
+        stream.read_exact(&mut byte).unwrap();
+        stream
+    });
+    let mut third = open();
+    assert!(third.read_exact(&mut byte).is_err(), "a third connection is answered");
+    drop(first);
+    third.set_read_timeout(Some(Duration::from_mins(1))).unwrap();
+    third.read_exact(&mut byte).unwrap();
+    assert_eq!(byte, *b"H");
+}
+
+#[test]
+fn who_does_not_say_what_it_wants_is_cut_off() {
+    let stage = Stage::new(Config { header_timeout: Duration::from_millis(200), ..Config::default() });
+    for part in ["", "GET /v2/health/live HTTP/1.1\r\nHost: local"] {
+        let mut stream = TcpStream::connect(stage.server.address()).unwrap();
+        stream.write_all(part.as_bytes()).unwrap();
+        // Again and again a little is no better than nothing.
+        let mut slow = stream.try_clone().unwrap();
+        let dripping = thread::spawn(move || {
+            while slow.write_all(b"x").is_ok() {
+                thread::sleep(Duration::from_millis(20));
+            }
+        });
+        stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        let mut answer = Vec::new();
+        // The end, or a reset, for what was sent too late.
+        if let Err(error) = stream.read_to_end(&mut answer) {
+            assert_eq!(error.kind(), ErrorKind::ConnectionReset, "{error}");
+        }
+        assert!(!answer.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&answer));
+        dripping.join().unwrap();
+    }
+    assert_eq!(get(stage.server.address(), "/v2/health/live").status, 200);
 }
 
 #[test]

@@ -130,6 +130,25 @@ fn it_speaks_tls_and_nothing_else_where_it_has_a_certificate() {
 }
 
 #[test]
+fn pages_of_other_origins_may_not_read_answers() {
+    let stage = Stage::new(Config::default());
+    let address = stage.server.address();
+    let origin = "Origin: https://elsewhere.example";
+    let image = ["Content-Length: 8", origin];
+    let asks = ["Access-Control-Request-Method: POST", "Access-Control-Request-Headers: authorization", origin];
+    for (answer, status) in [
+        (sent(address, "POST /v1/range?hfov=65", &image, b"an image"), 200),
+        (sent(address, "OPTIONS /v1/range?hfov=65", &asks, b""), 405),
+        (sent(address, "POST /v1/range?hfov=wide", &image, b"an image"), 400),
+        (sent(address, "OPTIONS /v2/models/stand-in/infer", &asks, b""), 405),
+        (sent(address, "GET /v1/cameras", &[origin], b""), 200),
+    ] {
+        assert_eq!(answer.status, status, "{answer:?}");
+        assert!(!answer.head.contains("access-control-"), "{}", answer.head);
+    }
+}
+
+#[test]
 fn the_page_needs_nothing_from_elsewhere() {
     let stage = Stage::new(Config::default());
     let scripts =

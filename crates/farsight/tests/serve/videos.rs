@@ -194,6 +194,30 @@ fn who_reads_nothing_is_cut_off() {
 }
 
 #[test]
+fn who_reads_a_little_now_and_then_is_cut_off() {
+    let film = Arc::new(Film { frames: u64::MAX, frame_s: 0.001, ..Film::default() });
+    let config = Config { write_timeout: Duration::from_secs(1), least_write_rate: 1 << 30, ..Config::default() };
+    let stage = stage(&film, config);
+    let stream = watched(stage.server.address(), "/v1/videos/front/frames?plain=true");
+    until("begun", || film.reading.load(Ordering::SeqCst) == 1);
+    until("cut off", || {
+        // Enough that no write waits for a second.
+        thread::sleep(Duration::from_millis(100));
+        let _ = (&stream).read(&mut [0; 64 << 10]);
+        film.reading.load(Ordering::SeqCst) == 0
+    });
+}
+
+#[test]
+fn who_keeps_pace_is_not_cut_off() {
+    let film = Arc::new(Film { frames: 200, frame_s: 0.001, ..Film::default() });
+    let config = Config { write_timeout: Duration::from_millis(500), ..Config::default() };
+    let stage = stage(&film, config);
+    let all = all_of(watched(stage.server.address(), "/v1/videos/front/frames?plain=true"));
+    assert!(all.ends_with(b"--frame--\r\n"));
+}
+
+#[test]
 fn streams_end_with_the_service() {
     let film = Arc::new(Film { frames: u64::MAX, frame_s: 0.01, ..Film::default() });
     let Stage { server, .. } = stage(&film, Config::default());
@@ -226,9 +250,9 @@ fn a_video_that_cannot_be_read_is_told_without_its_path_and_logged_with_it() {
     assert_eq!(get(stage.server.address(), "/v1/videos/front/frames?plain=perhaps").status, 400);
 }
 
-/// A service for the page: a real pipeline, or any other, and a film.
-pub(crate) fn served(infer: &Arc<dyn Infer>, videos: Vec<(&str, Arc<dyn Video>)>) -> Server {
+/// A service for the page: a real pipeline, or any other, and films.
+pub(crate) fn served(infer: &Arc<dyn Infer>, videos: Vec<(&str, Arc<dyn Video>)>, config: Config) -> Server {
     let videos = videos.into_iter().map(|(name, video)| (name.to_owned(), video)).collect();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    Server::start(listener, infer, Config { videos, ..Config::default() }).unwrap()
+    Server::start(listener, infer, Config { videos, ..config }).unwrap()
 }

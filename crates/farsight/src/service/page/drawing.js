@@ -133,12 +133,16 @@ function drawCursor({ context, unit }, [x, y]) {
 
 /** Draws objects, their error bars and the ways that they came, from above. */
 export function drawAbove(canvas, view) {
-  canvas.width = Math.max(240, canvas.parentElement.clientWidth - 24);
-  canvas.height = Math.round(Math.min(canvas.width * 1.1, 720));
+  const width = Math.max(240, canvas.parentElement.clientWidth - 24);
+  const height = Math.round(Math.min(width * 1.1, 720));
+  // As sharp as the screen; all below is in pixels of the page.
+  const ratio = devicePixelRatio || 1;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
   const context = canvas.getContext("2d");
+  context.scale(ratio, ratio);
   const style = getComputedStyle(document.documentElement);
   const [back, soft, line, text] = ["panel", "soft", "line", "text"].map((name) => style.getPropertyValue(`--${name}`));
-  const { width, height } = canvas;
   context.fillStyle = back;
   context.fillRect(0, 0, width, height);
   const { farthest, widest } = view.reach();
@@ -158,11 +162,29 @@ export function drawAbove(canvas, view) {
   context.lineTo(width / 2 - 7, height - 8);
   context.lineTo(width / 2 + 7, height - 8);
   context.fill();
-  for (const object of view.objects) drawFromAbove({ context, at, text }, view, object);
+  for (const object of view.objects) drawFromAbove({ context, at }, view, object);
+  context.fillStyle = text;
+  labelFromAbove({ context, at, width }, view);
   canvas.setAttribute("aria-label", `${view.objects.length} objects seen from above`);
 }
 
-function drawFromAbove({ context, at, text }, view, object) {
+/** Distances beside the objects, the nearest first; where there is no room for one, the list has it. */
+function labelFromAbove({ context, at, width }, view) {
+  const taken = [];
+  for (const object of [...view.objects].sort((a, b) => a.range_m - b.range_m)) {
+    const label = object.range_m.toFixed(1);
+    const [x, y] = at(object.location);
+    const length = context.measureText(label).width;
+    const isFree = (left) => left > 0 && left + length < width
+      && !taken.some(([l, t]) => left < l + length + 4 && l < left + length + 4 && Math.abs(t - y) < 14);
+    const left = [x + 8, x - 8 - length].find(isFree);
+    if (left === undefined) continue;
+    taken.push([left, y]);
+    context.fillText(label, left, y + 4);
+  }
+}
+
+function drawFromAbove({ context, at }, view, object) {
   context.strokeStyle = color(object);
   context.lineWidth = 1.5;
   context.globalAlpha = 0.6;
@@ -184,6 +206,4 @@ function drawFromAbove({ context, at, text }, view, object) {
     const [vx, , vz] = object.velocity_mps;
     stroke(context, [at([x, y, z]), at([x + vx, y, z + vz])]);
   }
-  context.fillStyle = text;
-  context.fillText(object.range_m.toFixed(1), at([x, y, z])[0] + 8, at([x, y, z])[1] + 4);
 }

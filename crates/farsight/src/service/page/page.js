@@ -148,12 +148,14 @@ function begin(isFilm) {
 
 function showControls() {
   find("hfov-row").hidden = state.isFilm || Boolean(chosenCamera());
+  // A film has a camera of its own.
+  find("camera-row").hidden = state.isFilm || find("camera").options.length < 2;
 }
 
 async function asked(address, options = {}) {
   const response = await fetch(address, { ...options, headers: { ...options.headers, ...headers() } });
   const answer = await response.json().catch(() => ({}));
-  if (response.status === 401) find("token-row").hidden = false;
+  find("token-row").hidden = response.status !== 401;
   if (!response.ok) throw new Error(answer.error?.message ?? `the service answered ${response.status}`);
   return answer;
 }
@@ -240,6 +242,8 @@ async function openFilm(name) {
     tell(`${name}: ${failure(error)}`, true);
   }
   find("stop").hidden = true;
+  // Chosen again, it begins anew.
+  if (state.request === request) find("video").value = "";
 }
 
 function showFrame(name, image, record) {
@@ -261,7 +265,7 @@ async function listCameras() {
     const { cameras, videos } = await asked("v1/cameras");
     const named = cameras.map((name) => new Option(name, name));
     find("camera").replaceChildren(new Option("by its field of view", ""), ...named);
-    find("camera-row").hidden = cameras.length === 0;
+    showControls();
     find("video").replaceChildren(new Option("none", ""), ...videos.map((name) => new Option(name, name)));
     find("video-row").hidden = videos.length === 0;
     if (!state.file) tell(videos.length ? "No photo or film yet." : "No photo yet.");
@@ -320,7 +324,6 @@ function useMarked() {
   const select = find("camera");
   if (![...select.options].some((option) => option.value === MARKED)) select.add(new Option("by four points", MARKED));
   select.value = MARKED;
-  find("camera-row").hidden = false;
   find("height").value = String(state.marked.height_m);
   showHeight();
   showControls();
