@@ -411,7 +411,7 @@ claims = { ap3d = 0.56 }
         let cell = |arm: &str| Cell { arm: arm.to_owned(), seed: 2 };
         assert_eq!(plan.work(&cell("a")), Work::Training);
         assert_eq!(plan.work(&cell("c")), Work::Ranging { of: cell("a"), by: RangerName::BoxMlp });
-        assert_eq!(plan.work(&cell("d")), Work::Shipped(Family::World));
+        assert_eq!(plan.work(&cell("d")), Work::Shipped(Family::FarsightW));
     }
 
     #[test]

@@ -126,8 +126,8 @@ fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
 /// SHA-256 of the weights of a shipped detector and of its refiner.
 fn hashes(family: Family) -> Result<[String; 2]> {
     let detector = match family {
-        Family::World => shipped::world()?.weights.sha256(),
-        Family::Smoke => shipped::smoke()?.weights.sha256(),
+        Family::FarsightW => shipped::ssd()?.weights.sha256(),
+        Family::FarsightS => shipped::smoke()?.weights.sha256(),
     };
     Ok([detector, shipped::refiner(family)?.weights.sha256()])
 }

@@ -71,7 +71,7 @@ impl ModelTaker for Ranges<'_> {
         let path = args.model.display();
         ensure!(is_one, "{path}: {}, two networks with a sampler between them; --int8 is for one network", C::NAME);
         measured(&model, args, printer, |runner, model| {
-            let whole = model.config.clone().detector(runner, None, None);
+            let whole = model.config.clone().detector(runner, Vec::new(), None);
             Ok(detector(whole.context("a network in one part")?))
         })
     }
