@@ -38,9 +38,9 @@ pub fn level_horizon(camera: &Camera) -> f64 {
 /// Row of the image in which the horizon is if boxes stand where the height of each says: for a camera whose pitch
 /// nobody knows.
 ///
-/// Each of `objects` is a box and what [`depth_from_height`] says of where it is nearest, metres. The answer is the median
-/// of the rows that they ask for, so that a box which is cut or half hidden moves it little. `None` for fewer than
-/// [`MIN_BOXES`].
+/// Each of `objects` is a box and what [`depth_from_height`] says of where it is nearest, metres. The answer is the
+/// median of the rows that they ask for, so that a box which is cut or half hidden moves it little. `None` for
+/// fewer than [`MIN_BOXES`].
 pub fn horizon_from_boxes(objects: &[(Box2d, f64)], camera: &Camera, camera_height_m: f64) -> Option<f64> {
     let rows = objects.iter().map(|(box2d, nearest_m)| box2d.y2 - camera.focal_y() * camera_height_m / nearest_m);
     let mut rows: Vec<f64> = rows.filter(|row| row.is_finite()).collect();

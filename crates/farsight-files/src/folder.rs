@@ -29,8 +29,8 @@ impl FolderLock {
     }
 }
 
-/// Removes the scratch files and folders that killed processes left in `folder`; of a process that runs, they stay. Returns how
-/// many there were.
+/// Removes the scratch files and folders that killed processes left in `folder`; of a process that runs, they stay.
+/// Returns how many there were.
 ///
 /// # Errors
 /// When the folder cannot be listed or a file not removed.

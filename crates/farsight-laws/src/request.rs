@@ -59,8 +59,8 @@ fn answer(bytes: &[u8], all: bool) -> Vec<u8> {
     answer
 }
 
-/// Whether nothing is missing of a request: it says that it is the last of its connection, and its body is as long as it
-/// says. The service takes a client that sends no more for one that went away, and looks at no image then.
+/// Whether nothing is missing of a request: it says that it is the last of its connection, and its body is as long as
+/// it says. The service takes a client that sends no more for one that went away, and looks at no image then.
 fn is_complete(bytes: &[u8]) -> bool {
     const END: &[u8] = b"\r\n\r\n";
     let Some(at) = bytes.windows(END.len()).position(|window| window == END) else { return false };

@@ -11,7 +11,8 @@ use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-/// Logarithms of height, width and diagonal of the box, as tangents; mean height, width and length of the class, metres.
+/// Logarithms of height, width and diagonal of the box, as tangents; mean height, width and length of the class,
+/// metres.
 const FEATURES: usize = 6;
 
 /// Inputs of the layers, and the one output.
@@ -41,8 +42,8 @@ pub struct Example {
     pub depth_m: f64,
 }
 
-/// What the network sees of a box of an object whose class has the mean size `hwl` (height, width, length, metres); none
-/// of a box with a side of less than a pixel.
+/// What the network sees of a box of an object whose class has the mean size `hwl` (height, width, length, metres);
+/// none of a box with a side of less than a pixel.
 pub fn features(box2d: &Box2d, camera: &Camera, hwl: [f64; 3]) -> Option<[f64; FEATURES]> {
     let (width, height) = (box2d.width(), box2d.height());
     if width.is_nan() || height.is_nan() || width.min(height) < MIN_SIDE_PX {
@@ -62,8 +63,8 @@ pub struct BoxMlp {
 }
 
 impl BoxMlp {
-    /// Learns from `examples`: mean squared error of the logarithm of the depth, Adam with a rate that falls to zero along
-    /// a cosine. None without an example.
+    /// Learns from `examples`: mean squared error of the logarithm of the depth, Adam with a rate that falls to zero
+    /// along a cosine. None without an example.
     pub fn fit(examples: &[Example], rng: &mut impl Rng) -> Option<Self> {
         let count = examples.len() as f64;
         let spread = |value: &dyn Fn(&Example) -> f64| {

@@ -187,8 +187,8 @@ impl Network {
         self.forward_through(inputs, &|_, _| unreachable!("a graph with a sampler, run without one"), mode, wanted)
     }
 
-    /// As [`Network::forward_from`]; `sampler` is what stands between the parts of a graph ([`Op::Sampler`]): it gets the
-    /// number of the place, from 0, and the maps that are read there.
+    /// As [`Network::forward_from`]; `sampler` is what stands between the parts of a graph ([`Op::Sampler`]): it gets
+    /// the number of the place, from 0, and the maps that are read there.
     pub fn forward_through(
         &self,
         inputs: &[Tensor],

@@ -12,7 +12,8 @@ use crate::object::{DetectedObject, RangeKind, detections};
 
 /// The image with boxes and distances, and the view from above beside or below it.
 ///
-/// A large image is drawn at a fraction of its size, which [`picture_divisor`] tells. `farsight_viz` has more to choose from.
+/// A large image is drawn at a fraction of its size, which [`picture_divisor`] tells. `farsight_viz` has more to choose
+/// from.
 pub fn draw(image: &RgbImage, camera: &Camera, objects: &[DetectedObject], range: RangeKind) -> RgbImage {
     draw_through_lens(image, camera, None, objects, range)
 }

@@ -44,8 +44,8 @@ impl Network {
     }
 
     /// The parts that engines run one after the other, for the taps named in `outputs`: the whole network, or what is
-    /// before its first sampler and what comes after each. The input of a later part is what its sampler makes. The taps
-    /// of a part are the maps in it that samplers behind it read, in their order, then its outputs.
+    /// before its first sampler and what comes after each. The input of a later part is what its sampler makes. The
+    /// taps of a part are the maps in it that samplers behind it read, in their order, then its outputs.
     pub fn parts(self, outputs: &[&str]) -> Vec<Self> {
         let nodes = &self.graph.nodes;
         let samplers = || (0..nodes.len()).filter(|&id| matches!(nodes[id].op, Op::Sampler { .. }));

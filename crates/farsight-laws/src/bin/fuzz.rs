@@ -1,6 +1,6 @@
 //! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. The minutes are of each target, and of
-//! its process's processor time, where the system tells it: a busy machine takes longer and tries as much. What breaks a law, takes too long or
-//! ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it.
+//! its process's processor time, where the system tells it: a busy machine takes longer and tries as much. What breaks
+//! a law, takes too long or ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it.
 //!
 //! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no
 //! other.

@@ -147,7 +147,8 @@ impl Layers<'_> {
         self.conv(b, all, &format!("{name}.joined"), 128, Window::same(1, 1))
     }
 
-    /// What is said of what was read at a box: two convolutions with stride 2, all that is left at once, and the answer.
+    /// What is said of what was read at a box: two convolutions with stride 2, all that is left at once, and the
+    /// answer.
     fn look(&self, b: &mut Builder, x: NodeId, name: &str, numbers: usize) -> NodeId {
         let x = self.conv(b, x, &format!("{name}.0"), 128, Window::same(3, 2));
         let x = self.conv(b, x, &format!("{name}.2"), 128, Window::same(3, 2));

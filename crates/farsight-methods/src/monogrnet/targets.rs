@@ -9,7 +9,8 @@ use super::MonoGrNetConfig;
 use super::codec::{CORNER_STEP_M, cell_camera, cell_center, decode_move, encode_box, encode_move, local_corners};
 use super::network::{BOX_NUMBERS, CELL_STRIDE, CORNER_NUMBERS};
 
-/// Cells whose centres lie in a box so many times narrower and lower around the same middle are the object's (authors').
+/// Cells whose centres lie in a box so many times narrower and lower around the same middle are the object's
+/// (authors').
 const FOCUS: f64 = 1.8;
 
 /// A box that overlaps its object's less is background (authors').
