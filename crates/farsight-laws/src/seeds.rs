@@ -275,17 +275,18 @@ pub(crate) fn tflite() -> Vec<Vec<u8>> {
 
 /// The plans that come with the project.
 pub(crate) fn experiment() -> Vec<Vec<u8>> {
-    // What names a method is where the arms of a plan start.
-    configs("experiments").into_iter().filter(|text| !names_method(text)).collect()
+    // What has no name is where the arms of a plan start.
+    configs("experiments").into_iter().filter(|text| has_line(text, "name = ")).collect()
 }
 
 /// The training configs that come with the project.
 pub(crate) fn train_config() -> Vec<Vec<u8>> {
-    configs("").into_iter().filter(|text| names_method(text)).collect()
+    configs("").into_iter().filter(|text| has_line(text, "method = ")).collect()
 }
 
-fn names_method(text: &[u8]) -> bool {
-    String::from_utf8_lossy(text).lines().any(|line| line.starts_with("method = "))
+/// Whether a line of the text starts so.
+fn has_line(text: &[u8], start: &str) -> bool {
+    String::from_utf8_lossy(text).lines().any(|line| line.starts_with(start))
 }
 
 /// The TOML files in a folder of `configs`.
