@@ -81,7 +81,7 @@ impl ClassMap {
 
     /// The text of its file, sorted by name.
     pub fn to_text(&self) -> String {
-        self.0.iter().map(|(name, class)| format!("{name} {class}\n")).collect()
+        self.0.iter().fold(String::new(), |text, (name, class)| text + &format!("{name} {class}\n"))
     }
 
     /// Whether every name is taken as it is.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use farsight_core::box3d::{corners as corners_of, ray_angle};
 use farsight_core::{Affine2, Box2d, Box3d, Camera, Dimensions};
 
-use super::network::{CELL_STRIDE, CORNER_NUMBERS};
+use super::layout::{CELL_STRIDE, CORNER_NUMBERS};
 
 /// Cells say how much farther than this, metres, an object is: about the mean of KITTI's cars.
 pub const START_DEPTH_M: f64 = 25.0;
@@ -116,6 +116,11 @@ pub fn local_corners(box3d: &Box3d) -> Corners {
 pub fn global_corners(local: &Corners, center: [f64; 3]) -> Corners {
     let (sin, cos) = ray_angle(center).sin_cos();
     local.map(|[x, y, z]| [cos * x + sin * z + center[0], y + center[1], cos * z - sin * x + center[2]])
+}
+
+/// The depth, metres, that a cell's channel stands for.
+pub fn depth_of(channel: f64) -> f64 {
+    channel + START_DEPTH_M
 }
 
 /// Corners as the network says them.

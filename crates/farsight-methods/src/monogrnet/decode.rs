@@ -10,9 +10,9 @@ use farsight_runtime::TensorView;
 use super::MonoGrNetConfig;
 use super::codec::{
     CORNER_REACH_M, CORNER_STEP_M, Corners, box_from_corners, cell_camera, cell_center, corners_from, decode_box,
-    decode_move, global_corners,
+    decode_move, depth_of, global_corners,
 };
-use super::network::{BOX_NUMBERS, CELL_STRIDE, depth_of};
+use super::layout::{BOX_NUMBERS, CELL_STRIDE};
 use crate::center_map::{image_box_of, value_at};
 
 /// Boxes of one class that overlap by more than this in the image are of one object: neighbouring cells find the same.

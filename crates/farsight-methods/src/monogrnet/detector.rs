@@ -11,10 +11,8 @@ use image::RgbImage;
 
 use super::MonoGrNetConfig;
 use super::decode::{CellBox, Placed, cell_boxes, detection, placed, shown};
-use super::network::{
-    BOX_MAP, BOX_NUMBERS, BRANCHES, CELL_STRIDE, CELLS, CENTER, CORNER_MAP, CORNER_NUMBERS, CORNER_STEPS, DEPTH,
-    MAP_STRIDE, REZOOM, SIDE,
-};
+use super::layout::{BOX_NUMBERS, CELL_STRIDE, CORNER_NUMBERS, MAP_STRIDE, SIDE};
+use super::network::{BOX_MAP, BRANCHES, CELLS, CENTER, CORNER_MAP, CORNER_STEPS, DEPTH, REZOOM};
 use super::sampler::sample;
 use crate::batch::{InputBatch, output};
 use crate::detector::{DetectError, Detector, UnfamiliarCamera};

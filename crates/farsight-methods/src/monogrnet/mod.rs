@@ -10,6 +10,7 @@ pub mod codec;
 pub mod config;
 pub mod decode;
 mod detector;
+pub mod layout;
 pub mod network;
 pub mod sampler;
 pub mod targets;

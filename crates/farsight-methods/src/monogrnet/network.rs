@@ -5,12 +5,12 @@ use farsight_graph::graph::{Graph, Init, NodeId, Window};
 use farsight_graph::layers::Builder;
 use farsight_graph::model::NetworkConfig;
 
-use super::codec::START_DEPTH_M;
 use super::config::MonoGrNetConfig;
+use super::layout::{BOX_NUMBERS, CORNER_NUMBERS, SIDE};
 
 /// Of each cell: logits of background and classes, then its 2D box.
 pub const CELLS: &str = "cells";
-/// Of each cell: virtual depth, metres, less [`START_DEPTH_M`].
+/// Of each cell: virtual depth, metres, less [`super::codec::START_DEPTH_M`].
 pub const DEPTH: &str = "depth";
 /// Of each cell: where the centre of the 3D box is seen.
 pub const CENTER: &str = "center";
@@ -29,24 +29,9 @@ pub const CORNERS: &str = "corners";
 /// Of each 3D box: what is added to its corners, before the hyperbolic tangent.
 pub const CORNER_STEPS: &str = "corner_steps";
 
-/// Numbers of a box in the image.
-pub const BOX_NUMBERS: usize = 4;
-
-/// Numbers of the corners of a box in space.
-pub const CORNER_NUMBERS: usize = 24;
-
 /// What is read at a 2D box, and how many numbers each part gives beside scores.
 pub const BRANCHES: [(&str, usize); 4] =
     [(REZOOM, BOX_NUMBERS), (DEPTH_STEP, 1), (CENTER_STEP, 2), (CORNERS, CORNER_NUMBERS)];
-
-/// Samples along each side of a box.
-pub const SIDE: usize = 16;
-
-/// Input pixels per cell of the grid.
-pub const CELL_STRIDE: usize = 32;
-
-/// Input pixels per cell of the maps that are read at boxes.
-pub const MAP_STRIDE: usize = 8;
 
 /// Rates of the dilated convolutions of the depth encoders on the coarse and the fine map (authors' code).
 const COARSE_RATES: [usize; 3] = [2, 4, 8];
@@ -161,9 +146,4 @@ impl Layers<'_> {
 /// A 1x1 convolution whose answers start small.
 fn output(b: &mut Builder, x: NodeId, name: &str, channels: usize, bias: f32) -> NodeId {
     b.conv_started(x, name, channels, Window::same(1, 1), [Init::Normal(0.01), Init::Constant(bias)])
-}
-
-/// The depth, metres, that a channel of [`DEPTH`] stands for.
-pub(super) fn depth_of(channel: f64) -> f64 {
-    channel + START_DEPTH_M
 }

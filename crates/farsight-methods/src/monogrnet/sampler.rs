@@ -3,7 +3,7 @@
 use farsight_core::samplers::{FeatureMap, roi_align};
 use farsight_core::{Affine2, Box2d};
 
-use super::network::{CELL_STRIDE, MAP_STRIDE, SIDE};
+use super::layout::{CELL_STRIDE, MAP_STRIDE, SIDE};
 
 /// Samples of a box.
 pub const SAMPLES: usize = SIDE * SIDE;

@@ -7,7 +7,7 @@ use rand_distr::StandardNormal;
 
 use super::MonoGrNetConfig;
 use super::codec::{CORNER_STEP_M, cell_camera, cell_center, decode_move, encode_box, encode_move, local_corners};
-use super::network::{BOX_NUMBERS, CELL_STRIDE, CORNER_NUMBERS};
+use super::layout::{BOX_NUMBERS, CELL_STRIDE, CORNER_NUMBERS};
 
 /// Cells whose centres lie in a box so many times narrower and lower around the same middle are the object's
 /// (authors').

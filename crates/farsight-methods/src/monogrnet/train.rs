@@ -13,9 +13,8 @@ use tch::{Device, Kind, Reduction, Tensor};
 
 use super::MonoGrNetConfig;
 use super::codec::{CORNER_REACH_M, CORNER_STEP_M, START_DEPTH_M};
-use super::network::{
-    BOX_NUMBERS, CELLS, CENTER, CENTER_STEP, CORNER_NUMBERS, CORNER_STEPS, CORNERS, DEPTH, DEPTH_STEP, REZOOM, SIDE,
-};
+use super::layout::{BOX_NUMBERS, CORNER_NUMBERS, SIDE};
+use super::network::{CELLS, CENTER, CENTER_STEP, CORNER_STEPS, CORNERS, DEPTH, DEPTH_STEP, REZOOM};
 use super::sampler::on_map;
 use super::targets::{BoxTarget, CellClass, CellTarget, CornerTarget, Targets, targets};
 use crate::center_map::train::{AtCells, at_cells, mean_l1};

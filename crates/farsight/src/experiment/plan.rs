@@ -440,8 +440,8 @@ claims = { ap3d = 0.56 }
             ),
             ("resamples = 9", "resamples = 1000001", "endpoints.resamples is 1000001; expected 1 to 1000000"),
             (
-                "[[blocks]]",
-                "[arms.c]\ntitle = \"c\"\nof = \"a\"\n[[blocks]]",
+                "[arms.a]",
+                "[arms.c]\ntitle = \"c\"\nof = \"a\"\n\n[arms.a]",
                 "arms.c has one of of and ranger; expected both, or none of them",
             ),
             (
