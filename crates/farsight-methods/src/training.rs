@@ -11,11 +11,14 @@ use farsight_train::training::{Callback, FileOptions, Job, TrainError, fit_file,
 
 use crate::TASKS;
 
+/// Trains the method of a table on a data set.
+type TrainOn = fn(toml::Table, &Path, Arc<dyn Dataset>, &FileOptions, &mut dyn Callback) -> Result<PathBuf, TrainError>;
+
 /// What can be done with the config of a method.
 pub(crate) struct Entry {
     tag: &'static str,
     train: fn(&Path, &FileOptions, &mut dyn Callback) -> Result<PathBuf, TrainError>,
-    train_on: fn(toml::Table, &Path, Arc<dyn Dataset>, &FileOptions, &mut dyn Callback) -> Result<PathBuf, TrainError>,
+    train_on: TrainOn,
     check: fn(toml::Table, &Path) -> Result<(), RunConfigError>,
 }
 

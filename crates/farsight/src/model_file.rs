@@ -115,13 +115,11 @@ pub fn with_own<T: ModelTaker>(path: &Path, taker: T) -> Result<T::Answer, Error
 
 /// Whether `path` is no SMOKE but a detector of another method.
 pub fn is_other_detector(path: &Path) -> bool {
-    match shipped_detector(path) {
-        Some(family) => family == Family::FarsightW,
-        None => {
-            let metadata = Weights::read_metadata(path).unwrap_or_default();
-            metadata.get(METHOD_KEY).is_some_and(|tag| tag != SmokeConfig::METHOD && is_detector(tag))
-        }
+    if let Some(family) = shipped_detector(path) {
+        return family == Family::FarsightW;
     }
+    let metadata = Weights::read_metadata(path).unwrap_or_default();
+    metadata.get(METHOD_KEY).is_some_and(|tag| tag != SmokeConfig::METHOD && is_detector(tag))
 }
 
 /// The weights of a model file of our own.

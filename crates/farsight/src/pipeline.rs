@@ -162,7 +162,9 @@ impl Pipeline {
             Ok((answers, times)) => {
                 let share = times.divided(images.len());
                 let answers = answers.into_iter().zip(images).map(|(mut objects, (_, view))| {
-                    objects.iter_mut().for_each(|object| object.box2d = view.shown(&object.box2d));
+                    for object in &mut objects {
+                        object.box2d = view.shown(&object.box2d);
+                    }
                     Ok((objects, share))
                 });
                 answers.collect()

@@ -18,7 +18,7 @@ use farsight_laws::{TARGETS, Target, named};
 
 /// An input that takes longer is kept, too: of processor time, and by the clock.
 const SLOW: Duration = Duration::from_secs(5);
-const WAITED: Duration = Duration::from_secs(60);
+const WAITED: Duration = Duration::from_mins(1);
 
 /// Address space of a target, KiB: what asks for more is a finding.
 const MEMORY_KIB: u64 = 6 << 20;

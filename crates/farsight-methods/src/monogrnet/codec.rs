@@ -167,7 +167,7 @@ mod tests {
     fn box3d() -> impl Strategy<Value = Box3d> {
         let sizes = (0.5..4.0, 0.4..3.0, 0.4..5.0);
         let places = (-20.0..20.0, -1.0..3.0, 3.0..80.0);
-        (sizes, places, -3.14..3.14).prop_map(|((height, width, length), (x, y, z), yaw)| Box3d {
+        (sizes, places, -3.1..3.1).prop_map(|((height, width, length), (x, y, z), yaw)| Box3d {
             dimensions: Dimensions { height, width, length },
             location: [x, y, z],
             yaw,

@@ -1,5 +1,4 @@
-//! `MonoGRNet` (Qin et al., *MonoGRNet: A Geometric Reasoning Network for Monocular 3D Object Localization*, AAAI
-//! 2019):
+//! `MonoGRNet` (Qin et al., *A Geometric Reasoning Network for Monocular 3D Object Localization*, AAAI 2019):
 //! each cell of a coarse grid says whether an object is there, its 2D box, its depth and where the centre of its 3D box
 //! is seen. Features at the 2D box refine that and give the eight corners; features at what is seen of them move the
 //! corners once more.

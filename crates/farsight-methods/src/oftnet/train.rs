@@ -76,7 +76,7 @@ pub struct Expected {
     /// Which cells are under objects, in flattened `[batch, classes, rows, columns]`.
     cells: Tensor,
     /// What stands there: place, size, cosine and sine, `[cells, 8]`.
-    expected: Tensor,
+    answers: Tensor,
 }
 
 /// What a step is judged by. All terms are sums over an image divided by the cells of the grid.
@@ -159,7 +159,7 @@ impl DetectorLoss for OftNetLoss {
             boxes: samples.iter().map(|sample| sample.targets.boxes.clone()).collect(),
             heatmap: stacked(of_all().map(|targets| &targets.heatmap[..]), size, device),
             cells: Tensor::from_slice(&cells).to_device(device),
-            expected: Tensor::from_slice(&expected).view([-1, ANSWERS as i64 - 1]).to_device(device),
+            answers: Tensor::from_slice(&expected).view([-1, ANSWERS as i64 - 1]).to_device(device),
         }
     }
 
@@ -169,7 +169,7 @@ impl DetectorLoss for OftNetLoss {
 
     fn loss(&self, outputs: &[Tensor], batch: &Expected) -> (Tensor, LossTerms) {
         let weights = &self.weights;
-        let parts = losses(&outputs[0], &batch.heatmap, &batch.cells, &batch.expected, weights.near_factor);
+        let parts = losses(&outputs[0], &batch.heatmap, &batch.cells, &batch.answers, weights.near_factor);
         let factors = [weights.score_weight, weights.place_weight, weights.size_weight, weights.yaw_weight];
         let parts: Vec<Tensor> = parts.into_iter().zip(factors).map(|(part, factor)| part * factor).collect();
         let [score, place, size, yaw] = [0, 1, 2, 3].map(|place| parts[place].double_value(&[]));

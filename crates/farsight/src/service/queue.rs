@@ -157,7 +157,9 @@ impl Worker {
             if jobs.is_empty() {
                 continue;
             }
-            jobs.iter().for_each(|job| self.metrics.began(job.since.elapsed()));
+            for job in &jobs {
+                self.metrics.began(job.since.elapsed());
+            }
             self.working.fetch_add(jobs.len(), Ordering::Relaxed);
             let answers = self.answers(&jobs.iter().map(|job| &job.task).collect::<Vec<_>>());
             self.working.fetch_sub(jobs.len(), Ordering::Relaxed);
