@@ -53,7 +53,7 @@ impl Ranger {
     /// The detections of an image with the distances that they have by this ranger. Those that it can say nothing about
     /// are left out. Boxes in space keep size and heading and go along their centre's ray; a guidance has its own size.
     pub(crate) fn ranged(&self, detections: Vec<Detection>, camera: &Camera) -> Vec<Detection> {
-        let depth: Box<dyn Fn(&Detection) -> Option<f64> + '_> = match self {
+        let depth: DepthOf<'_> = match self {
             Self::BoxMlp(network) => Box::new(|one| {
                 let features = features(&one.box2d, camera, mean_hwl(&one.class))?;
                 Some(network.depth_m(&features))
@@ -76,6 +76,9 @@ impl Ranger {
         detections.into_iter().zip(depths).filter_map(|(one, depth)| moved(one, camera, depth?)).collect()
     }
 }
+
+/// Depth of a detection, metres; none where nothing can be said.
+type DepthOf<'a> = Box<dyn Fn(&Detection) -> Option<f64> + 'a>;
 
 /// Mean height, width and length of a class, metres.
 fn mean_hwl(class: &ObjectClass) -> [f64; 3] {
