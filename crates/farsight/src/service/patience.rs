@@ -92,3 +92,71 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Patience<S> {
         Pin::new(&mut self.get_mut().stream).poll_shutdown(context)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::future::poll_fn;
+    use std::io::{self, ErrorKind};
+    use std::pin::Pin;
+    use std::task::{Context, Poll, ready};
+    use std::time::Duration;
+
+    use tokio::io::AsyncWrite;
+    use tokio::time::{Instant, Sleep, sleep};
+
+    use super::Patience;
+
+    const WAIT: Duration = Duration::from_millis(20);
+
+    /// Takes ten bytes, and the next ten a while later.
+    struct Drip(Pin<Box<Sleep>>);
+
+    impl AsyncWrite for Drip {
+        fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+            ready!(self.0.as_mut().poll(context));
+            self.0.as_mut().reset(Instant::now() + WAIT);
+            Poll::Ready(Ok(bytes.len().min(10)))
+        }
+
+        fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+            Poll::Ready(Ok(()))
+        }
+
+        fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+            Poll::Ready(Ok(()))
+        }
+    }
+
+    /// How many of a hundred writes went through, and why there were no more.
+    fn written(most_debt: Duration, least_rate: u64) -> (usize, Option<ErrorKind>) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+        runtime.block_on(async {
+            let mut stream = Patience::new(Drip(Box::pin(sleep(WAIT))), most_debt, least_rate);
+            for count in 0..100 {
+                let write = poll_fn(|context| Pin::new(&mut stream).poll_write(context, &[0; 64]));
+                if let Err(error) = write.await {
+                    return (count, Some(error.kind()));
+                }
+            }
+            (100, None)
+        })
+    }
+
+    #[test]
+    fn who_takes_less_than_the_least_rate_is_cut_off_though_each_write_is_in_time() {
+        // Ten bytes pay back a hundredth of a second, and each has to be waited for twice as long.
+        let (count, error) = written(Duration::from_millis(500), 1000);
+        assert_eq!(error, Some(ErrorKind::TimedOut));
+        assert!((1..60).contains(&count), "after {count} writes");
+    }
+
+    #[test]
+    fn who_takes_more_than_the_least_rate_is_never_cut_off() {
+        assert_eq!(written(Duration::from_millis(500), 10), (100, None));
+    }
+
+    #[test]
+    fn who_takes_nothing_is_cut_off_when_patience_ends() {
+        assert_eq!(written(WAIT / 4, 1), (0, Some(ErrorKind::TimedOut)));
+    }
+}

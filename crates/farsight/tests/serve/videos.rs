@@ -196,14 +196,14 @@ fn who_reads_nothing_is_cut_off() {
 #[test]
 fn who_reads_a_little_now_and_then_is_cut_off() {
     let film = Arc::new(Film { frames: u64::MAX, frame_s: 0.001, ..Film::default() });
-    let config = Config { write_timeout: Duration::from_secs(1), least_write_rate: 1 << 30, ..Config::default() };
+    let config = Config { write_timeout: Duration::from_secs(2), least_write_rate: 1 << 30, ..Config::default() };
     let stage = stage(&film, config);
     let stream = watched(stage.server.address(), "/v1/videos/front/frames?plain=true");
     until("begun", || film.reading.load(Ordering::SeqCst) == 1);
     until("cut off", || {
-        // Enough that no write waits for a second.
+        // Less than the film has, and enough that hardly a write waits for two seconds.
         thread::sleep(Duration::from_millis(100));
-        let _ = (&stream).read(&mut [0; 64 << 10]);
+        let _ = (&stream).read(&mut [0; 16 << 10]);
         film.reading.load(Ordering::SeqCst) == 0
     });
 }
