@@ -1,6 +1,6 @@
 //! Distance from a 2D box and a class alone, learnt: a multi-layer perceptron after `DisNet` (Haseeb et al., *A Novel
-//! Method for Distance Estimation from Monocular Camera*, 2018), which has the same six inputs and three hidden layers of
-//! 100 with SELU.
+//! Method for Distance Estimation from Monocular Camera*, 2018), which has the same six inputs and three hidden layers
+//! of 100 with SELU.
 //!
 //! Here sides of boxes are divided by the focal length, so that any camera will do, and they and the depth are taken as
 //! logarithms, so that an error of a tenth counts the same near and far. It looks at no pixel: what a detector's own
