@@ -6,7 +6,7 @@ import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { chromium } from "playwright-core";
 
 const [address, guarded, token, executablePath, photo] = process.argv.slice(2);
-const TIMEOUT_MS = 60_000;
+const TIMEOUT_MS = 180_000;
 mkdirSync("pictures", { recursive: true });
 const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
+use std::time::Duration;
 
 use farsight::service::{Config, Infer, SourceFrames, Token, Video, VideoFailure};
 use farsight::{CameraSource, Pipeline};
@@ -75,9 +76,11 @@ fn the_page_works_in_a_browser() {
     let front: Arc<dyn Video> = Arc::new(Scene { image: image.clone() });
     let cameras = BTreeMap::from([("dash".to_owned(), CameraSource::FieldOfView(81.4).into())]);
     let videos = vec![("front", Arc::clone(&front)), ("broken", Arc::new(Missing))];
-    let server = served(&infer, videos, Config { cameras, ..Config::default() });
+    // A machine that has other work takes longer than usual.
+    let deadline = Duration::from_mins(5);
+    let server = served(&infer, videos, Config { cameras, deadline, ..Config::default() });
     let token = Some(Token::new(TOKEN).unwrap());
-    let guarded = served(&infer, vec![("front", front)], Config { token, ..Config::default() });
+    let guarded = served(&infer, vec![("front", front)], Config { token, deadline, ..Config::default() });
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/serve/page.mjs");
     // Beside its library, where node looks for it.
     std::fs::copy(&script, folder.join("page.mjs")).unwrap();
