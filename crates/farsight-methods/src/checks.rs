@@ -17,9 +17,9 @@ pub(crate) fn problem_of_input([width, height]: [usize; 2]) -> Option<String> {
 }
 
 /// Why this cannot be a factor on channels, if it cannot.
-pub(crate) fn problem_of_width(width: f64) -> Option<String> {
+pub(crate) fn problem_of_width(name: &str, width: f64) -> Option<String> {
     let is_factor = width.is_finite() && width > 0.0 && width <= 8.0;
-    (!is_factor).then(|| format!("model.width is {width}; expected a factor above 0 and at most 8"))
+    (!is_factor).then(|| format!("model.{name} is {width}; expected a factor above 0 and at most 8"))
 }
 
 /// What is wrong with what a config says of focal lengths, if anything is.

@@ -2,7 +2,7 @@
 
 use crate::parts::{Parts, convolution, int, word};
 use farsight_graph::graph::Window;
-use farsight_graph::quantize::{QuantizedWeights, Range};
+use farsight_graph::quantize::{QuantizedWeights, Range, WeightRange};
 
 /// The value `x` rounded to the 256 numbers of `range`; returns the name of the result.
 ///
@@ -43,17 +43,18 @@ pub(super) struct UpConv<'a> {
     pub(super) kernels: &'a [f32],
     pub(super) channels: usize,
     pub(super) factor: usize,
+    pub(super) weights: WeightRange,
 }
 
 impl UpConv<'_> {
     /// Writes it; the ranges are those of the map and of the result.
     pub(super) fn write(&self, parts: &mut Parts, [input, output]: [Range; 2], out: &str) -> String {
-        let Self { x, name, kernels, channels, factor } = *self;
+        let Self { x, name, kernels, channels, factor, weights } = *self;
         let (copies, window) = (factor * factor, Window::same(3, 1));
         let groups = copies * channels;
         let copied = parts.node("Concat", &vec![x; copies], &format!("{out}/copies"), vec![int("axis", 1)]);
         let copied = rounded(parts, &copied, input);
-        let weights = QuantizedWeights::new(kernels, &[], groups, input.scale());
+        let weights = QuantizedWeights::new(kernels, &[], groups, input.scale(), weights);
         let weight = weight(parts, name, &[groups, 1, 3, 3], &weights);
         let phases = parts.node("Conv", &[&copied, &weight], &format!("{out}/phases"), convolution(window, groups));
         let phases = rounded(parts, &phases, output);

@@ -9,7 +9,7 @@ use crate::wire::{Message, WireError};
 use crate::{Facts, INPUT, Target, field, key, limits, seal, write, write_quantized};
 use farsight_files::{open_regular, read_file};
 use farsight_graph::model::{Model, NetworkConfig};
-use farsight_graph::quantize::StoredRanges;
+use farsight_graph::quantize::{StoredRanges, WeightRange};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::{FILE_SHA256_KEY, WeightsError};
 
@@ -111,7 +111,8 @@ impl OnnxModel {
     }
 
     /// As [`OnnxModel::from_model`], in 8 bits with the ranges that the model's file keeps: all but what reads the
-    /// image, the last layers, and a head that is computed at the peaks.
+    /// image, the last layers, and a head that is computed at the peaks. The weights take the numbers that this CPU
+    /// computes rightly with ([`WeightRange::of_this_cpu`]).
     ///
     /// # Errors
     /// When it keeps none of this network, or the weights do not fit.
@@ -126,8 +127,12 @@ impl OnnxModel {
         let ranges = StoredRanges::of_header(&model.weights.metadata);
         let quantization = ranges.and_then(|ranges| ranges.quantization(&network.graph, &int8_outputs::<C>()));
         let quantization = quantization.ok_or_else(|| OnnxError::new(source, OnnxProblem::NoRanges))?;
+        let quantization = quantization.with_weights(WeightRange::of_this_cpu());
         let mut facts = facts.clone();
-        let told = serde_json::json!({ "bits": 8, "layers": quantization.layer_count() });
+        let told = serde_json::json!({
+            "bits": 8, "layers": quantization.layer_count(),
+            "reduce_range": quantization.weights() == WeightRange::Reduced,
+        });
         facts.set(key::QUANTIZATION, told.to_string());
         Self::from_bytes(write_quantized(&network, &quantization, &facts, target).map_err(failed)?, source)
     }

@@ -9,7 +9,7 @@ use crate::proto::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntry
 use crate::seal::sealed;
 use crate::{Facts, INPUT, Target, key, quantized};
 use farsight_graph::graph::{FUSION_EPSILON, NORM_EPSILON, Node, NodeId, Op, ParameterId, Window};
-use farsight_graph::quantize::{Quantization, QuantizedWeights, Range};
+use farsight_graph::quantize::{Quantization, QuantizedWeights, Range, WeightRange};
 use farsight_graph::transform::{LocalHead, Network};
 use farsight_graph::weights::{WeightTensor, WeightsError};
 
@@ -152,8 +152,8 @@ impl Writer<'_> {
             Op::UpConv { weight, factor } if let Some(ranges) = self.layer_ranges(id) => {
                 let kernels = quantized::phases(&self.tensor(*weight)?.values, *factor);
                 let name = self.network.graph.parameters[*weight].name.clone();
-                let up =
-                    quantized::UpConv { x, name: &name, kernels: &kernels, channels: node.channels, factor: *factor };
+                let (channels, factor, weights) = (node.channels, *factor, self.weight_range());
+                let up = quantized::UpConv { x, name: &name, kernels: &kernels, channels, factor, weights };
                 up.write(&mut self.parts, ranges, out)
             }
             Op::UpConv { weight, factor } => {
@@ -207,6 +207,10 @@ impl Writer<'_> {
         Some([input, quantization.range(id)?])
     }
 
+    fn weight_range(&self) -> WeightRange {
+        self.quantization.map(Quantization::weights).unwrap_or_default()
+    }
+
     /// Names of the weight and the bias of the ordinary convolution `id`, in 8 bits if it computes in them.
     fn convolution_parameters(
         &mut self,
@@ -223,7 +227,8 @@ impl Writer<'_> {
         };
         let biases = bias.map(|id| self.tensor(id)).transpose()?.map_or(&[][..], |tensor| &tensor.values);
         let tensor = self.tensor(weight)?;
-        let weights = QuantizedWeights::new(&tensor.values, biases, tensor.shape[0], range.scale());
+        let weights =
+            QuantizedWeights::new(&tensor.values, biases, tensor.shape[0], range.scale(), self.weight_range());
         let shape = tensor.shape.clone();
         let name = |id: ParameterId| graph.parameters[id].name.as_str();
         let weight = quantized::weight(&mut self.parts, name(weight), &shape, &weights);

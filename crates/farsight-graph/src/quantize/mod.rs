@@ -22,7 +22,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 pub use histogram::{Histogram, Observer};
 pub use points::{layers, maps};
-pub use range::{QuantizedWeights, Range};
+pub use range::{QuantizedWeights, Range, WeightRange};
 pub use stored::{RANGES_KEY, StoredRanges, layers_of};
 
 use crate::graph::{Graph, NodeId, Op};
@@ -32,6 +32,7 @@ use crate::graph::{Graph, NodeId, Op};
 pub struct Quantization {
     layers: BTreeSet<NodeId>,
     ranges: BTreeMap<NodeId, Range>,
+    weights: WeightRange,
 }
 
 impl Quantization {
@@ -46,7 +47,18 @@ impl Quantization {
             maps.iter().filter_map(|id| Some((*id, *observed.get(id)?))).collect();
         share_ranges(graph, &mut ranges);
         let layers = layers.iter().copied().filter(|&id| ranges.contains_key(&graph.nodes[id].inputs[0])).collect();
-        Self { layers, ranges }
+        Self { layers, ranges, weights: WeightRange::Full }
+    }
+
+    /// The same with the weights in other numbers than [`WeightRange::Full`].
+    #[must_use]
+    pub fn with_weights(self, weights: WeightRange) -> Self {
+        Self { weights, ..self }
+    }
+
+    /// Which numbers the weights take.
+    pub fn weights(&self) -> WeightRange {
+        self.weights
     }
 
     /// Whether this convolution computes in 8 bits.

@@ -3,9 +3,6 @@
 /// Steps from the lowest to the highest of 256 values.
 const STEPS: f32 = 255.0;
 
-/// The largest weight; the range is symmetric, so -128 is not used.
-const MAX_WEIGHT: f32 = 127.0;
-
 /// A bias of more steps than this makes the steps of its channel longer: sums are kept in 32 bits.
 const MAX_BIAS: f64 = (1_u64 << 30) as f64;
 
@@ -56,10 +53,39 @@ impl Range {
     }
 }
 
+/// Which 8-bit numbers the weights take; symmetric, so -128 is none of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum WeightRange {
+    /// -127 to 127.
+    #[default]
+    Full,
+    /// -63 to 63, ONNX Runtime's `reduce_range`: the sum of two products with unsigned bytes fits into 16 bits, in which
+    /// x86 CPUs without VNNI add them and cut off what goes beyond.
+    Reduced,
+}
+
+impl WeightRange {
+    /// What this CPU computes rightly.
+    pub fn of_this_cpu() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if !is_x86_feature_detected!("avx512vnni") && !is_x86_feature_detected!("avxvnni") {
+            return Self::Reduced;
+        }
+        Self::Full
+    }
+
+    fn largest(self) -> f32 {
+        match self {
+            Self::Full => 127.0,
+            Self::Reduced => 63.0,
+        }
+    }
+}
+
 /// Weight and bias of a convolution in 8 and 32 bits, with a step for each channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuantizedWeights {
-    /// As many as there were weights, from -127 to 127; zero is 0.
+    /// As many as there were weights, in the numbers of a [`WeightRange`]; zero is 0.
     pub values: Vec<i8>,
     /// Length of a step of each output channel.
     pub scales: Vec<f32>,
@@ -73,10 +99,10 @@ pub struct QuantizedWeights {
 impl QuantizedWeights {
     /// The weights `[out, in, k, k]` and the biases `[out]` (or none) of a convolution whose input has steps of
     /// `input_scale`.
-    pub fn new(weight: &[f32], bias: &[f32], channels: usize, input_scale: f32) -> Self {
+    pub fn new(weight: &[f32], bias: &[f32], channels: usize, input_scale: f32, range: WeightRange) -> Self {
         let rows = weight.chunks_exact((weight.len() / channels.max(1)).max(1));
         let scales: Vec<f32> =
-            rows.clone().enumerate().map(|(i, row)| channel_scale(row, bias.get(i), input_scale)).collect();
+            rows.clone().enumerate().map(|(i, row)| channel_scale(row, bias.get(i), input_scale, range)).collect();
         let steps = rows.zip(&scales).flat_map(|(row, scale)| row.iter().map(move |value| value / scale));
         let values = steps.map(|step| step.round_ties_even() as i8).collect();
         let bias_scales: Vec<f32> = scales.iter().map(|scale| scale * input_scale).collect();
@@ -86,10 +112,10 @@ impl QuantizedWeights {
 }
 
 /// The shortest step that reaches the largest weight of a channel and its bias. A channel of zeros gets steps of 1.
-fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32) -> f32 {
+fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32, range: WeightRange) -> f32 {
     let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
     let for_bias = bias.map_or(0.0, |bias| f64::from(bias.abs()) / (f64::from(input_scale) * MAX_BIAS));
-    let scale = (largest / MAX_WEIGHT).max(for_bias as f32);
+    let scale = (largest / range.largest()).max(for_bias as f32);
     if scale.is_normal() { scale } else { 1.0 }
 }
 
@@ -98,7 +124,7 @@ fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32) -> f32 {
 mod tests {
     use proptest::prelude::*;
 
-    use super::{QuantizedWeights, Range};
+    use super::{QuantizedWeights, Range, WeightRange};
 
     proptest! {
         #[test]
@@ -115,11 +141,16 @@ mod tests {
 
         #[test]
         fn weights_are_within_half_a_step(weight in prop::collection::vec(-3.0_f32..3.0, 12), bias in prop::collection::vec(-9.0_f32..9.0, 3)) {
-            let found = QuantizedWeights::new(&weight, &bias, 3, 0.02);
-            for (i, value) in weight.iter().enumerate() {
-                let scale = found.scales[i / 4];
-                prop_assert!((f32::from(found.values[i]) * scale - value).abs() <= scale * 0.501);
+            for range in [WeightRange::Full, WeightRange::Reduced] {
+                let found = QuantizedWeights::new(&weight, &bias, 3, 0.02, range);
+                for (i, value) in weight.iter().enumerate() {
+                    let scale = found.scales[i / 4];
+                    prop_assert!((f32::from(found.values[i]) * scale - value).abs() <= scale * 0.501);
+                }
+                let largest = found.values.iter().map(|value| value.unsigned_abs()).max();
+                prop_assert!(largest <= Some(if range == WeightRange::Full { 127 } else { 63 }));
             }
+            let found = QuantizedWeights::new(&weight, &bias, 3, 0.02, WeightRange::Full);
             for (i, value) in bias.iter().enumerate() {
                 let scale = found.bias_scales[i];
                 prop_assert!((found.bias[i] as f32 * scale - value).abs() <= scale * 0.51 + 1e-5);
@@ -138,8 +169,15 @@ mod tests {
     }
 
     #[test]
+    fn two_products_of_reduced_weights_fit_into_16_bits() {
+        let weights = QuantizedWeights::new(&[1.0, -1.0], &[], 2, 1.0, WeightRange::Reduced).values;
+        assert_eq!(weights, [63, -63]);
+        assert!(2 * 255 * i32::from(weights[0]) <= i32::from(i16::MAX));
+    }
+
+    #[test]
     fn a_bias_that_would_not_fit_makes_longer_steps() {
-        let found = QuantizedWeights::new(&[1e-12, 0.0], &[5.0, 0.0], 2, 1e-3);
+        let found = QuantizedWeights::new(&[1e-12, 0.0], &[5.0, 0.0], 2, 1e-3, WeightRange::Full);
         assert!((f64::from(found.bias[0]) * f64::from(found.bias_scales[0]) - 5.0).abs() < 1e-4, "{found:?}");
         assert_eq!(found.values, [0, 0]);
         assert_eq!(found.scales[1].to_bits(), 1.0_f32.to_bits());

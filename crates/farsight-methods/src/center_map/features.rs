@@ -66,7 +66,7 @@ impl Features {
         if let Some(problem) = problem_of_input(self.input) {
             return Some(problem);
         }
-        if let Some(problem) = problem_of_width(self.width) {
+        if let Some(problem) = problem_of_width("width", self.width) {
             return Some(problem);
         }
         if self.head_channels.is_some_and(|channels| !(1..=4096).contains(&channels)) {

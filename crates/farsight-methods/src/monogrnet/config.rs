@@ -12,8 +12,9 @@ use crate::input_spec::InputSpec;
 /// Channels of DLA-34's levels.
 const DLA_CHANNELS: [usize; 6] = [16, 32, 64, 128, 256, 512];
 
-/// Widths are multiples of this.
+/// Channels of the backbone and of the rest are multiples of these.
 const WIDTH_STEP: usize = 16;
+const HEAD_STEP: usize = 8;
 
 /// A network's description, as it stands in a config file and in the header of its weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,6 +24,9 @@ pub struct MonoGrNetConfig {
     pub input: [usize; 2],
     /// Factor on all channels.
     pub width: f64,
+    /// Factor on the channels behind the backbone instead of `width`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub head_width: Option<f64>,
     /// What makes the features; those of strides 8 and 32 are read.
     pub backbone: Backbone,
     /// The first convolutions of DLA-34.
@@ -51,6 +55,7 @@ impl Default for MonoGrNetConfig {
         Self {
             input: [1248, 384],
             width: 1.0,
+            head_width: None,
             backbone: Backbone::Vgg16,
             stem: Stem::Full,
             norm: NormKind::Batch,
@@ -65,13 +70,12 @@ impl Default for MonoGrNetConfig {
 impl MonoGrNetConfig {
     /// Channels of DLA-34's levels.
     pub(super) fn dla_channels(&self) -> [usize; 6] {
-        DLA_CHANNELS.map(|channels| self.scaled(channels))
+        DLA_CHANNELS.map(|channels| scaled(channels, self.width, WIDTH_STEP))
     }
 
-    /// So many channels times the width.
-    pub(super) fn scaled(&self, channels: usize) -> usize {
-        let steps = (channels as f64 * self.width / WIDTH_STEP as f64).round().max(1.0);
-        steps as usize * WIDTH_STEP
+    /// So many channels behind the backbone times their width.
+    pub(super) fn head_channels(&self, channels: usize) -> usize {
+        scaled(channels, self.head_width.unwrap_or(self.width), HEAD_STEP)
     }
 
     /// Scores of a cell or box: the background, then the classes.
@@ -100,9 +104,16 @@ impl MonoGrNetConfig {
             wrong.then(|| format!("model.norm or model.stem does not fit {name}; expected batch and no choice of stem"))
         };
         problem_of_input(self.input)
-            .or_else(|| problem_of_width(self.width))
+            .or_else(|| problem_of_width("width", self.width))
+            .or_else(|| problem_of_width("head_width", self.head_width?))
             .or_else(backbone)
             .or_else(|| problem_of_focals(self.depth_focal_px, self.focal_range_px))
             .or_else(|| problem_of_classes(&self.classes))
     }
+}
+
+/// So many channels times a width, in whole steps.
+fn scaled(channels: usize, width: f64, step: usize) -> usize {
+    let steps = (channels as f64 * width / step as f64).round().max(1.0);
+    steps as usize * step
 }

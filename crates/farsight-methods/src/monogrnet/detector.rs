@@ -40,7 +40,7 @@ impl MonoGrNetDetector {
             let [width, height] = input_size.map(|side| side / stride);
             output(&*self.image_network, &mut outputs, name, [images, channels, height, width])
         };
-        let channels = self.config.scaled(128);
+        let channels = self.config.head_channels(128);
         Ok([
             map(CELLS, self.config.scores() + BOX_NUMBERS, CELL_STRIDE)?,
             map(DEPTH, 1, CELL_STRIDE)?,
@@ -63,7 +63,7 @@ impl MonoGrNetDetector {
         let found = self.placed(&found, &box_map, view)?;
         let boxes: Vec<Box2d> = found.iter().map(|one| one.seen).collect();
         let Some(values) = cropped(&corner_map, &boxes) else { return Ok(Vec::new()) };
-        let shape = [boxes.len(), self.config.scaled(128), SIDE, SIDE];
+        let shape = [boxes.len(), self.config.head_channels(128), SIDE, SIDE];
         let mut outputs = self.corner_network.run(&[(INPUT, TensorView { shape: &shape, values: &values })])?;
         let expected = [boxes.len(), CORNER_NUMBERS, 1, 1];
         let steps = output(&*self.corner_network, &mut outputs, CORNER_STEPS, expected)?;
@@ -76,7 +76,7 @@ impl MonoGrNetDetector {
     fn placed(&mut self, found: &[CellBox], map: &TensorView<'_>, view: &View) -> Result<Vec<Placed>, DetectError> {
         let boxes: Vec<Box2d> = found.iter().map(|one| one.box2d).collect();
         let Some(values) = cropped(map, &boxes) else { return Ok(Vec::new()) };
-        let shape = [boxes.len(), BRANCHES.len() * self.config.scaled(128), SIDE, SIDE];
+        let shape = [boxes.len(), BRANCHES.len() * self.config.head_channels(128), SIDE, SIDE];
         let mut outputs = self.box_network.run(&[(INPUT, TensorView { shape: &shape, values: &values })])?;
         let mut answers = Vec::with_capacity(BRANCHES.len());
         for (name, numbers) in BRANCHES {

@@ -90,7 +90,7 @@ fn network(config: &MonoGrNetConfig) -> Graph {
     let sum = b.add(sum, corner_map);
     b.tap(CORNER_MAP, sum);
 
-    let channels = config.scaled(128);
+    let channels = config.head_channels(128);
     b.stage(REZOOM);
     let sampled = b.sampler(&[cells, depth, center, box_map], BRANCHES.len() * channels, [SIDE, SIDE]);
     for (place, (name, numbers)) in BRANCHES.into_iter().enumerate() {
@@ -116,7 +116,7 @@ impl Layers<'_> {
         let taps = window.kernel * window.kernel;
         // As the backbone's: the variance stays through ReLU.
         let weights = Init::Normal((2.0 / (taps * b.channels(x)) as f32).sqrt());
-        let x = b.conv_started(x, name, self.config.scaled(channels), window, [weights, Init::Constant(0.0)]);
+        let x = b.conv_started(x, name, self.config.head_channels(channels), window, [weights, Init::Constant(0.0)]);
         b.relu(x)
     }
 

@@ -91,7 +91,7 @@ impl OftNetConfig {
 
     /// What is wrong with the fields, if anything is.
     pub(super) fn problem_of_fields(&self) -> Option<String> {
-        let problem = problem_of_input(self.input).or_else(|| problem_of_width(self.width));
+        let problem = problem_of_input(self.input).or_else(|| problem_of_width("width", self.width));
         if problem.is_some() {
             return problem;
         }

@@ -8,7 +8,7 @@ use farsight_graph::graph::{Graph, Init, Node, NodeId, Op, Parameter, ParameterI
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
-use farsight_graph::quantize::{Observer, Quantization, QuantizedWeights, Range, layers, maps};
+use farsight_graph::quantize::{Observer, Quantization, QuantizedWeights, Range, WeightRange, layers, maps};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_methods::smoke::SmokeConfig;
@@ -120,6 +120,10 @@ fn whole_conv(x: &[u8], zero: u8, [width, height]: [usize; 2], weights: &Quantiz
 
 #[test]
 fn a_small_network_in_whole_numbers() {
+    [WeightRange::Full, WeightRange::Reduced].into_iter().for_each(small_network_in_whole_numbers);
+}
+
+fn small_network_in_whole_numbers(weight_range: WeightRange) {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let mut sketch = Sketch::default();
     let image = sketch.node(Op::Input, &[], 3);
@@ -135,13 +139,14 @@ fn a_small_network_in_whole_numbers() {
 
     let [single, seen, made] = [Range::new(-1.0, 1.25), Range::new(-2.0, 2.5), Range::new(0.0, 3.0)];
     let observed = BTreeMap::from([(image, single), (twice, seen), (relu, made)]);
-    let quantization = Quantization::new(&network.graph, &BTreeSet::from([first]), &observed);
+    let quantization =
+        Quantization::new(&network.graph, &BTreeSet::from([first]), &observed).with_weights(weight_range);
     let size = [32, 32];
     let input: Vec<f32> = (0..3 * 32 * 32).map(|_| rng.random_range(-1.2..1.5)).collect();
     let found = answer(file(&network, Some(&quantization), &facts()), &input, size);
 
     let tensor = |name: &str| &network.weights.tensors[name].values;
-    let weights = QuantizedWeights::new(tensor("first.weight"), tensor("first.bias"), 6, seen.scale());
+    let weights = QuantizedWeights::new(tensor("first.weight"), tensor("first.bias"), 6, seen.scale(), weight_range);
     let zero = seen.zero_point();
     let steps = |x: &f32| {
         ((2.0 * single.rounded(*x) / seen.scale()).round_ties_even() + f32::from(zero)).clamp(0.0, 255.0) as u8

@@ -543,7 +543,7 @@ claims = { ap3d = 0.56 }
         let (_, smoke) = cost(&plan, "smoke");
         let is_trained = |arm: &String| plan.work(&Cell { arm: arm.clone(), seed: 1 }) == Work::Training;
         let (trained, others): (Vec<String>, Vec<String>) = plan.arms().into_iter().partition(is_trained);
-        assert_eq!(trained, ["oftnet", "gs3d", "centernet3d", "monodle", "smoke", "smoke_imp"]);
+        assert_eq!(trained, ["oftnet", "gs3d", "monogrnet", "centernet3d", "monodle", "smoke", "smoke_imp"]);
         let rangers = RangerName::ALL.map(RangerName::word);
         assert_eq!(others, [&rangers[..], &["farsight_w"]].concat());
         for arm in &trained {

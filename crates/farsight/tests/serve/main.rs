@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "the helpers of a test may panic")]
 
-#[path = "../program/mod.rs"]
+#[path = "../it/program.rs"]
 #[allow(dead_code, reason = "each test uses a part of it")]
 mod program;
 

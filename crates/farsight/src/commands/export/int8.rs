@@ -11,7 +11,7 @@ use farsight::camera_source::{CameraSource, KITTI_HFOV_DEG};
 use farsight_core::Camera;
 use farsight_data::{Exif, read_image};
 use farsight_files::write_atomically;
-use farsight_graph::quantize::{Observer, layers};
+use farsight_graph::quantize::{Observer, WeightRange, layers};
 use farsight_graph::transform::Network;
 use farsight_methods::InputSpec;
 use farsight_methods::smoke::SmokeModel;
@@ -56,6 +56,10 @@ pub(super) struct Int8Args {
     /// How many layers stay in float, those that do the most harm [default: as few as keep the answers within 1%]
     #[arg(long, value_name = "N", requires = "int8")]
     float_layers: Option<usize>,
+    /// Weights from -63 to 63 instead of -127 to 127, for CPUs whose sums of bytes are cut off at 16 bits (x86 without
+    /// VNNI; `farsight doctor` tells); --precision int8 chooses by itself
+    #[arg(long, requires = "int8")]
+    reduce_range: bool,
     /// Labelled data in KITTI's layout to compare distances and AP on, before and after
     #[arg(long, value_name = "DIR", requires = "int8")]
     data: Option<PathBuf>,
@@ -108,7 +112,14 @@ pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer
     let network = Network::deployable(model)?;
     let (ranges, references) = calibrate(&network, &facts, &images, args)?;
     printer.status(&format!("calibrated on {} images ({})", images.paths.len(), args.int8.observer_name()));
-    let sweep = Sweep::new(&network, &facts, ranges, &references, args.int8.engine.options()?.usable_threads());
+    let sweep = Sweep {
+        network: &network,
+        facts: &facts,
+        ranges,
+        weights: if args.int8.reduce_range { WeightRange::Reduced } else { WeightRange::Full },
+        references: &references,
+        threads: args.int8.engine.options()?.usable_threads(),
+    };
     let Trial { quantization, sensitivity } = chosen(&sweep, args.int8.float_layers, printer)?;
     let float_layers = sweep.float_layers(&quantization);
     printer.line(&format!(
@@ -121,7 +132,8 @@ pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer
 
     let mut told = json!({
         "bits": 8, "observer": args.int8.observer_name(), "images": images.paths.len(), "layers": quantization.layer_count(),
-        "float_layers": float_layers, "distance_change": sensitivity.distance, "score_change": sensitivity.score,
+        "float_layers": float_layers, "reduce_range": args.int8.reduce_range,
+        "distance_change": sensitivity.distance, "score_change": sensitivity.score,
     });
     let file = |told: &Value| {
         let mut facts = facts.clone();

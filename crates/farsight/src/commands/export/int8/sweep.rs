@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use farsight_graph::graph::{NodeId, Op};
-use farsight_graph::quantize::{Quantization, Range, layers};
+use farsight_graph::quantize::{Quantization, Range, WeightRange, layers};
 use farsight_graph::transform::Network;
 use farsight_methods::smoke::sensitivity::{Answers, Reference, Sensitivity};
 use farsight_methods::smoke::{DetectorFile, LOGITS};
@@ -27,11 +27,12 @@ const LISTED: usize = 10;
 
 /// A network that is quantised in several ways.
 pub(super) struct Sweep<'a> {
-    network: &'a Network,
-    facts: &'a Facts,
-    ranges: Ranges,
-    references: &'a [Reference],
-    threads: Option<usize>,
+    pub(super) network: &'a Network,
+    pub(super) facts: &'a Facts,
+    pub(super) ranges: Ranges,
+    pub(super) weights: WeightRange,
+    pub(super) references: &'a [Reference],
+    pub(super) threads: Option<usize>,
 }
 
 /// One way to quantise it, and what that does.
@@ -43,17 +44,7 @@ pub(super) struct Trial {
 /// The layers, the one that does the most harm first, with their names.
 pub(super) struct Harm(Vec<(NodeId, String, Sensitivity)>);
 
-impl<'a> Sweep<'a> {
-    pub(super) fn new(
-        network: &'a Network,
-        facts: &'a Facts,
-        ranges: Ranges,
-        references: &'a [Reference],
-        threads: Option<usize>,
-    ) -> Self {
-        Self { network, facts, ranges, references, threads }
-    }
-
+impl Sweep<'_> {
     /// All layers in 8 bits.
     pub(super) fn everything(&self) -> Result<Trial> {
         self.trial(&layers(&self.network.graph, LOGITS))
@@ -100,7 +91,7 @@ impl<'a> Sweep<'a> {
 
     /// These layers in 8 bits.
     fn trial(&self, layers: &BTreeSet<NodeId>) -> Result<Trial> {
-        let quantization = Quantization::new(&self.network.graph, layers, &self.ranges);
+        let quantization = Quantization::new(&self.network.graph, layers, &self.ranges).with_weights(self.weights);
         let source = Path::new("the quantised network");
         let file = self.file(&quantization, self.facts, Target::Portable, source)?;
         let sensitivity = Answers::new(&file, source, self.threads)?.change(self.references)?;

@@ -1,0 +1,84 @@
+//! `farsight calibrate`: rendered traffic under a camera on a mast, whose pitch and height are known exactly.
+
+#[allow(dead_code, reason = "each test program uses a part")]
+use std::fs;
+use std::path::Path;
+
+use crate::program::{done, farsight};
+use farsight::RgbImage;
+use farsight_data::kitti::Calibration;
+use serde_json::Value;
+
+/// 5.2 m up, 12 degrees down.
+const WORLD: &str = "
+regions = { europe = 1.0 }
+weather = { clear = 1.0 }
+density = [0.9, 1.2]
+
+[[cameras]]
+share = 1.0
+image_sizes = [[960, 540]]
+focal_widths = [0.9, 0.9]
+center = [0.5, 0.5]
+center_reach = 0.0
+height_m = [5.2, 5.2]
+pitch_deg = [12.0, 12.0]
+roll_deg = 0.0
+lateral_m = 0.0
+offset_m = 0.0
+";
+
+/// Value and error bar of the line that starts with `name`.
+fn told(text: &str, name: &str) -> [f64; 2] {
+    let line = text.lines().find(|line| line.starts_with(name)).unwrap();
+    let words: Vec<&str> = line.split_whitespace().collect();
+    [words[1].parse().unwrap(), words[2].trim_start_matches('±').parse().unwrap()]
+}
+
+#[test]
+fn a_camera_on_a_mast_is_found_and_its_file_makes_distances_better() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("world.toml"), WORLD).unwrap();
+    done(folder, &["synth", "--scene-config", "world.toml", "--out", "data", "--frames", "10", "--seed", "77"]);
+    let images = "data/training/image_2";
+    let text = done(folder, &["calibrate", images, "--fx", "864", "--out", "mast.txt"]);
+    for (name, truth) in [("pitch", 12.0), ("roll", 0.0), ("height", 5.2)] {
+        let [value, sigma] = told(&text, name);
+        assert!((value - truth).abs() < 3.0 * sigma.max(0.1) && sigma < 0.1 * truth.max(10.0), "{truth}: {text}");
+    }
+    let file = Calibration::read(&folder.join("mast.txt")).unwrap();
+    assert!((file.road.unwrap().height_m - told(&text, "height")[0]).abs() < 0.006);
+
+    // Level coordinates are those of the labels: the cars stand where they are only when the camera is known.
+    let judged = |results: &str, camera: &[&str]| {
+        done(folder, &[&["range", images, "--kitti", results], camera].concat());
+        let out = format!("{results}.json");
+        let labels = ["eval", "--labels", "data/training/label_2", "--results", results, "--json", &out];
+        done(folder, &labels);
+        let report: Value = serde_json::from_str(&fs::read_to_string(folder.join(&out)).unwrap()).unwrap();
+        let cars = &report["ranging"]["car"]["all"];
+        (cars["found"].as_u64().unwrap(), cars["abs_rel_z"].as_f64().unwrap())
+    };
+    let (known, unknown) = (judged("known", &["--calib", "mast.txt"]), judged("unknown", &["--fx", "864"]));
+    assert!(known.0 > unknown.0 && known.1 < 0.8 * unknown.1, "{known:?}, {unknown:?} without");
+}
+
+#[test]
+fn no_traffic_is_not_enough_to_tell() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, side) in [("a.png", 640), ("b.png", 640), ("c.png", 320)] {
+        RgbImage::new(side, 360).save(folder.join(name)).unwrap();
+    }
+    let refused = |images: &[&str], rest: &[&str]| {
+        let output = farsight(folder, &[&["calibrate"], images, &["--hfov", "70"], rest].concat());
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let text = refused(&["a.png", "b.png"], &["--out", "mast.txt"]);
+    assert!(text.contains("0 objects at places of their own in 2 images: not enough to tell"), "{text}");
+    assert!(!Path::new(&folder.join("mast.txt")).exists());
+    assert!(refused(&["a.png", "c.png"], &[]).contains("c.png: another camera or size than the images before"));
+    assert!(refused(&["a.png"], &["--above-road", "none"]).contains("expected metres, or any"));
+}

@@ -1,0 +1,277 @@
+//! `farsight experiment run`: cells in order, nothing done twice, killed at any moment, told when it belongs to another
+//! plan.
+
+#[allow(dead_code, reason = "each test program uses a part")]
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use crate::program::{done, farsight};
+use serde_json::Value;
+
+/// Two arms and two seeds of a network of 16 channels, three steps each.
+const PLAN: &str = r#"
+name = "tiny"
+data = { train = "train", evaluate = "val" }
+endpoints = { primary = ["ap3d", "mae", "found"], least_seeds = 2, resamples = 50 }
+
+[base]
+method = "smoke"
+
+[base.model]
+input = [96, 32]
+level_channels = [16, 16, 16, 16, 16, 16]
+head_channels = 16
+norm = "batch"
+neck = "plain"
+heatmap = { rule = "corner_net", min_overlap = 0.7 }
+antialias = true
+depth = { mean_m = 28.01, std_m = 16.32, focal_px = 55.8 }
+
+[base.train]
+epochs = 3
+batch_size = 2
+learning_rate = 1e-3
+threads = 1
+checkpoint_steps = 1
+log_steps = 1
+
+[arms.plain]
+title = "plain"
+
+[arms.wide]
+title = "floor of two"
+patch.model.heatmap = { rule = "fixed", radius = 0.0, min_radius = 2.0 }
+
+[[blocks]]
+arms = ["plain", "wide"]
+seeds = [1, 2]
+
+[[comparisons]]
+arm = "wide"
+against = "plain"
+claims = { ap3d = 5.0 }
+"#;
+
+const CELLS: [&str; 4] = ["plain-1", "wide-1", "plain-2", "wide-2"];
+
+/// A plan, and labels of four frames to render twins of.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    fs::write(root.join("plan.toml"), PLAN).unwrap();
+    done(root, &["synth", "--out", "kitti", "--frames", "4", "--seed", "6"]);
+    fs::write(root.join("kitti/ImageSets/train.txt"), "000000\n000001\n").unwrap();
+    fs::write(root.join("kitti/ImageSets/val.txt"), "000002\n000003\n").unwrap();
+    folder
+}
+
+fn arguments<'a>(out: &'a str, results: &'a str) -> Vec<&'a str> {
+    let fixed = ["experiment", "run", "plan.toml", "--data", "twins", "--kitti", "kitti", "--out"];
+    fixed.into_iter().chain([out, "--results", results]).collect()
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn start(root: &Path, out: &str, results: &str) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_farsight"));
+    command.args(arguments(out, results)).current_dir(root).stdout(Stdio::null()).stderr(Stdio::null());
+    command.spawn().unwrap()
+}
+
+/// How many files of any cell are there, and how long the metrics are: what grows while an experiment runs.
+fn come_to(out: &Path) -> usize {
+    let length = |path: &Path| fs::metadata(path).map_or(0, |data| data.len() as usize);
+    CELLS.iter().map(|cell| length(&out.join(cell).join("metrics.jsonl"))).sum()
+}
+
+#[test]
+fn a_killed_experiment_ends_as_one_left_alone() {
+    let folder = folder();
+    let root = folder.path();
+    let listed = done(root, &["experiment", "run", "plan.toml", "--list", "--results", "whole.json"]);
+    assert!(listed.contains("plain-1") && listed.contains("0 of 4 cells"), "{listed}");
+    let told = done(root, &arguments("whole", "whole.json"));
+    let order: Vec<&str> = told.lines().map(|line| line.split(':').next().unwrap()).collect();
+    assert_eq!(order, CELLS);
+    assert!(!root.join("twins.unfinished").exists() && root.join("twins/ImageSets/val.txt").exists());
+
+    let mut kills = 0;
+    let killed = root.join("killed");
+    loop {
+        let before = come_to(&killed);
+        let mut child = start(root, "killed", "killed.json");
+        while child.try_wait().unwrap().is_none() && come_to(&killed) == before {
+            sleep(Duration::from_millis(3));
+        }
+        // Not always at the same place.
+        sleep(Duration::from_millis(7 * kills % 40));
+        if child.try_wait().unwrap().is_some() {
+            break;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+        assert!(kills < 60, "it does not come forward");
+    }
+    assert!(kills >= 3, "it was too short to be killed");
+    done(root, &arguments("killed", "killed.json"));
+    assert_eq!(json(&root.join("killed.json")), json(&root.join("whole.json")));
+    for cell in CELLS {
+        let model = |out: &str| fs::read(root.join(out).join(cell).join("model.safetensors")).unwrap();
+        assert!(model("whole") == model("killed"), "{cell}: the models differ");
+    }
+
+    let results = json(&root.join("whole.json"));
+    assert_eq!(results["cells"].as_array().unwrap().len(), 4);
+    assert_eq!(results["cells"][1]["arm"], "wide");
+    assert_eq!(results["cells"][1]["steps"], 3);
+    assert!(results["cells"][1]["ap3d"].is_number(), "{results}");
+    let comparison = &results["comparisons"][0];
+    assert_eq!((&comparison["metric"], &comparison["seeds"]), (&"ap3d".into(), &2.into()), "{results}");
+    let keys: Vec<&String> = results.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["cells", "comparisons"]);
+}
+
+#[test]
+fn minutes_stop_at_a_checkpoint_and_the_same_command_goes_on() {
+    let folder = folder();
+    let root = folder.path();
+    let timed = |out: &str| {
+        let mut words = arguments(out, "timed.json");
+        words.extend(["--minutes", "0.0001"]);
+        farsight(root, &words)
+    };
+    let mut stops = 0;
+    loop {
+        let output = timed("timed");
+        match output.status.code() {
+            Some(75) => stops += 1,
+            Some(0) => break,
+            other => panic!("{other:?}: {}", String::from_utf8_lossy(&output.stderr)),
+        }
+        assert!(stops < 40, "it does not come forward");
+    }
+    // Steps, frames and cells: each goes on where it was.
+    assert!(stops >= 8, "{stops}");
+    done(root, &arguments("whole", "whole.json"));
+    assert_eq!(json(&root.join("timed.json")), json(&root.join("whole.json")));
+
+    // One cell alone, and a cell of another plan.
+    let mut words = arguments("one", "one.json");
+    words.extend(["--only", "wide-2"]);
+    done(root, &words);
+    assert_eq!(json(&root.join("one.json"))["cells"][0], json(&root.join("whole.json"))["cells"][3]);
+    fs::write(root.join("plan.toml"), PLAN.replace("learning_rate = 1e-3", "learning_rate = 2e-3")).unwrap();
+    let output = farsight(root, &arguments("whole", "whole.json"));
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("plain-1: a cell of another experiment"), "{told}");
+}
+
+/// Arms of three methods.
+const METHODS: &str = r#"
+name = "methods"
+data = { train = "train", evaluate = "val" }
+endpoints = { primary = ["ap3d", "mae", "found"], least_seeds = 1, resamples = 50 }
+
+[base.train]
+epochs = 2
+batch_size = 2
+threads = 1
+
+[arms.smoke]
+title = "SMOKE"
+patch.method = "smoke"
+patch.model = { input = [96, 32], level_channels = [16, 16, 16, 16, 16, 16], head_channels = 16, norm = "batch", neck = "plain" }
+
+[arms.monodle]
+title = "MonoDLE"
+patch.method = "monodle"
+patch.model = { input = [96, 32], width = 0.03, head_channels = 8, stem = "half" }
+
+[arms.oftnet]
+title = "OFTNet"
+patch.method = "oftnet"
+patch.model = { input = [96, 32], width = 0.05, blocks = 1, grid = { cell_m = 4.0, columns = 10, rows = 10, slabs = 2 } }
+
+[arms.gs3d]
+title = "GS3D"
+patch.method = "gs3d"
+patch.model = { input = [96, 32], backbone = "resnet18", width = 0.05, head_channels = 8, surface_channels = 4, hidden = 8 }
+
+[arms.similar_triangles]
+title = "similar triangles"
+of = "smoke"
+ranger = "similar_triangles"
+
+[arms.estimated_horizon]
+title = "inverse perspective"
+of = "smoke"
+ranger = "estimated_horizon"
+
+[arms.box_mlp]
+title = "perceptron"
+of = "smoke"
+ranger = "box_mlp"
+
+[arms.shipped]
+title = "farsight-s"
+shipped = "farsight-s"
+
+[[blocks]]
+arms = ["smoke", "monodle", "oftnet", "gs3d", "similar_triangles", "estimated_horizon", "box_mlp", "shipped"]
+seeds = [1]
+
+[[comparisons]]
+arm = "monodle"
+against = "oftnet"
+"#;
+
+#[test]
+fn arms_of_several_methods_are_trained_and_judged_alike() {
+    let folder = folder();
+    let root = folder.path();
+    fs::write(root.join("plan.toml"), METHODS).unwrap();
+    let told = done(root, &arguments("methods", "methods.json"));
+    let order: Vec<&str> = told.lines().map(|line| line.split(':').next().unwrap()).collect();
+    assert_eq!(order[..4], ["smoke-1", "monodle-1", "oftnet-1", "gs3d-1"]);
+    assert_eq!(order[4..], ["similar_triangles-1", "estimated_horizon-1", "box_mlp-1", "shipped-1"]);
+    let results = json(&root.join("methods.json"));
+    for (cell, arm) in results["cells"].as_array().unwrap().iter().zip(["smoke", "monodle", "oftnet", "gs3d"]) {
+        assert_eq!((&cell["arm"], &cell["steps"]), (&arm.into(), &2.into()), "{results}");
+        assert!(cell["ap3d"].is_number(), "{results}");
+    }
+    assert_eq!(results["comparisons"][0]["seeds"], 1, "{results}");
+
+    // Rangers are of the boxes of SMOKE's answers; without steps, as the shipped model.
+    let rows = |cell: &str| {
+        let text = fs::read_to_string(root.join("methods").join(cell).join("results/000002.txt")).unwrap();
+        let words = |line: &str| line.split(' ').map(str::to_owned).collect::<Vec<_>>();
+        text.lines().map(words).collect::<Vec<_>>()
+    };
+    let smoke = rows("smoke-1");
+    assert!(!smoke.is_empty(), "a network that answers nothing proves nothing");
+    for ranger in ["similar_triangles-1", "estimated_horizon-1", "box_mlp-1"] {
+        let ranged = rows(ranger);
+        let is_there = |row: &Vec<String>| smoke.iter().any(|other| row[0] == other[0] && row[4..8] == other[4..8]);
+        assert!(ranged.iter().all(is_there), "{ranger}: {ranged:?} of {smoke:?}");
+        assert!(ranged.iter().any(|row| smoke.iter().all(|other| row[13] != other[13])), "{ranger} has its own depths");
+    }
+    let found = |cell: &Value| cell["found"].as_f64().unwrap();
+    let shipped = &results["cells"][7];
+    assert_eq!(shipped["steps"], 0);
+    assert!(found(shipped) > found(&results["cells"][0]), "{results}");
+
+    // A field of another method is told before anything is rendered.
+    fs::write(root.join("plan.toml"), METHODS.replace("blocks = 1, ", "blocks = 1, msfe = \"a\", ")).unwrap();
+    let words = ["experiment", "run", "plan.toml", "--data", "nowhere", "--kitti", "kitti", "--out", "other"];
+    let output = farsight(root, &words);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && !root.join("nowhere").exists(), "{told}");
+    assert!(told.contains("arms.oftnet") && told.contains("msfe"), "{told}");
+}
