@@ -147,8 +147,8 @@ mod tests {
                     let scale = found.scales[i / 4];
                     prop_assert!((f32::from(found.values[i]) * scale - value).abs() <= scale * 0.501);
                 }
-                let largest = found.values.iter().map(|value| value.unsigned_abs()).max();
-                prop_assert!(largest <= Some(if range == WeightRange::Full { 127 } else { 63 }));
+                let limit = if range == WeightRange::Full { 127 } else { 63 };
+                prop_assert!(found.values.iter().all(|value| value.unsigned_abs() <= limit));
             }
             let found = QuantizedWeights::new(&weight, &bias, 3, 0.02, WeightRange::Full);
             for (i, value) in bias.iter().enumerate() {

@@ -1,9 +1,10 @@
 //! Figures stand in one place: documents quote the files that `farsight measure` writes.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 
+use crate::program::{farsight, root};
 use serde_json::Value;
 
 fn json(path: &Path) -> Value {
