@@ -77,6 +77,11 @@ impl Libtorch {
         let before: Vec<PathBuf> = env::var_os(variable).map(|v| env::split_paths(&v).collect()).unwrap_or_default();
         let path = env::join_paths(self.libraries.iter().chain(&before)).unwrap_or_else(|_| OsString::new());
         command.env("LIBTORCH", &self.torch).env(variable, path);
+        // OpenMP's threads otherwise wait for each other at full speed: beside any other work on the machine a training
+        // takes several times as long.
+        if env::var_os("OMP_WAIT_POLICY").is_none() {
+            command.env("OMP_WAIT_POLICY", "passive");
+        }
         if self.torch.join("lib/libtorch_cuda.so").is_file() && Path::new("/dev/nvidia0").exists() {
             // The linker drops a library that no symbol asks for, and CUDA registers itself only when it is loaded.
             command.env("LD_PRELOAD", self.torch.join("lib/libtorch_cuda.so"));

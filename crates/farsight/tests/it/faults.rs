@@ -24,6 +24,7 @@ const KILLS_OF_OTHERS: usize = 1;
 
 /// Sizes in blocks of 512 bytes beyond which no file grows: what a full disk is to a program.
 const FULL_AT: [usize; 8] = [0, 1, 2, 8, 40, 200, 700, 2000];
+const FULL_AT_UNASKED: [usize; 5] = [0, 1, 8, 200, 2000];
 const FULL_AT_OF_OTHERS: [usize; 3] = [0, 2, 40];
 
 /// How often each is tried, where it is said.
@@ -62,7 +63,11 @@ impl Case {
     }
 
     fn full_at(&self) -> &'static [usize] {
-        if self.is_quick || asked_tries().is_some() { &FULL_AT } else { &FULL_AT_OF_OTHERS }
+        match (asked_tries(), self.is_quick) {
+            (Some(_), _) => &FULL_AT,
+            (None, true) => &FULL_AT_UNASKED,
+            (None, false) => &FULL_AT_OF_OTHERS,
+        }
     }
 
     /// Runs the command, which must come to its end.
