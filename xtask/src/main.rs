@@ -111,7 +111,9 @@ fn test(arguments: &[&str]) -> Result<(), String> {
     let features = "farsight/train,farsight/rerun,farsight-laws/train";
     let path = python::path_with_everything()?;
     let all = ["test", "--workspace", "--features", features, "--", "--include-ignored"];
-    run(cargo(Some(&libtorch)).args(all).env("PATH", path))?;
+    // Commands are killed that take long, and each more often.
+    let tries = env::var_os("FARSIGHT_FAULTS").unwrap_or_else(|| "3".into());
+    run(cargo(Some(&libtorch)).args(all).env("PATH", path).env("FARSIGHT_FAULTS", tries))?;
     wheel::wheel(&["--dev", "--test"])?;
     wheel::wheel(&["--dev", "--test=ray"])
 }

@@ -59,8 +59,8 @@ pub enum WeightRange {
     /// -127 to 127.
     #[default]
     Full,
-    /// -63 to 63, ONNX Runtime's `reduce_range`: the sum of two products with unsigned bytes fits into 16 bits, in which
-    /// x86 CPUs without VNNI add them and cut off what goes beyond.
+    /// -63 to 63, ONNX Runtime's `reduce_range`: the sum of two products with unsigned bytes fits into 16 bits, in
+    /// which x86 CPUs without VNNI add them and cut off what goes beyond.
     Reduced,
 }
 

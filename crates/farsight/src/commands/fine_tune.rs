@@ -95,7 +95,7 @@ mod training {
             let path = run.join(name);
             write_atomically(&path, |out| ids.iter().try_for_each(|id| writeln!(out, "{id}"))).map(|()| path)
         });
-        let config = write_config(args, &start, &run, &learnt_file?)?;
+        let config = write_config(args, &start, &run, &learnt_file?, learnt.len())?;
         let options = FileOptions { data: Some(args.data.clone()), out: run, resume: args.resume };
         let trained = train(&config, &options, &mut Progress::new(printer, false))?;
         let mut model = SmokeModel::read(&trained)?;
@@ -126,11 +126,21 @@ mod training {
     }
 
     /// The config of the run: the recipe, the network of `start` and its weights.
-    fn write_config(args: &FineTuneArgs, start: &SmokeModel, run: &Path, learnt: &Path) -> Result<PathBuf> {
+    fn write_config(
+        args: &FineTuneArgs,
+        start: &SmokeModel,
+        run: &Path,
+        learnt: &Path,
+        frames: usize,
+    ) -> Result<PathBuf> {
         let start_file = run.join("start.safetensors");
         start.write(&start_file)?;
         let mut config: Table = RECIPE.parse().context("configs/fine-tune.toml")?;
         config.insert("model".to_owned(), Value::try_from(unfitted(start.config.clone()))?);
+        let number = |key: &str| config["train"].get(key).and_then(Value::as_integer).unwrap_or(1);
+        // As many batches as it learns from are enough for the statistics.
+        let steps = i64::try_from(args.epochs)?.saturating_mul((i64::try_from(frames)? / number("batch_size")).max(1));
+        let statistics_batches = number("statistics_batches").min(steps);
         let mut set = |table: &str, key: &str, value: Value| {
             if let Some(Value::Table(table)) = config.get_mut(table) {
                 table.insert(key.to_owned(), value);
@@ -138,6 +148,7 @@ mod training {
         };
         set("train", "start_from", Value::String(start_file.display().to_string()));
         set("train", "epochs", Value::Integer(i64::try_from(args.epochs)?));
+        set("train", "statistics_batches", Value::Integer(statistics_batches));
         set("data", "split", Value::String(learnt.display().to_string()));
         let path = run.join("fine-tune.toml");
         write_atomically(&path, |out| out.write_all(config.to_string().as_bytes()))?;

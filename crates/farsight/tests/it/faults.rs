@@ -18,8 +18,8 @@ use farsight_graph::model::NetworkConfig;
 use farsight_graph::weights::{WeightTensor, Weights};
 use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 
-/// How often each command is killed, where nothing else is said: those that were always here, and the others.
-const KILLS: usize = 3;
+/// How often each command is killed, where nothing else is said: those that are quick, and the others.
+const KILLS: usize = 2;
 const KILLS_OF_OTHERS: usize = 1;
 
 /// Sizes in blocks of 512 bytes beyond which no file grows: what a full disk is to a program.
@@ -96,33 +96,37 @@ fn cases() -> Vec<Case> {
         Case::quick("prune --model in/m.safetensors --keep 0.5 --out p.safetensors"),
         Case::quick("import in/c.pth --out c.safetensors"),
         Case::quick("info in/m.safetensors --svg m.svg"),
-        Case::quick("demo --out demo"),
         Case::quick(TRACK),
-        Case::new("synth --sequence 1 --frames 3 --fps 20 --world in/world.toml --out set --seed 5")
-            .resumed("--resume"),
         Case::new(
             "range in --hfov 81 --model in/m.safetensors --json all.json --kitti kitti --shard 1/2 --parts parts",
         ),
-        Case::new("range in --hfov 81 --model in/m.safetensors --mcap all.mcap"),
         Case::new("merge in/parts --out merged"),
         Case::new("eval-tracks --labels in/tracks.txt --tracks in/tracks.jsonl --json judged.json --report page.html"),
-        Case::new("calibrate in/000000.jpg --hfov 81 --model farsight-s --refiner none --plates none --out pole.txt"),
         Case {
             status: 1,
             ..Case::new("parity --model in/m.safetensors --golden in/golden.safetensors --json parity.json")
         },
-        Case { varies: Some("bench.json"), ..Case::new(BENCH) },
     ];
+    // Ten seconds and more each, and minutes.
+    if asked_tries().is_none() {
+        return cases;
+    }
+    cases.extend([
+        Case::quick("demo --out demo"),
+        Case::new("synth --sequence 1 --frames 3 --fps 20 --world in/world.toml --out set --seed 5")
+            .resumed("--resume"),
+        Case::new("range in --hfov 81 --model in/m.safetensors --mcap all.mcap"),
+        Case::new("calibrate in/000000.jpg --hfov 81 --model farsight-s --refiner none --plates none --out pole.txt"),
+        Case { varies: Some("bench.json"), ..Case::new(BENCH) },
+        Case { varies: Some("figures.json"), ..Case::new(MEASURE) },
+        Case::new(ROBUSTNESS),
+    ]);
     if has_ffmpeg() {
         cases.push(Case::new("track in --fps 10 --hfov 81 --model in/m.safetensors --out film.mp4"));
     } else {
         println!("skipped: there is no ffmpeg, so no film was broken off");
     }
-    // Ten seconds and more each, and minutes.
-    if asked_tries().is_some() {
-        cases.extend([Case { varies: Some("figures.json"), ..Case::new(MEASURE) }, Case::new(ROBUSTNESS)]);
-    }
-    if cfg!(feature = "train") && asked_tries().is_some() {
+    if cfg!(feature = "train") {
         cases.push(Case::new(FINE_TUNE).resumed("--resume"));
     }
     cases

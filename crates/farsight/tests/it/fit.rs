@@ -35,9 +35,7 @@ fn answers_are_fitted_on_labelled_frames() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     rendered(folder, "48");
-    // Half the shipped size, for time.
-    done(folder, &["export", "--half", "--model", "farsight-s", "--input", "480x160", "--out", "small.safetensors"]);
-    let told = fitted(folder, "small.safetensors", "once.safetensors");
+    let told = fitted(folder, &shipped(), "once.safetensors");
     let status = String::from_utf8_lossy(&told.stderr);
     let said = |text: &str| assert!(status.contains(text), "{status}");
     assert!(told.status.success(), "{status}");

@@ -177,12 +177,13 @@ fn the_whole_pipeline_in_8_bits() {
         let int8 = detections(folder, &["--engine", name, "--precision", "int8"]);
         assert_ne!(int8, float, "{name}: these are other numbers");
         assert_twins(name, &int8, &float);
-        detections(folder, &["--engine", name, "--precision", "int8", "--refiner", "refiner.safetensors"]);
         // Whoever trains a refiner measures its ranges before it can be used so.
-        let without = path("models/farsight-s.safetensors");
-        let half = ["export", "--half", "--model", &without, "--out", "without.safetensors"];
-        done(folder, &half);
-        let arguments = ["range", &scenes, "--engine", name, "--precision", "int8", "--model", "without.safetensors"];
-        assert!(farsight(folder, &arguments).status.success(), "a copy keeps its ranges");
+        let image = path("assets/scenes/image_2/000000.jpg");
+        let common = ["range", &image, "--engine", name, "--precision", "int8"];
+        done(folder, &[&common[..], &["--refiner", "refiner.safetensors"]].concat());
+        let shipped = path("models/farsight-s.safetensors");
+        done(folder, &["export", "--half", "--model", &shipped, "--out", "copy.safetensors"]);
+        let output = farsight(folder, &[&common[..], &["--model", "copy.safetensors"]].concat());
+        assert!(output.status.success(), "a copy keeps its ranges");
     }
 }
