@@ -36,6 +36,7 @@ fn told(text: &str, name: &str) -> [f64; 2] {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_camera_on_a_mast_is_found_and_its_file_makes_distances_better() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

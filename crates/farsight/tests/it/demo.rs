@@ -86,6 +86,7 @@ fn a_twin_has_the_boxes_of_its_labels() {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn benchmarks_tell_every_stage() {
     let folder = tempfile::tempdir().unwrap();
     let answer = text(farsight(&["bench", "--runs", "1", "--json", "bench.json"], folder.path()).stdout);

@@ -449,6 +449,7 @@ fn a_centernet_is_exported_shown_run_on_every_engine_and_evaluated() {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_monodle_is_exported_shown_run_on_every_engine_and_evaluated() {
     let config =
         MonoDleConfig { input: [320, 96], width: 0.25, depth_focal_px: Some(200.0), ..MonoDleConfig::default() };
@@ -457,6 +458,7 @@ fn a_monodle_is_exported_shown_run_on_every_engine_and_evaluated() {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn an_oftnet_is_exported_shown_run_on_every_engine_and_evaluated() {
     let config = OftNetConfig {
         input: [320, 96],
@@ -473,6 +475,7 @@ fn an_oftnet_is_exported_shown_run_on_every_engine_and_evaluated() {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_gs3d_is_exported_shown_run_on_every_engine_and_evaluated() {
     let config = Gs3dConfig {
         input: [320, 96],

@@ -90,6 +90,7 @@ fn come_to(out: &Path) -> usize {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_killed_experiment_ends_as_one_left_alone() {
     let folder = folder();
     let root = folder.path();

@@ -82,6 +82,7 @@ folder = \"there\"
 ";
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn figures_are_those_of_eval_and_others_stay() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

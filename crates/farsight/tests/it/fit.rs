@@ -115,6 +115,7 @@ fn a_model_is_fine_tuned_in_one_command() {
 /// What a network is worth while it learns, as `[validate]` asks, is what `farsight eval` says of it afterwards.
 #[cfg(feature = "train")]
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_training_is_validated_as_an_evaluation_would() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -83,6 +83,7 @@ fn nearest(found: &[DetectionRecord], location: [f64; 3]) -> &DetectionRecord {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_film_is_followed_through_the_lens_and_over_the_road_of_its_calibration() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -92,6 +92,7 @@ fn eval_measures_what_range_shows() {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn images_side_by_side_give_the_bytes_of_one_after_the_other() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
