@@ -18,7 +18,7 @@ cargo xtask COMMAND
 
   quickstart [--data DIR]  fetch libtorch, train the compact network on eight KITTI frames, range them, draw them
   test [--all | ARGS]      all tests, libtorch included; --all with those that take long, rerun and Ray, and with the Python packages
-                           that single tests want, which pip fetches; ARGS go to `cargo test`
+                           that single tests want, which pip fetches; --no-run builds them; ARGS go to `cargo test`
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
@@ -100,10 +100,14 @@ fn exec(words: &[&str]) -> Result<(), String> {
 fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
     let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
+    // The examples, which `check` compiles, would take a minute to build and have no tests.
+    let targets = ["--lib", "--bins", "--tests"];
     if arguments.is_empty() {
-        // The examples, which `check` compiles, would take a minute to build and have no tests.
-        run(cargo(Some(&libtorch)).args(everything).args(["--lib", "--bins", "--tests"]))?;
+        run(cargo(Some(&libtorch)).args(everything).args(targets))?;
         return run(cargo(Some(&libtorch)).args(everything).arg("--doc"));
+    }
+    if arguments == ["--no-run"] {
+        return run(cargo(Some(&libtorch)).args(everything).args(targets).arg("--no-run"));
     }
     if arguments != ["--all"] {
         return run(cargo(Some(&libtorch)).args(everything).args(arguments));

@@ -1,14 +1,14 @@
 //! The answers of the built binary, word by word.
 
 use std::path::Path;
-use std::process::Command;
 
+use crate::program::farsight;
 use farsight_graph::model::NetworkConfig;
 use farsight_methods::smoke::SmokeModel;
 
 /// Exit status, standard output and standard error of `farsight` with these arguments, run in `folder`.
 fn farsight_in(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_farsight")).args(arguments).current_dir(folder).output().unwrap();
+    let output = farsight(folder, arguments);
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }

@@ -49,6 +49,21 @@ fn detections(folder: &Path, arguments: &[&str]) -> Vec<Value> {
     answer.iter().flat_map(named).collect()
 }
 
+/// The engines with kernels for 8 bits that are here; of the others it is printed why they are not.
+fn engines(folder: &Path) -> Vec<String> {
+    let diagnosis: Value = serde_json::from_str(&done(folder, &["doctor", "--json"])).unwrap();
+    let mut ready = Vec::new();
+    for engine in diagnosis["engines"].as_array().unwrap() {
+        let name = engine["name"].as_str().unwrap();
+        match (name, engine["ready"] == true) {
+            ("libtorch" | "rten", _) => {}
+            (_, true) => ready.push(name.to_owned()),
+            (_, false) => println!("skipped: {name}: {}", engine["note"]),
+        }
+    }
+    ready
+}
+
 fn number(detection: &Value, key: &str) -> f64 {
     detection[key].as_f64().unwrap()
 }
@@ -91,17 +106,8 @@ fn the_shipped_model_in_8_bits() {
     let float = detections(folder, &["--model", &model]);
     let int8 = detections(folder, &["--model", "int8.onnx"]);
     assert_twins("8 bits", &int8, &float);
-    let diagnosis: Value = serde_json::from_str(&done(folder, &["doctor", "--json"])).unwrap();
-    for engine in diagnosis["engines"].as_array().unwrap() {
-        let name = engine["name"].as_str().unwrap();
-        if name == "libtorch" || name == "rten" {
-            continue;
-        }
-        if engine["ready"] != true {
-            println!("skipped: {name}: {}", engine["note"]);
-            continue;
-        }
-        assert_twins(name, &detections(folder, &["--model", "int8.onnx", "--engine", name]), &int8);
+    for name in engines(folder) {
+        assert_twins(&name, &detections(folder, &["--model", "int8.onnx", "--engine", &name]), &int8);
     }
     check_with_onnx(&folder.join("int8.onnx"));
 }
@@ -164,16 +170,7 @@ fn the_whole_pipeline_in_8_bits() {
     let (own, float) = (detections(folder, &["--refiner", "refiner.safetensors"]), detections(folder, &[]));
     assert_eq!(own, float);
 
-    let diagnosis: Value = serde_json::from_str(&done(folder, &["doctor", "--json"])).unwrap();
-    for engine in diagnosis["engines"].as_array().unwrap() {
-        let name = engine["name"].as_str().unwrap();
-        if name == "libtorch" || name == "rten" {
-            continue;
-        }
-        if engine["ready"] != true {
-            println!("skipped: {name}: {}", engine["note"]);
-            continue;
-        }
+    for name in &engines(folder) {
         let int8 = detections(folder, &["--engine", name, "--precision", "int8"]);
         assert_ne!(int8, float, "{name}: these are other numbers");
         assert_twins(name, &int8, &float);
