@@ -24,7 +24,7 @@ cargo xtask COMMAND
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
   fuzz [--minutes N]       every fuzz target for N minutes of processor time each (default 1), training's too; what breaks a law goes to fuzz/artifacts
   wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment,
-                           --test=slice with one test on a local Ray of two workers, --test=ray with all of those alone
+                           --test=slice with a few tests and one on a local Ray, as CI does, --test=ray with all of those alone
   dist [--no-wheel]        the archives of a release into target/dist: program, wheel, SBOM, checksums, crates for the registry
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 

@@ -36,6 +36,7 @@ def test_scenes_are_those_of_the_program(rendered):
         farsight.render(-1)
 
 
+@pytest.mark.slice
 def test_the_report_is_that_of_the_program(model, rendered, program, tmp_path):
     results = model.range(sorted((rendered / "image_2").glob("*.png")))
     program("range", rendered / "image_2", "--kitti", tmp_path / "rows", "--quiet")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 
+@pytest.mark.slice
 def test_pandas(result):
     table = result.to_pandas()
     assert len(table) == len(result)

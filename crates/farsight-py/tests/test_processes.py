@@ -19,6 +19,7 @@ def test_several_threads_use_one_model(model, photo):
     assert answers == [alone] * 8
 
 
+@pytest.mark.slice
 def test_other_threads_run_while_a_model_looks(model, photo):
     """Python's lock is free meanwhile: a thread that only counts goes on, in steps of far less than one look."""
     is_done, steps = threading.Event(), []
@@ -35,6 +36,7 @@ def test_other_threads_run_while_a_model_looks(model, photo):
     assert len(steps) > 3
 
 
+@pytest.mark.slice
 def test_a_model_pickles_as_its_arguments(photo):
     model = farsight.Model(model="farsight-s", threads=1)
     again = pickle.loads(pickle.dumps(model))
@@ -73,6 +75,7 @@ def test_a_forked_process_is_told_instead_of_waiting_for_ever(model, photo):
     assert os.waitpid(child, 0)[1] == 0
 
 
+@pytest.mark.slice
 def test_nothing_but_numpy_is_imported():
     code = "import sys; before = set(sys.modules); import farsight\n"
     code += "print(sorted({m.split('.')[0] for m in set(sys.modules) - before} - set(sys.stdlib_module_names)))"

@@ -23,6 +23,7 @@ def found(result):
     return {name: value for name, value in result.to_dict().items() if name != "image"}
 
 
+@pytest.mark.slice
 def test_answers_are_those_of_the_program_digit_for_digit(model, program):
     photos = sorted(SCENES.glob("*.jpg"))
     lines = program("range", *photos, "--format", "jsonl").splitlines()
@@ -104,6 +105,7 @@ def test_lens_and_calibration_are_those_of_the_program(model, program, photo, pi
             model.range(photo, **wrong)
 
 
+@pytest.mark.slice
 def test_every_kind_of_image_gives_one_answer(model, photo, result, pixels):
     png = io.BytesIO()
     Image.fromarray(pixels).save(png, "png")
@@ -142,6 +144,7 @@ def test_exif_data_tell_the_camera(model, pixels, tmp_path):
         (lambda a: a[:0], r"uint8 of shape \(0, "),
     ],
 )
+@pytest.mark.slice
 def test_a_wrong_array_says_what_was_expected(model, pixels, change, told):
     expected = r"; expected uint8 of shape \(H, W, 3\), red, green, blue, with at least one pixel"
     with pytest.raises(ValueError, match=told + ".*" + expected):
@@ -197,6 +200,7 @@ def test_a_camera_that_the_model_never_saw_is_a_warning(model, pixels):
         model.range(pixels, hfov=165)
 
 
+@pytest.mark.slice
 def test_results_have_the_documented_shapes(model, result):
     n = len(result)
     assert n > 0

@@ -24,6 +24,7 @@ def followed(model, frames):
     return list(model.track(frames, fps=10, hfov=81.4))
 
 
+@pytest.mark.slice
 def test_answers_are_those_of_the_program(followed, program, frames):
     printed = program("track", frames, "--fps", 10, "--hfov", 81.4, "--json", "-")
     assert [frame.to_json() for frame in followed] == printed.splitlines()

@@ -52,6 +52,7 @@ def test_its_users_are_checked(folder):
     assert code == 1 and "No overload variant" in told, told
 
 
+@pytest.mark.slice
 def test_stubs_are_those_of_the_native_module(folder):
     code, told = mypy("mypy.stubtest", "--ignore-disjoint-bases", "farsight._farsight", cwd=folder)
     assert code == 0, told

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use farsight_graph::weights::Weights;
-use tch::{Tensor, no_grad};
+use tch::{Device, Kind, Tensor, no_grad};
 
 use crate::executor::{Network, fill, weight_from_tensor};
 
@@ -54,21 +54,34 @@ impl BadGradient {
     }
 }
 
-/// Running means of one parameter.
+/// Where one parameter's numbers lie in the running means.
 #[derive(Debug)]
-struct Moments {
+struct Place {
     name: String,
-    mean: Tensor,
-    square: Tensor,
-    /// Factor on the learning rate.
-    rate_factor: f64,
+    shape: Vec<i64>,
+    start: i64,
+    count: i64,
+}
+
+impl Place {
+    /// Its numbers of the running means `flat`, in its shape.
+    fn of(&self, flat: &Tensor) -> Tensor {
+        flat.narrow(0, self.start, self.count).view(self.shape.as_slice())
+    }
 }
 
 /// The optimiser with its state.
+///
+/// The running means of all parameters lie one behind the other in one tensor: a step is a dozen operations on that, not
+/// on each of the hundreds of parameters, which a GPU would spend its time on being told of.
 #[derive(Debug)]
 pub struct Adam {
     settings: AdamSettings,
-    moments: Vec<Moments>,
+    places: Vec<Place>,
+    mean: Tensor,
+    square: Tensor,
+    /// Factors on the learning rate; none where all are 1.
+    rate_factors: Option<Tensor>,
     steps: u64,
 }
 
@@ -77,35 +90,47 @@ const MEAN_PREFIX: &str = "adam.mean.";
 const SQUARE_PREFIX: &str = "adam.square.";
 
 impl Adam {
-    /// A fresh optimiser for these parameters.
+    /// A fresh optimiser for these parameters, which are of one kind and on one device.
     pub fn new<'a>(settings: AdamSettings, parameters: impl Iterator<Item = (&'a str, &'a Tensor)>) -> Self {
-        let moments = parameters.map(|(name, tensor)| Moments {
-            name: name.to_owned(),
-            mean: tensor.zeros_like().set_requires_grad(false),
-            square: tensor.zeros_like().set_requires_grad(false),
-            rate_factor: settings.rate_factor(name),
-        });
-        let moments = moments.collect();
-        Self { settings, moments, steps: 0 }
+        let (mut places, mut factors, mut start) = (Vec::new(), Vec::new(), 0);
+        let mut options = (Kind::Float, Device::Cpu);
+        for (name, tensor) in parameters {
+            let count = tensor.numel() as i64;
+            factors.extend(vec![settings.rate_factor(name); count as usize]);
+            places.push(Place { name: name.to_owned(), shape: tensor.size(), start, count });
+            start += count;
+            options = (tensor.kind(), tensor.device());
+        }
+        let rate_factors = factors.iter().any(|&factor| factor != 1.0);
+        let rate_factors = rate_factors.then(|| Tensor::from_slice(&factors).to_kind(options.0).to_device(options.1));
+        let [mean, square] = [(); 2].map(|()| Tensor::zeros([start], options));
+        Self { settings, places, mean, square, rate_factors, steps: 0 }
     }
 
     /// Moves `parameters` against `gradients`, both in the order given to [`Adam::new`].
     pub fn step(&mut self, parameters: &[Tensor], gradients: &[Tensor], rate: f64) {
+        self.step_flat(parameters, &flat(gradients), rate);
+    }
+
+    /// As [`Adam::step`], with the gradients one behind the other.
+    fn step_flat(&mut self, parameters: &[Tensor], gradient: &Tensor, rate: f64) {
         let AdamSettings { beta1, beta2, epsilon, weight_decay, .. } = self.settings;
         self.steps += 1;
         let steps = self.steps as f64;
         let mean_correction = 1.0 - beta1.powf(steps);
         let square_correction = (1.0 - beta2.powf(steps)).sqrt();
         no_grad(|| {
-            for ((parameter, gradient), moments) in parameters.iter().zip(gradients).zip(&mut self.moments) {
-                let gradient =
-                    if weight_decay == 0.0 { gradient.shallow_clone() } else { gradient + parameter * weight_decay };
-                let _ = moments.mean.lerp_(&gradient, 1.0 - beta1);
-                let _ = moments.square.lerp_(&gradient.square(), 1.0 - beta2);
-                let rate = rate * moments.rate_factor;
-                let root = moments.square.sqrt().g_mul_scalar_(1.0 / square_correction).g_add_scalar_(epsilon);
-                let update = (&moments.mean / root).g_mul_scalar_(rate / mean_correction);
-                let _ = parameter.shallow_clone().g_sub_(&update);
+            let gradient =
+                if weight_decay == 0.0 { gradient.shallow_clone() } else { gradient + flat(parameters) * weight_decay };
+            let _ = self.mean.lerp_(&gradient, 1.0 - beta1);
+            let _ = self.square.lerp_(&gradient.square(), 1.0 - beta2);
+            let root = self.square.sqrt().g_mul_scalar_(1.0 / square_correction).g_add_scalar_(epsilon);
+            let mut update = (&self.mean / root).g_mul_scalar_(rate / mean_correction);
+            if let Some(factors) = &self.rate_factors {
+                let _ = update.g_mul_(factors);
+            }
+            for (parameter, place) in parameters.iter().zip(&self.places) {
+                let _ = parameter.shallow_clone().g_sub_(&place.of(&update));
             }
         });
     }
@@ -124,22 +149,20 @@ impl Adam {
     ) -> Result<f64, BadGradient> {
         let parameters: Vec<Tensor> =
             network.trainable_parameters().map(|(_, tensor)| tensor.shallow_clone()).collect();
-        let mut gradients = Tensor::run_backward(&[objective], &parameters, false, false);
-        let norms: Vec<Tensor> = gradients.iter().map(Tensor::norm).collect();
-        let norm = Tensor::stack(&norms, 0).norm().double_value(&[]);
+        let gradients = Tensor::run_backward(&[objective], &parameters, false, false);
+        let mut gradient = no_grad(|| flat(&gradients));
+        let norm = gradient.norm().double_value(&[]);
         if !norm.is_finite() {
-            let named =
-                network.trainable_parameters().zip(&norms).map(|((name, _), norm)| (name, norm.double_value(&[])));
-            let first = named.into_iter().find(|(_, norm)| !norm.is_finite());
+            let norms = gradients.iter().map(|gradient| gradient.norm().double_value(&[]));
+            let mut named = network.trainable_parameters().map(|(name, _)| name).zip(norms);
+            let first = named.find(|(_, norm)| !norm.is_finite());
             let (parameter, norm) = first.unwrap_or(("all parameters", norm));
             return Err(BadGradient { parameter: parameter.to_owned(), norm });
         }
         if clip_norm > 0.0 && norm > clip_norm {
-            for gradient in &mut gradients {
-                let _ = gradient.g_mul_scalar_(clip_norm / norm);
-            }
+            let _ = gradient.g_mul_scalar_(clip_norm / norm);
         }
-        self.step(&parameters, &gradients, rate);
+        self.step_flat(&parameters, &gradient, rate);
         Ok(norm)
     }
 
@@ -150,9 +173,9 @@ impl Adam {
 
     /// Adds the state to `weights`, beside the parameters.
     pub fn store(&self, weights: &mut Weights) {
-        for moments in &self.moments {
-            weights.tensors.insert(format!("{MEAN_PREFIX}{}", moments.name), weight_from_tensor(&moments.mean));
-            weights.tensors.insert(format!("{SQUARE_PREFIX}{}", moments.name), weight_from_tensor(&moments.square));
+        for (prefix, flat) in [(MEAN_PREFIX, &self.mean), (SQUARE_PREFIX, &self.square)] {
+            let named = |place: &Place| (format!("{prefix}{}", place.name), weight_from_tensor(&place.of(flat)));
+            weights.tensors.extend(self.places.iter().map(named));
         }
     }
 
@@ -162,11 +185,16 @@ impl Adam {
     /// The name of a tensor that is missing or has another shape.
     pub fn restore(&mut self, weights: &Weights, steps: u64) -> Result<(), String> {
         self.steps = steps;
-        for moments in &mut self.moments {
-            for (prefix, place) in [(MEAN_PREFIX, &mut moments.mean), (SQUARE_PREFIX, &mut moments.square)] {
-                fill(place, weights, &format!("{prefix}{}", moments.name))?;
+        for place in &self.places {
+            for (prefix, flat) in [(MEAN_PREFIX, &self.mean), (SQUARE_PREFIX, &self.square)] {
+                fill(&mut place.of(flat), weights, &format!("{prefix}{}", place.name))?;
             }
         }
         Ok(())
     }
+}
+
+/// The numbers of all these tensors, one behind the other, each tensor's last axis fastest.
+fn flat(tensors: &[Tensor]) -> Tensor {
+    Tensor::cat(&tensors.iter().map(|tensor| tensor.reshape([-1])).collect::<Vec<_>>(), 0)
 }

@@ -52,7 +52,7 @@ fn full_config(norm: NormKind) -> SmokeConfig {
 /// The network of `config` with the reference's weights.
 ///
 /// Statistics of norms that no forward pass uses stay as they start.
-fn golden_network(config: &SmokeConfig, files: &[&Golden], precision: Precision) -> Network {
+fn golden_network(config: &SmokeConfig, files: &[&Golden], precision: Precision, device: Device) -> Network {
     let graph = config.graph();
     let mut weights: Weights = initial_weights(&graph, 0);
     for (name, tensor) in files.iter().flat_map(|file| file.iter()) {
@@ -60,16 +60,29 @@ fn golden_network(config: &SmokeConfig, files: &[&Golden], precision: Precision)
             weights.tensors.insert(name.clone(), weight_from_tensor(tensor));
         }
     }
-    Network::new(graph, &weights, Device::Cpu, precision).unwrap()
+    Network::new(graph, &weights, device, precision).unwrap()
 }
 
-/// Compares all maps: in single precision within `tolerance`, in double as closely as formulas must agree.
+/// The CPU, and the GPU where there is one.
+fn devices() -> Vec<Device> {
+    let gpu = tch::Cuda::is_available().then_some(Device::Cuda(0));
+    if gpu.is_none() {
+        println!("no GPU: the CPU alone");
+    }
+    std::iter::once(Device::Cpu).chain(gpu).collect()
+}
+
+/// Compares all maps: in single precision within `tolerance`, in double as closely as formulas must agree, on the GPU
+/// too. In single precision GPUs round the factors of convolutions to 10 bits (TF32).
 fn check_taps(config: &SmokeConfig, files: &[&Golden], io: &Golden, tolerance: f64) {
-    let single = maps(&golden_network(config, files, Precision::F32), io);
-    let double = maps(&golden_network(config, files, Precision::F64), io);
-    for ((name, single), (_, double)) in single.iter().zip(&double) {
+    let single = maps(&golden_network(config, files, Precision::F32, Device::Cpu), io);
+    for (name, single) in &single {
         assert_close(name, single, &io[name], tolerance);
-        assert_exact(name, double, &io[name]);
+    }
+    for device in devices() {
+        for (name, double) in maps(&golden_network(config, files, Precision::F64, device), io) {
+            assert_exact(&format!("{name} on {device:?}"), &double, &io[&name]);
+        }
     }
 }
 
@@ -91,8 +104,9 @@ fn maps(network: &Network, io: &Golden) -> Vec<(String, Tensor)> {
     let names: Vec<&str> = names.collect();
     assert!(names.len() >= 10);
     let taps: Vec<usize> = names.iter().map(|name| network.graph().tap(name).unwrap()).collect();
-    let maps = no_grad(|| network.forward(&io["input"], Mode::Evaluate, &taps));
-    names.into_iter().map(str::to_owned).zip(maps).collect()
+    let input = io["input"].to_device(network.device());
+    let maps = no_grad(|| network.forward(&input, Mode::Evaluate, &taps));
+    names.into_iter().map(str::to_owned).zip(maps.iter().map(|map| map.to_device(Device::Cpu))).collect()
 }
 
 #[test]
@@ -129,7 +143,7 @@ fn every_reference_weight_has_a_place() {
 }
 
 /// Targets of the gradient reference, in our convention: the true heading instead of the official flipped label.
-fn gradient_targets(g: &Golden) -> BatchTargets {
+fn gradient_targets(g: &Golden, device: Device) -> BatchTargets {
     let column = |name: &str| doubles_from_tensor(&g[name]);
     let (mask, class, flip, yaw) = (column("tgt.mask"), column("tgt.cls"), column("tgt.flip"), column("tgt.ry"));
     let (cells, sizes, locations) = (column("tgt.ipt"), column("tgt.lhw"), column("tgt.loc"));
@@ -156,7 +170,7 @@ fn gradient_targets(g: &Golden) -> BatchTargets {
     let size = g["heatmap_target"].size();
     let cell = |i: usize| RegressionCell { image: i / per_image, object: object(i), share: 1.0 };
     BatchTargets {
-        heatmap: g["heatmap_target"].copy(),
+        heatmap: g["heatmap_target"].to_device(device).copy(),
         cells: (0..slots).filter(|&i| mask[i] > 0.0).map(cell).collect(),
         cameras: vec![camera(0), camera(per_image)],
         map_size: [size[3] as usize, size[2] as usize],
@@ -170,16 +184,17 @@ struct Backward {
     gradients: Vec<(String, Tensor)>,
 }
 
-fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
+fn tiny_backward(g: &Golden, precision: Precision, device: Device) -> Backward {
     let config = tiny_config(NormKind::Group);
-    let network = golden_network(&config, &[&golden("net_tiny_weights")], precision);
+    let network = golden_network(&config, &[&golden("net_tiny_weights")], precision, device);
     let taps = [LOGITS, REGRESSION].map(|name| network.graph().tap(name).unwrap());
-    let maps = network.forward(&golden("net_tiny_io_gn")["input"], Mode::Train, &taps);
-    let codec: Codec = config.codec();
-    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &gradient_targets(g), CornerWeights::uniform(80.0));
+    let maps = network.forward(&golden("net_tiny_io_gn")["input"].to_device(device), Mode::Train, &taps);
+    let (codec, targets): (Codec, _) = (config.codec(), gradient_targets(g, device));
+    let (objective, terms) = loss(&codec, &maps[0], &maps[1], &targets, CornerWeights::uniform(80.0));
     let (names, leaves): (Vec<String>, Vec<Tensor>) =
         network.trainable_parameters().map(|(name, tensor)| (format!("grad.{name}"), tensor.shallow_clone())).unzip();
     let gradients = Tensor::run_backward(&[objective], &leaves, false, false);
+    let gradients: Vec<Tensor> = gradients.iter().map(|gradient| gradient.to_device(Device::Cpu)).collect();
     // Two projections are in every checkpoint and in no pass: the reference has a gradient of zero for them.
     let learnt = g.keys().filter_map(|name| name.strip_prefix("grad.")).filter(|name| !is_dead(name));
     assert_eq!(gradients.len(), learnt.count());
@@ -197,19 +212,21 @@ fn tiny_backward(g: &Golden, precision: Precision) -> Backward {
 #[test]
 fn losses_and_gradients_of_the_tiny_network() {
     let g = golden("net_tiny_grad_gn");
-    let backward = tiny_backward(&g, Precision::F64);
-    for (name, value) in backward.losses {
-        assert_exact(name, &Tensor::from(value), &g[name]);
-    }
-    for (name, gradient) in &backward.gradients {
-        assert_exact(name, gradient, &g[name]);
+    for device in devices() {
+        let backward = tiny_backward(&g, Precision::F64, device);
+        for (name, value) in backward.losses {
+            assert_exact(&format!("{name} on {device:?}"), &Tensor::from(value), &g[name]);
+        }
+        for (name, gradient) in &backward.gradients {
+            assert_exact(&format!("{name} on {device:?}"), gradient, &g[name]);
+        }
     }
 }
 
 #[test]
 fn single_precision_gives_the_same_gradients() {
     let g = golden("net_tiny_grad_gn");
-    let backward = tiny_backward(&g, Precision::F32);
+    let backward = tiny_backward(&g, Precision::F32, Device::Cpu);
     for (name, value) in backward.losses {
         assert_close_relative(name, &Tensor::from(value), &g[name], LOSS, 0.0);
     }
