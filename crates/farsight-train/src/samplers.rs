@@ -5,7 +5,9 @@
 
 use farsight_core::Box2d;
 use farsight_core::samplers::grid_in_box;
-use tch::{Kind, Tensor};
+use tch::Tensor;
+
+use crate::executor::wide_kind;
 
 /// PyTorch's numbers for `mode="bilinear"` and `padding_mode="zeros"`.
 const BILINEAR: i64 = 0;
@@ -43,33 +45,49 @@ pub fn roi_align(map: &Tensor, boxes: &[Box2d], [width, height]: [usize; 2], sam
     fine.mean_dim([3_i64, 5].as_slice(), false, map.kind()).transpose(0, 1).contiguous()
 }
 
-/// Mean values over boxes by an integral image; what of a box lies outside the map does not count, and a box of which
-/// nothing is inside has zeros.
+/// Mean values over boxes; what of a box lies outside the map does not count, and a box of which nothing is inside has
+/// zeros.
 ///
-/// Sums are taken in double precision: those of a large map lose what a small box holds.
+/// The core takes them from an integral image. Here they are a product with a sparse matrix, which holds how much of
+/// each cell lies in each box: its gradient is one too, and no sum over the whole map loses what a small box holds.
 ///
 /// # Shapes
 /// `[channels, height, width]` to `[channels, boxes]`.
 pub fn box_means(map: &Tensor, boxes: &[Box2d]) -> Tensor {
     let [channels, height, width] = shape(map);
-    // The first row and column are zeros; the sum up to a point within a cell lies bilinearly between those around it.
-    let sums = map.to_kind(Kind::Double).cumsum(1, Kind::Double).cumsum(2, Kind::Double);
-    let sums = sums.constant_pad_nd([1, 0, 1, 0]);
-    let edge = |at: f64, side: i64| (at + 0.5).clamp(0.0, side as f64);
-    let edges: Vec<[f64; 4]> = boxes
-        .iter()
-        .map(|area| [edge(area.x1, width), edge(area.y1, height), edge(area.x2, width), edge(area.y2, height)])
-        .map(|edges| if edges[2] > edges[0] && edges[3] > edges[1] { edges } else { [0.0; 4] })
-        .collect();
-    let corners: Vec<[f64; 2]> =
-        edges.iter().flat_map(|&[x1, y1, x2, y2]| [[x1, y1], [x2, y1], [x1, y2], [x2, y2]]).collect();
-    let sums = grid_sample(&sums, &corners).view([channels, -1, 4]);
-    let [upper_left, upper_right, lower_left, lower_right] = [0, 1, 2, 3].map(|corner| sums.select(2, corner));
-    let areas: Vec<f64> = edges.iter().map(|[x1, y1, x2, y2]| (x2 - x1) * (y2 - y1)).collect();
-    // The sum over nothing is zero, whatever it is divided by.
-    let areas: Vec<f64> = areas.into_iter().map(|area| if area > 0.0 { area } else { 1.0 }).collect();
-    let areas = Tensor::from_slice(&areas).to_device(map.device());
-    ((lower_right - lower_left - upper_right + upper_left) / areas).to_kind(map.kind())
+    let (mut rows, mut cells, mut shares) = (Vec::<i64>::new(), Vec::<i64>::new(), Vec::<f64>::new());
+    for (row, area) in (0..).zip(boxes) {
+        let (columns, lines) = (covered(area.x1, area.x2, width), covered(area.y1, area.y2, height));
+        for &(y, y_share) in &lines {
+            for &(x, x_share) in &columns {
+                rows.push(row);
+                cells.push(y * width + x);
+                shares.push(x_share * y_share);
+            }
+        }
+    }
+    let kind = wide_kind(map.kind());
+    let indices = Tensor::stack(&[Tensor::from_slice(&rows), Tensor::from_slice(&cells)], 0).to_device(map.device());
+    let shares = Tensor::from_slice(&shares).to_kind(kind).to_device(map.device());
+    let size = [boxes.len() as i64, height * width];
+    // In the order of rows and then of cells, each at most once.
+    let shares = Tensor::sparse_coo_tensor_indices_size(&indices, &shares, size, (kind, map.device()), true);
+    let by_cell = map.to_kind(kind).reshape([channels, -1]).transpose(0, 1).contiguous();
+    shares.mm(&by_cell).transpose(0, 1).to_kind(map.kind())
+}
+
+/// The cells of a side of `size` cells between two edges, and which share of what is inside lies in each; none where
+/// nothing is.
+fn covered(low: f64, high: f64, size: i64) -> Vec<(i64, f64)> {
+    // A cell reaches half a cell to both sides of its whole number.
+    let edge = |at: f64| (at + 0.5).clamp(0.0, size as f64);
+    let (low, high) = (edge(low), edge(high));
+    // What is no number is nowhere.
+    if !(high > low) {
+        return Vec::new();
+    }
+    let share = |cell: i64| (high.min(cell as f64 + 1.0) - low.max(cell as f64)) / (high - low);
+    (low.floor() as i64..high.ceil() as i64).map(|cell| (cell, share(cell))).collect()
 }
 
 fn shape(map: &Tensor) -> [i64; 3] {

@@ -25,10 +25,13 @@ use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted};
 use crate::{outputs, untrained};
 use compare::Variant;
-use stream::{Throughput, cores, throughput};
+use stream::{Throughput, throughput};
+
+pub(super) use compare::median;
+pub(super) use stream::cores;
 
 /// Runs before the clock counts: engines plan and allocate in the first ones.
-const WARM_UP: usize = 3;
+pub(super) const WARM_UP: usize = 3;
 
 /// More images at once are a mistake.
 const MAX_BATCH: usize = 256;
@@ -96,10 +99,10 @@ struct Spread {
 }
 
 /// One pass over a batch.
-struct Pass {
-    times: StageTimes,
+pub(super) struct Pass {
+    pub(super) times: StageTimes,
     draw: Duration,
-    objects: usize,
+    pub(super) objects: usize,
 }
 
 /// Runs the command.
@@ -157,7 +160,8 @@ fn builder(args: &BenchArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
     Ok(args.input.into_iter().fold(builder, PipelineBuilder::input_size))
 }
 
-fn pass(path: &Path, batch: usize, pipeline: &Pipeline) -> Result<Pass> {
+/// Reads the image `batch` times and looks at them together.
+pub(super) fn pass(path: &Path, batch: usize, pipeline: &Pipeline) -> Result<Pass> {
     let (images, load) = timed(|| (0..batch).map(|_| read_image(path)).collect::<Result<Vec<_>, _>>());
     let images = images?;
     let camera = camera(images[0].width() as usize, images[0].height() as usize)?;

@@ -2,10 +2,12 @@
 
 #[cfg(feature = "train")]
 mod cell;
+mod plot;
 #[cfg(feature = "train")]
 mod record;
 #[cfg(feature = "train")]
 mod run;
+mod time;
 #[cfg(feature = "train")]
 mod twins;
 
@@ -30,6 +32,10 @@ pub(crate) struct ExperimentArgs {
 enum ExperimentCommand {
     /// Train and judge the cells that are not done yet; exit status 75 when the minutes are over before the cells
     Run(RunArgs),
+    /// Time every arm on several engines, in turns
+    Time(time::TimeArgs),
+    /// Draw what the arms are worth against the time that they take
+    Plot(plot::PlotArgs),
 }
 
 /// Arguments of `farsight experiment run`.
@@ -84,7 +90,11 @@ fn minutes_from_text(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &ExperimentArgs, printer: &mut Printer) -> Result<Outcome> {
-    let ExperimentCommand::Run(args) = &args.command;
+    let args = match &args.command {
+        ExperimentCommand::Run(args) => args,
+        ExperimentCommand::Time(args) => return time::run(args, printer),
+        ExperimentCommand::Plot(args) => return plot::run(args, printer),
+    };
     let plan = Experiment::read(&args.plan)?;
     if args.list {
         return list(args, &plan, printer);
@@ -94,8 +104,13 @@ pub(crate) fn run(args: &ExperimentArgs, printer: &mut Printer) -> Result<Outcom
 
 impl RunArgs {
     fn results(&self, plan: &Experiment) -> PathBuf {
-        self.results.clone().unwrap_or_else(|| format!("docs/results/{}.json", plan.name).into())
+        self.results.clone().unwrap_or_else(|| results_file(plan))
     }
+}
+
+/// Where the results of a plan are.
+fn results_file(plan: &Experiment) -> PathBuf {
+    format!("docs/results/{}.json", plan.name).into()
 }
 
 #[cfg(feature = "train")]

@@ -13,10 +13,9 @@ pub(crate) mod results;
 #[cfg(feature = "train")]
 pub(crate) mod statistics;
 pub(crate) mod tables;
+pub(crate) mod times;
 
 pub(crate) use metrics::Metric;
-#[cfg(feature = "train")]
-pub(crate) use plan::Cell;
-pub(crate) use plan::Experiment;
+pub(crate) use plan::{Cell, Experiment};
 pub(crate) use ranger_name::RangerName;
 pub(crate) use results::Results;

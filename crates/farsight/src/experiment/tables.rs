@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::results::{Comparison, Verdict};
+use super::times::Times;
 use super::{Experiment, Metric, Results};
 use crate::layout::table;
 
@@ -16,8 +17,12 @@ pub(crate) const PLAN_OPTION: &str = "experiment";
 pub(crate) fn rows(file: &Path, folder: &Path, mut options: BTreeMap<&str, &str>) -> Result<Vec<String>> {
     let plan = options.remove(PLAN_OPTION).context("expected experiment=FILE")?;
     let plan = Experiment::read(&folder.join(plan))?;
-    let results = Results::read(file)?;
     let name = options.remove("table").context("expected table=NAME")?;
+    if name == "times" {
+        ensure!(options.is_empty(), "unknown {:?}; expected table and experiment", options.keys());
+        return Ok(Times::read(file)?.rows(&plan));
+    }
+    let results = Results::read(file)?;
     let metrics =
         options.remove("metrics").map(|names| names.split(',').map(str::parse).collect::<Result<Vec<Metric>>>());
     let metrics = metrics.transpose()?.unwrap_or_else(|| plan.endpoints.primary.clone());
@@ -26,7 +31,7 @@ pub(crate) fn rows(file: &Path, folder: &Path, mut options: BTreeMap<&str, &str>
         "progress" => Ok(vec![progress(&plan, &results)]),
         "cells" => Ok(cells(&plan, &results, &metrics)),
         "comparisons" => Ok(comparisons(&plan, &results, &metrics)),
-        other => bail!("no table \"{other}\" of an experiment; expected progress, cells or comparisons"),
+        other => bail!("no table \"{other}\" of an experiment; expected progress, cells, comparisons or times"),
     }
 }
 

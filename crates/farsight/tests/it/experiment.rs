@@ -276,3 +276,39 @@ fn arms_of_several_methods_are_trained_and_judged_alike() {
     assert!(output.status.code() == Some(2) && !root.join("nowhere").exists(), "{told}");
     assert!(told.contains("arms.oftnet") && told.contains("msfe"), "{told}");
 }
+
+#[test]
+fn arms_are_timed_and_drawn_against_what_they_are_worth() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    fs::write(root.join("plan.toml"), PLAN).unwrap();
+    let time = ["experiment", "time", "plan.toml", "--engines", "rten", "--runs", "1", "--out", "times.json"];
+    let told = done(root, &time);
+    assert!(told.contains("| floor of two |"), "{told}");
+    let times = json(&root.join("times.json"));
+    let of_arm = |arm: &Value| (arm["arm"].as_str().unwrap().to_owned(), arm["ms"].as_f64().unwrap() > 0.0);
+    let found: Vec<(String, bool)> = times["arms"].as_array().unwrap().iter().map(of_arm).collect();
+    assert_eq!(found, [("plain".to_owned(), true), ("wide".to_owned(), true)]);
+
+    let cell = |arm: &str, ap: f64| serde_json::json!({ "arm": arm, "seed": 1, "steps": 3, "ap3d": ap, "mae": 1.5 });
+    let results = serde_json::json!({ "cells": [cell("plain", 4.0), cell("wide", 6.0)], "comparisons": [] });
+    fs::write(root.join("results.json"), results.to_string()).unwrap();
+    let plot = ["experiment", "plot", "plan.toml", "--results", "results.json", "--times", "times.json"];
+    let with = |more: &[&'static str]| [&plot[..], more].concat();
+    done(root, &with(&["--metrics", "ap3d,mae", "--out", "plot.svg"]));
+    let drawn = fs::read_to_string(root.join("plot.svg")).unwrap();
+    assert_eq!(drawn.matches("<circle").count(), 4);
+    assert!(drawn.contains("MAE, metres") && drawn.contains(">floor of two</text>"));
+
+    for (more, expected) in [
+        (["--out", "plot.png", "--engine", "rten"], "expected a name ending in .svg"),
+        (["--out", "other.svg", "--engine", "openvino"], "times.json: no times of \"openvino\"; expected one of rten"),
+        (["--out", "other.svg", "--metrics", "found"], "no arm has both results and times"),
+    ] {
+        let output = farsight(root, &with(&more));
+        assert!(!output.status.success());
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(told.contains(expected), "{told}");
+    }
+    assert!(!root.join("other.svg").exists());
+}

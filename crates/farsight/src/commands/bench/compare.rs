@@ -164,7 +164,7 @@ fn row(Candidate { variant, rounds, .. }: &Candidate) -> Row {
     }
 }
 
-fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+pub(in crate::commands) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     quantile(&sorted(values), 0.5)
 }
 

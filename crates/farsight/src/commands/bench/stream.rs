@@ -58,7 +58,7 @@ pub(super) fn throughput(path: &Path, images: usize, pipeline: &Pipeline) -> Res
 }
 
 /// Cores of this machine, as far as this process may use them.
-pub(super) fn cores() -> usize {
+pub(in crate::commands) fn cores() -> usize {
     available_parallelism().map_or(1, NonZero::get)
 }
 
