@@ -101,7 +101,7 @@ impl Adam {
             start += count;
             options = (tensor.kind(), tensor.device());
         }
-        let rate_factors = factors.iter().any(|&factor| factor != 1.0);
+        let rate_factors = factors.iter().any(|factor| (factor - 1.0).abs() > 0.0);
         let rate_factors = rate_factors.then(|| Tensor::from_slice(&factors).to_kind(options.0).to_device(options.1));
         let [mean, square] = [(); 2].map(|()| Tensor::zeros([start], options));
         Self { settings, places, mean, square, rate_factors, steps: 0 }

@@ -83,7 +83,7 @@ fn covered(low: f64, high: f64, size: i64) -> Vec<(i64, f64)> {
     let edge = |at: f64| (at + 0.5).clamp(0.0, size as f64);
     let (low, high) = (edge(low), edge(high));
     // What is no number is nowhere.
-    if !(high > low) {
+    if low.is_nan() || high.is_nan() || high <= low {
         return Vec::new();
     }
     let share = |cell: i64| (high.min(cell as f64 + 1.0) - low.max(cell as f64)) / (high - low);
