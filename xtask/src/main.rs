@@ -102,12 +102,19 @@ fn test(arguments: &[&str]) -> Result<(), String> {
     let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
     // The examples, which `check` compiles, would take a minute to build and have no tests.
     let targets = ["--lib", "--bins", "--tests"];
+    // All but one, which a test runs. With the features of all, or most crates would be built once more.
+    let example = || {
+        let build = ["build", "--workspace", "--features", everything[3], "--example", "quickstart"];
+        run(cargo(Some(&libtorch)).args(build))
+    };
     if arguments.is_empty() {
+        example()?;
         run(cargo(Some(&libtorch)).args(everything).args(targets))?;
         return run(cargo(Some(&libtorch)).args(everything).arg("--doc"));
     }
     if arguments == ["--no-run"] {
-        return run(cargo(Some(&libtorch)).args(everything).args(targets).arg("--no-run"));
+        run(cargo(Some(&libtorch)).args(everything).args(targets).arg("--no-run"))?;
+        return example();
     }
     if arguments != ["--all"] {
         return run(cargo(Some(&libtorch)).args(everything).args(arguments));

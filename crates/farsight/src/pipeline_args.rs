@@ -141,7 +141,8 @@ impl EngineArgs {
 /// More threads than any computer has cores are a mistake.
 const MAX_THREADS: usize = 1024;
 
-fn threads(text: &str) -> Result<usize, String> {
+/// A number of threads.
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| (1..=MAX_THREADS).contains(count));
     count.ok_or_else(|| format!("expected a number from 1 to {MAX_THREADS}"))
 }

@@ -1,4 +1,4 @@
-//! `farsight experiment`: runs the plan of an experiment, cell by cell.
+//! `farsight experiment`: runs the plan of an experiment, cell by cell; times and draws its arms.
 
 #[cfg(feature = "train")]
 mod cell;

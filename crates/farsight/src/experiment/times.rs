@@ -65,7 +65,7 @@ impl Times {
         engines
     }
 
-    /// A row for each arm that has times, with the column `ARM: engine` milliseconds.
+    /// A table with a row for each arm that has times, and a column for each engine.
     pub(crate) fn rows(&self, plan: &Experiment) -> Vec<String> {
         let engines = self.engines();
         let timed = plan.arms().into_iter().filter(|arm| self.arms.iter().any(|time| time.arm == *arm));

@@ -15,10 +15,9 @@ use crate::commands::bench::{WARM_UP, cores, median, pass};
 use crate::experiment::plan::Work;
 use crate::experiment::times::{ArmTime, Times};
 use crate::experiment::{Cell, Experiment};
-use crate::outputs;
-use crate::pipeline_args::{EngineArgs, EngineName};
+use crate::pipeline_args::{self, EngineArgs, EngineName};
 use crate::printer::{Printer, counted};
-use crate::untrained;
+use crate::{outputs, untrained};
 
 /// Times that each arm has its turn on each engine.
 const ROUNDS: usize = 5;
@@ -36,7 +35,7 @@ pub(crate) struct TimeArgs {
     #[arg(long, value_enum, value_delimiter = ',', default_values = ["rten", "onnxruntime", "openvino"])]
     engines: Vec<EngineName>,
     /// Threads of the networks [default: one for each core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = pipeline_args::threads)]
     threads: Option<usize>,
     /// Folder of the cells: an arm that was trained there is timed with its weights; others have random ones
     #[arg(long, value_name = "DIR")]
