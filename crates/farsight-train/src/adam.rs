@@ -72,8 +72,8 @@ impl Place {
 
 /// The optimiser with its state.
 ///
-/// The running means of all parameters lie one behind the other in one tensor: a step is a dozen operations on that, not
-/// on each of the hundreds of parameters, which a GPU would spend its time on being told of.
+/// The running means of all parameters lie one behind the other in one tensor: a step is a dozen operations on that,
+/// not on each of the hundreds of parameters, which a GPU would spend its time on being told of.
 #[derive(Debug)]
 pub struct Adam {
     settings: AdamSettings,
