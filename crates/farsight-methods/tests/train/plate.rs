@@ -133,6 +133,7 @@ fn detection(box3d: Box3d) -> Detection {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
 fn a_small_reader_learns_to_measure_with_plates() {
     let folder = plates_set(8);
     let out = folder.path().join("run");
