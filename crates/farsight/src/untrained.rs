@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use farsight::ModelSource;
 use farsight_data::AugmentationConfig;
 use farsight_methods::description::{Description, trained_methods};
 use farsight_methods::detectors::{DetectorNetwork, untrained};
@@ -65,11 +66,13 @@ fn known(method: Option<String>, path: &Path) -> Result<String> {
     bail!("{}: method is {found}; expected one of {}", path.display(), known.join(", "))
 }
 
-/// The network of a detector's config with random weights, for engines of this target.
-pub(crate) fn network(path: &Path, target: Target) -> Result<DetectorNetwork> {
+/// The network of a detector's config with random weights, in memory, for engines of this target.
+pub(crate) fn network(path: &Path, target: Target) -> Result<ModelSource> {
     let description = read(path)?;
     let RunFile { model, .. } = RunFile::read(path)?;
     let made = untrained(description.method, model, target, path);
-    Ok(made
-        .with_context(|| format!("{}: the config of {}; expected a detector's", path.display(), description.name))??)
+    let DetectorNetwork { first, later, .. } = made
+        .with_context(|| format!("{}: the config of {}; expected a detector's", path.display(), description.name))??;
+    let later = later.into_iter().map(|part| part.onnx).collect();
+    Ok(ModelSource::Memory { onnx: Box::new(first.onnx), later, name: path.to_owned() })
 }

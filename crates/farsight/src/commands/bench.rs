@@ -10,12 +10,9 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use farsight::camera_source::KITTI_HFOV_DEG;
-use farsight::{
-    Camera, EngineKind, ModelSource, Pipeline, PipelineBuilder, RangeKind, StageTimes, draw, read_image, shipped,
-};
+use farsight::{Camera, EngineKind, Pipeline, PipelineBuilder, RangeKind, StageTimes, draw, read_image, shipped};
 use farsight_core::statistics::{quantile, sorted};
 use farsight_files::{Scratch, write_atomically};
-use farsight_methods::detectors::DetectorNetwork;
 use farsight_runtime::timing::timed;
 use image::RgbImage;
 use serde::Serialize;
@@ -153,9 +150,7 @@ fn builder(args: &BenchArgs, printer: &mut Printer) -> Result<PipelineBuilder> {
     );
     let mut builder = args.pipeline.builder(printer)?.dense_head(args.dense_head).images(1);
     if let Some(path) = config {
-        let DetectorNetwork { first, later, .. } = untrained::network(path, engine.target())?;
-        let (onnx, later) = (Box::new(first.onnx), later.into_iter().map(|part| part.onnx).collect());
-        builder = builder.model(ModelSource::Memory { onnx, later, name: path.to_owned() });
+        builder = builder.model(untrained::network(path, engine.target())?);
     }
     Ok(args.input.into_iter().fold(builder, PipelineBuilder::input_size))
 }

@@ -8,7 +8,6 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use farsight::{ModelSource, Pipeline, PipelineBuilder, Road, StageSource, shipped};
 use farsight_files::Scratch;
-use farsight_methods::detectors::DetectorNetwork;
 
 use crate::commands::Outcome;
 use crate::commands::bench::{WARM_UP, cores, median, pass};
@@ -145,9 +144,7 @@ fn open(
             let path = folder.join(format!("{}.toml", cell.arm));
             let text = toml::to_string(&plan.config(cell)).context("the config of an arm")?;
             fs::write(&path, text).with_context(|| format!("{}: cannot be written", path.display()))?;
-            let DetectorNetwork { first, later, .. } = untrained::network(&path, options.kind.target())?;
-            let (onnx, later) = (Box::new(first.onnx), later.into_iter().map(|part| part.onnx).collect());
-            (alone().model(ModelSource::Memory { onnx, later, name: cell.arm.clone().into() }), false)
+            (alone().model(untrained::network(&path, options.kind.target())?), false)
         }
     };
     Ok(Some((builder.engine_options(options).images(1).open()?, trained)))
