@@ -22,7 +22,8 @@ cargo xtask COMMAND
   check                    formatting, clippy with warnings denied, docs
   run ARGS                 farsight with training: `cargo xtask run train --config configs/smoke.toml --data DIR`
   exec COMMAND [ARGS]      any command with libtorch where it will look for it
-  fuzz [--minutes N]       every fuzz target for N minutes of processor time each (default 1), training's too; what breaks a law goes to fuzz/artifacts
+  fuzz [--minutes N] [--table FILE] [TARGET...]
+                           every fuzz target, or these, for N minutes of processor time each (default 1), training's too; what breaks a law goes to fuzz/artifacts, what was tried to FILE
   wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment,
                            --test=slice with a few tests and one on a local Ray, as CI does, --test=ray with all of those alone
   dist [--no-wheel]        the archives of a release into target/dist: program, wheel, SBOM, checksums, crates for the registry
@@ -131,14 +132,14 @@ fn test(arguments: &[&str]) -> Result<(), String> {
 
 /// Feeds every target on any compiler; libFuzzer, which needs a nightly one, is `cargo +nightly fuzz run TARGET`.
 fn fuzz(arguments: &[&str]) -> Result<(), String> {
-    let minutes = match arguments {
-        [] => "1",
-        ["--minutes", minutes] if minutes.parse::<f64>().is_ok_and(|minutes| minutes > 0.0) => minutes,
-        other => return Err(format!("unexpected arguments {other:?}; expected --minutes N or none")),
-    };
+    let minutes = arguments.iter().position(|word| *word == "--minutes").map(|place| arguments.get(place + 1));
+    let is_number = |text: &&str| text.parse::<f64>().is_ok_and(|minutes| minutes > 0.0);
+    if minutes.is_some_and(|minutes| !minutes.is_some_and(is_number)) {
+        return Err("--minutes: expected a number of minutes, such as 5".to_owned());
+    }
     let libtorch = Libtorch::find_or_fetch()?;
     let program = ["run", "--quiet", "--package", "farsight-laws", "--features", "train", "--bin", "fuzz", "--"];
-    run(cargo(Some(&libtorch)).args(program).args(["--minutes", minutes]))
+    run(cargo(Some(&libtorch)).args(program).args(arguments))
 }
 
 fn check() -> Result<(), String> {

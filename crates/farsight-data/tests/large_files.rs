@@ -4,13 +4,10 @@
 //! the test ends at all: one line of three million words once took a minute.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic and print")]
-#![allow(unsafe_code, reason = "an allocator that counts can only be written with it")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use farsight_data::annotations::{FileAnnotation, Plates};
@@ -18,28 +15,7 @@ use farsight_data::kitti::devkit::MAX_DIAGNOSTICS;
 use farsight_data::kitti::rows::{rows_from_text, rows_from_text_lenient};
 use farsight_data::kitti::split::split_from_text;
 use farsight_data::kitti::{Calibration, RowKind, read_labels, read_split, rows_as_devkit};
-
-/// Counts what is allocated.
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let now = NOW.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        PEAK.fetch_max(now, Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
+use farsight_testing::{Counting, peak};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -96,11 +72,9 @@ fn ten_megabytes_of_anything_take_a_bounded_amount_of_memory() {
     ];
     for (name, text) in inputs() {
         for (reader, read) in readers {
-            let before = NOW.load(Ordering::Relaxed);
-            PEAK.store(before, Ordering::Relaxed);
             let start = Instant::now();
-            read(&text, path);
-            let (seconds, taken) = (start.elapsed().as_secs_f64(), PEAK.load(Ordering::Relaxed) - before);
+            let (taken, ()) = peak(|| read(&text, path));
+            let seconds = start.elapsed().as_secs_f64();
             println!("{name:>20}  {reader:>22}  {seconds:6.2} s  {:4} MB", taken / 1_000_000);
             assert!(taken <= MOST, "{name}, {reader}: {taken} bytes");
         }

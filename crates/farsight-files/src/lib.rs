@@ -3,9 +3,11 @@
 //! Every crate that writes files uses this one. The bytes go to a scratch file beside the target, which then takes its
 //! name: [`write_atomically`] also asks the disk to keep it, [`write_quickly`] does not, for files that can be made
 //! again. What grows for long, or is made by somebody else, goes to a [`Scratch`]. Reading is here, too, as far as it
-//! must not wait or grow without end: [`read_file`].
+//! must not wait or grow without end: [`read_file`]. Tables of figures that documents quote are a kind of file of their
+//! own: [`MeasuredTable`].
 
 mod folder;
+mod measured;
 mod read;
 mod scratch;
 
@@ -16,6 +18,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use folder::{FolderLock, remove_stale_scratch};
+pub use measured::{MeasuredTable, TableError, machine, today};
 pub use read::{MAX_CONFIG, MAX_TEXT, open_regular, read_config, read_file, read_text, text_up_to};
 pub use scratch::Scratch;
 

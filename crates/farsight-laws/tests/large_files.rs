@@ -4,50 +4,17 @@
 //! (`-- --nocapture`) and stand in docs/reliability.md; what is asserted is the memory, and that the test ends at all.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic and print")]
-#![allow(unsafe_code, reason = "an allocator that counts can only be written with it")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use farsight_files::MeasuredTable;
 use farsight_laws::named;
 use farsight_laws::readers::{BINARY, Reader, TEXT};
-
-/// Counts what is allocated.
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-fn count(size: usize) {
-    let now = NOW.fetch_add(size, Ordering::Relaxed) + size;
-    PEAK.fetch_max(now, Ordering::Relaxed);
-}
-
-// SAFETY: every call goes to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
+use farsight_testing::{Counting, keep_table, peak};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -222,15 +189,13 @@ fn taken(reader: &Reader, folder: &Path, content: &[u8]) -> (usize, f64, Result<
     let path = folder.join(reader.file);
     fs::create_dir_all(path.parent().unwrap()).unwrap();
     fs::write(&path, content).unwrap();
-    let before = NOW.load(Ordering::Relaxed);
-    PEAK.store(before, Ordering::Relaxed);
     let start = Instant::now();
-    let told = (reader.read)(&path);
-    (PEAK.load(Ordering::Relaxed) - before, start.elapsed().as_secs_f64(), told)
+    let (bytes, told) = peak(|| (reader.read)(&path));
+    (bytes, start.elapsed().as_secs_f64(), told)
 }
 
 /// Reads all inputs by all readers, and tells the worst of each reader.
-fn all(readers: &[Reader], inputs: &[(&'static str, Vec<u8>)], folder: &Path) {
+fn all(readers: &[Reader], inputs: &[(&'static str, Vec<u8>)], folder: &Path, table: &mut MeasuredTable) {
     for reader in readers {
         let (mut most, mut slowest) = ((0, ""), (0.0, ""));
         for (name, content) in inputs {
@@ -240,7 +205,9 @@ fn all(readers: &[Reader], inputs: &[(&'static str, Vec<u8>)], folder: &Path) {
             slowest = if seconds > slowest.0 { (seconds, name) } else { slowest };
         }
         let ((bytes, large), (seconds, slow)) = (most, slowest);
-        println!("| {} | {} MB | {large} | {seconds:.2} s | {slow} |", reader.name, bytes / 1_000_000);
+        let memory = format!("{} MB", bytes / 1_000_000);
+        println!("{}: {memory} for {large}, {seconds:.2} s for {slow}", reader.name);
+        table.put([reader.name.to_owned(), memory, large.to_owned(), format!("{seconds:.2} s"), slow.to_owned()]);
     }
 }
 
@@ -250,12 +217,14 @@ fn ten_megabytes_of_anything_take_a_bounded_amount_of_memory() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = |texts: Vec<(&'static str, String)>| texts.into_iter().map(|(name, text)| (name, text.into_bytes()));
     let is_config = |reader: &&Reader| Path::new(reader.file).extension().is_some_and(|end| end == "toml");
-    println!("| reader | memory | for | time | for |\n|---|---:|---|---:|---|");
+    let command = "cargo test --release -p farsight-laws --test large_files";
+    let mut table = MeasuredTable::new(command, ["reader", "memory", "taken for", "time", "spent on"]);
     let (configs, others): (Vec<&Reader>, Vec<&Reader>) = TEXT.iter().partition(is_config);
     let owned = |readers: Vec<&Reader>| readers.into_iter().copied().collect::<Vec<_>>();
-    all(&owned(others), &bytes(texts(SIZE)).collect::<Vec<_>>(), folder.path());
-    all(&owned(configs), &bytes(texts(CONFIG_SIZE)).collect::<Vec<_>>(), folder.path());
-    all(BINARY, &binaries(), folder.path());
+    all(&owned(others), &bytes(texts(SIZE)).collect::<Vec<_>>(), folder.path(), &mut table);
+    all(&owned(configs), &bytes(texts(CONFIG_SIZE)).collect::<Vec<_>>(), folder.path(), &mut table);
+    all(BINARY, &binaries(), folder.path(), &mut table);
+    keep_table("large-files", &table);
 }
 
 #[test]

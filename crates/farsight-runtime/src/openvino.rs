@@ -64,6 +64,9 @@ mod present {
             }
             if sharers > 1 {
                 core.set_property(&DeviceType::CPU, &RwPropertyKey::NumStreams, &sharers.to_string())?;
+                // Each network would tie its first stream to the same core, and a network and the one that follows it
+                // would wait for each other while another core has nothing to do.
+                core.set_property(&DeviceType::CPU, &RwPropertyKey::HintEnableCpuPinning, "NO")?;
             }
             core.read_model_from_buffer(model.bytes(), None)?;
             let compiler = Mutex::new(Compiler { core, forms: Vec::new() });

@@ -1,15 +1,18 @@
-//! What tests of several crates share: reference tensors ([`Golden`]), and folders of test data outside the repository
-//! ([`kitti`], [`folder`]).
+//! What tests of several crates share: reference tensors ([`Golden`]), folders of test data outside the repository
+//! ([`kitti`], [`folder`]), memory that is counted ([`peak`]), and tables that documents quote ([`keep_table`]).
 //!
 //! For tests only, so it panics where a program would return an error.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "used by tests only")]
 #![allow(clippy::missing_panics_doc, reason = "a test that cannot go on stops")]
 
+mod counting;
 mod golden;
 
 use std::path::{Path, PathBuf};
 
+pub use counting::{Counting, peak};
+use farsight_files::MeasuredTable;
 pub use golden::{Array, Golden};
 
 /// The top of the workspace.
@@ -34,4 +37,12 @@ pub fn folder(variable: &str, default: &str, inside: &str) -> Option<PathBuf> {
     }
     println!("skipped: no folder {}; set {variable}", path.display());
     None
+}
+
+/// Writes a table that a test measured to `NAME.json` in the folder that `FARSIGHT_TABLES` names, which is relative to
+/// the top of the workspace; without it, nowhere.
+pub fn keep_table(name: &str, table: &MeasuredTable) {
+    if let Some(folder) = std::env::var_os("FARSIGHT_TABLES") {
+        table.write(&workspace().join(folder).join(format!("{name}.json"))).unwrap();
+    }
 }

@@ -4,49 +4,18 @@
 //! The figures are printed (`-- --nocapture`) and stand in docs/reliability.md.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "the helpers of a test may panic and print")]
-#![allow(unsafe_code, reason = "an allocator that counts can only be written with it")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
 use farsight_data::{ImageLimits, decode_image};
+use farsight_files::MeasuredTable;
+use farsight_testing::{Counting, keep_table, peak};
 use farsight_viz::{DrawOptions, Names, Scene, annotate_named, picture};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{GrayImage, ImageFormat, RgbImage};
-
-/// Counts what is allocated.
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let now = NOW.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        PEAK.fetch_max(now, Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        let now = NOW.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
-        PEAK.fetch_max(now, Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(place, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -68,14 +37,6 @@ fn written(picture: &RgbImage, format: ImageFormat) -> usize {
         _ => picture.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, 90)).unwrap(),
     }
     bytes.len()
-}
-
-/// What is allocated at most while `work` runs.
-fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
-    let before = NOW.load(Ordering::Relaxed);
-    PEAK.store(before, Ordering::Relaxed);
-    let done = work();
-    (PEAK.load(Ordering::Relaxed) - before, done)
 }
 
 fn detection(camera: &Camera) -> Detection {
@@ -101,6 +62,8 @@ fn pictures_take_memory_in_proportion_to_their_images() {
         ([4000, 3000], "12 megapixels"),
         ([12_000, 9000], "108 megapixels"),
     ];
+    let columns = ["image", "format", "decoded", "picture", "page"];
+    let mut table = MeasuredTable::new("cargo test -p farsight-viz --test memory", columns);
     for (size @ [width, height], what) in cases {
         // The largest are photographs.
         let is_huge = u64::from(width) * u64::from(height) > 50_000_000;
@@ -111,26 +74,23 @@ fn pictures_take_memory_in_proportion_to_their_images() {
             let scene = Scene { camera: &camera, detections: &detections, truth: &[] };
             let decoded = 3 * width as usize * height as usize;
             let most = 4 * decoded + SPARE;
-            let start = Instant::now();
             let (drawn, _) = peak(|| {
                 let image = decode_image(&bytes, name, limits).unwrap();
                 written(&picture(&image.pixels, &scene, &DrawOptions::default()), format)
             });
-            let seconds = start.elapsed().as_secs_f64();
             // Pages of evaluations have their frames at full size.
             let (page, _) = peak(|| {
                 let image = decode_image(&bytes, name, limits).unwrap();
                 let names = Names { detections: &["1".to_owned()], truth: &[] };
                 written(&annotate_named(&image.pixels, &scene, &DrawOptions::default(), &names), format)
             });
-            println!(
-                "{what:>15}  {width:>6} x {height:>6}  {format:?}  decoded {:>4} MB, picture {:>4} MB, page {:>4} MB, {seconds:.1} s",
-                decoded / 1_000_000,
-                drawn / 1_000_000,
-                page / 1_000_000
-            );
-            assert!(drawn <= most, "{what}, {format:?}: {drawn} bytes");
-            assert!(page <= most, "{what}, {format:?}, on a page: {page} bytes");
+            let megabytes = |bytes: usize| format!("{} MB", bytes / 1_000_000);
+            let (image, format) = (format!("{width} x {height}"), format!("{format:?}"));
+            println!("{what}, {image}, {format}: picture {}, page {}", megabytes(drawn), megabytes(page));
+            table.rows.push(vec![image, format.clone(), megabytes(decoded), megabytes(drawn), megabytes(page)]);
+            assert!(drawn <= most, "{what}, {format}: {drawn} bytes");
+            assert!(page <= most, "{what}, {format}, on a page: {page} bytes");
         }
     }
+    keep_table("pictures", &table);
 }

@@ -1,12 +1,14 @@
 //! Rangers: what distance a detection would have by its 2D box and the camera, without a look at the image. What the
 //! distances of a network have to beat.
 
-#[cfg(feature = "train")]
-use farsight_core::Label;
 use farsight_core::geometric_baseline::{depth_from_ground, depth_from_height, horizon_from_boxes, level_horizon};
+#[cfg(feature = "train")]
+use farsight_core::statistics::{quantile, sorted};
+#[cfg(feature = "train")]
+use farsight_core::{Box2d, Label};
 use farsight_core::{Camera, Detection, ObjectClass};
 #[cfg(feature = "train")]
-use farsight_data::ItemKey;
+use farsight_data::{ItemKey, annotations::DepthMap};
 #[cfg(feature = "train")]
 use farsight_methods::box_mlp::Example;
 use farsight_methods::box_mlp::{BoxMlp, features};
@@ -33,9 +35,10 @@ pub(crate) enum Ranger {
 }
 
 impl Ranger {
-    /// One that needs nothing but the height of the camera; none of the one that learns.
+    /// One that needs nothing but the height of the camera; none of the others.
     pub(crate) fn geometric(name: RangerName, camera_height_m: f64) -> Option<Self> {
-        (name != RangerName::BoxMlp).then_some(Self::Geometric { name, camera_height_m })
+        let is_geometric = !matches!(name, RangerName::BoxMlp | RangerName::MedianDepth);
+        is_geometric.then_some(Self::Geometric { name, camera_height_m })
     }
 
     /// The one that learns, from labelled objects of which at least half is seen: each frame's camera and labels. None
@@ -102,6 +105,35 @@ fn estimated_horizon(detections: &[Detection], camera: &Camera, camera_height_m:
     horizon_from_boxes(&objects, camera, camera_height_m)
 }
 
+/// The detections of an image with the median depth of the pixels in their 2D boxes, as a sensor of depth (LiDAR, stereo)
+/// would see it: of what is seen, so half a mean length is added. The sky has no depth. Those without a pixel that has
+/// one are left out.
+#[cfg(feature = "train")]
+pub(crate) fn ranged_by_median(
+    detections: Vec<Detection>,
+    camera: &Camera,
+    depth: &DepthMap,
+    [width, height]: [usize; 2],
+) -> Vec<Detection> {
+    let range = |low: f64, high: f64, size: usize| {
+        let inside = |value: f64| (value.clamp(0.0, size as f64)) as usize;
+        inside(low.floor())..inside(high.ceil())
+    };
+    let median_m = |one: &Detection| {
+        let Box2d { x1, y1, x2, y2 } = one.box2d;
+        let (columns, rows) = (range(x1, x2, width), range(y1, y2, height));
+        let row = |y: usize| depth.depth_m.get(y * width + columns.start..y * width + columns.end).unwrap_or_default();
+        let depths = rows.flat_map(row).map(|depth_m| f64::from(*depth_m)).filter(|depth_m| depth_m.is_finite());
+        let depths = sorted(depths);
+        (!depths.is_empty()).then(|| quantile(&depths, 0.5))
+    };
+    let ranged = |one: Detection| {
+        let depth_m = median_m(&one)? + half_length_m(&one.class);
+        moved(one, camera, depth_m)
+    };
+    detections.into_iter().filter_map(ranged).collect()
+}
+
 #[cfg(feature = "train")]
 fn example(label: &Label, camera: &Camera) -> Option<Example> {
     let depth_m = label.box3d.depth_m();
@@ -122,4 +154,51 @@ fn moved(mut detection: Detection, camera: &Camera, depth_m: f64) -> Option<Dete
     detection.box3d.location = [x, y + detection.box3d.dimensions.height / 2.0, z];
     detection.range_sigma_m = None;
     Some(detection)
+}
+
+#[cfg(all(test, feature = "train"))]
+mod tests {
+    use farsight_core::{Box3d, Dimensions};
+
+    use super::*;
+
+    fn detection(box2d: [f64; 4]) -> Detection {
+        let [x1, y1, x2, y2] = box2d;
+        Detection {
+            class: ObjectClass::Car,
+            box2d: Box2d { x1, y1, x2, y2 },
+            box3d: Box3d {
+                dimensions: Dimensions { length: 4.0, height: 1.5, width: 1.6 },
+                location: [1.0, 1.6, 10.0],
+                yaw: 0.0,
+            },
+            score: 0.9,
+            range_sigma_m: Some(1.0),
+        }
+    }
+
+    #[test]
+    fn the_median_is_of_the_pixels_in_the_box_that_have_a_depth() {
+        let camera = Camera::from_hfov(65.0, 8, 4).unwrap();
+        // Columns are 10, 20, ... metres away; the upper row is sky.
+        let depth_m = (0..32).map(|i| if i < 8 { f32::INFINITY } else { 10.0 * (i % 8 + 1) as f32 }).collect();
+        let depth = DepthMap { depth_m };
+        let boxes = [
+            ([1.0, 0.0, 4.0, 4.0], Some(30.0)),
+            // Beyond the image, and of parts of pixels.
+            ([-5.0, -5.0, 2.5, 9.0], Some(20.0)),
+            ([6.5, 1.0, 99.0, 99.0], Some(75.0)),
+            // Nothing but sky, nothing of the image.
+            ([0.0, 0.0, 8.0, 1.0], None),
+            ([20.0, 1.0, 30.0, 3.0], None),
+        ];
+        for (box2d, expected) in boxes {
+            let found = ranged_by_median(vec![detection(box2d)], &camera, &depth, [8, 4]);
+            let found = found.first().map(|one| one.box3d.depth_m() - half_length_m(&ObjectClass::Car));
+            match (found, expected) {
+                (Some(found), Some(expected)) => assert!((found - expected).abs() < 1e-9, "{box2d:?}: {found}"),
+                (found, expected) => assert_eq!(found, expected, "{box2d:?}"),
+            }
+        }
+    }
 }

@@ -8,7 +8,8 @@ use crate::Box2d;
 /// Each cell counts with the share of it that a box covers, so boxes need not end at the borders of cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IntegralImage {
-    /// `[channels, height + 1, width + 1]`: the first row and column are zeros.
+    /// `[height + 1, width + 1, channels]`: the first row and column are zeros. Channels come last, as all of them are
+    /// summed over the same boxes.
     sums: Vec<f64>,
     shape: [usize; 3],
 }
@@ -17,16 +18,17 @@ impl IntegralImage {
     /// Sums of `map`.
     pub fn new(map: FeatureMap) -> Self {
         let [channels, height, width] = map.shape();
-        let stride = width + 1;
-        let mut sums = vec![0.0; channels * (height + 1) * stride];
+        let row_len = (width + 1) * channels;
+        let mut sums = vec![0.0; (height + 1) * row_len];
         for channel in 0..channels {
             let plane = map.plane(channel);
-            let sums = &mut sums[channel * (height + 1) * stride..(channel + 1) * (height + 1) * stride];
             for y in 0..height {
                 let mut of_row = 0.0;
-                for x in 0..width {
-                    of_row += f64::from(plane[y * width + x]);
-                    sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + of_row;
+                let (above, own) = sums[y * row_len..(y + 2) * row_len].split_at_mut(row_len);
+                for (x, value) in plane[y * width..(y + 1) * width].iter().enumerate() {
+                    of_row += f64::from(*value);
+                    let place = (x + 1) * channels + channel;
+                    own[place] = above[place] + of_row;
                 }
             }
         }
@@ -37,57 +39,46 @@ impl IntegralImage {
     /// nothing is inside has zeros.
     pub fn means(&self, boxes: &[Box2d]) -> Vec<f32> {
         let [channels, height, width] = self.shape;
-        let corners: Vec<Option<Rectangle>> =
-            boxes.iter().map(|area| Rectangle::within(area, [width, height])).collect();
-        let plane_len = (height + 1) * (width + 1);
-        let mut means = Vec::with_capacity(channels * boxes.len());
-        for channel in 0..channels {
-            let sums = &self.sums[channel * plane_len..(channel + 1) * plane_len];
-            means.extend(
-                corners.iter().map(|corners| corners.as_ref().map_or(0.0, |corners| corners.mean(sums) as f32)),
-            );
+        let mut means = vec![0.0; channels * boxes.len()];
+        let mut mean = vec![0.0; channels];
+        for (i, area) in boxes.iter().enumerate() {
+            let Some((rows, columns)) = between(area.y1, area.y2, height).zip(between(area.x1, area.x2, width)) else {
+                continue;
+            };
+            mean.fill(0.0);
+            for (row, row_share) in rows {
+                for (column, column_share) in columns {
+                    let share = row_share * column_share;
+                    let start = (row * (width + 1) + column) * channels;
+                    for (mean, sum) in mean.iter_mut().zip(&self.sums[start..start + channels]) {
+                        *mean += share * sum;
+                    }
+                }
+            }
+            for (channel, mean) in mean.iter().enumerate() {
+                means[channel * boxes.len() + i] = *mean as f32;
+            }
         }
         means
     }
 }
 
-/// The part of a box that is inside a map, as places between the sums of an [`IntegralImage`].
-#[derive(Debug, Clone, Copy)]
-struct Rectangle {
-    /// Left, upper, right and lower edge, cells from the map's border.
-    edges: [f64; 4],
-    /// Cells in a row of the sums, and rows of them.
-    size: [usize; 2],
-}
-
-impl Rectangle {
-    fn within(area: &Box2d, [width, height]: [usize; 2]) -> Option<Self> {
-        let edge = |at: f64, side: usize| (at + 0.5).clamp(0.0, side as f64);
-        let edges = [edge(area.x1, width), edge(area.y1, height), edge(area.x2, width), edge(area.y2, height)];
-        let [left, upper, right, lower] = edges;
-        // What is no number is not larger, either.
-        (right > left && lower > upper).then_some(Self { edges, size: [width + 1, height + 1] })
-    }
-
-    fn mean(&self, sums: &[f64]) -> f64 {
-        let [left, upper, right, lower] = self.edges;
-        let sum = self.sum_to(sums, right, lower) - self.sum_to(sums, left, lower) - self.sum_to(sums, right, upper)
-            + self.sum_to(sums, left, upper);
-        sum / ((right - left) * (lower - upper))
-    }
-
-    /// The sum from the corner of the map to here. Within a cell it grows evenly in both directions, so it lies
-    /// bilinearly between the sums around it.
-    fn sum_to(&self, sums: &[f64], x: f64, y: f64) -> f64 {
-        let [stride, rows] = self.size;
-        let (column, row) = ((x as usize).min(stride - 1), (y as usize).min(rows - 1));
-        let (next_column, next_row) = ((column + 1).min(stride - 1), (row + 1).min(rows - 1));
-        let (across, down) = (x - column as f64, y - row as f64);
-        let between = |row: usize| {
-            let (left, right) = (sums[row * stride + column], sums[row * stride + next_column]);
-            left + (right - left) * across
-        };
-        let (upper, lower) = (between(row), between(next_row));
-        upper + (lower - upper) * down
-    }
+/// The sums along a side of `size` cells that the mean between two edges is made of, and what each counts. None where
+/// nothing lies between them.
+///
+/// A sum up to a place within a cell grows evenly in both directions, so it lies between those around it, and a mean is
+/// made of the sums up to four corners: of 16 sums.
+fn between(low: f64, high: f64, size: usize) -> Option<[(usize, f64); 4]> {
+    // A cell reaches half a cell to both sides of its whole number.
+    let edge = |at: f64| (at + 0.5).clamp(0.0, size as f64);
+    let (low, high) = (edge(low), edge(high));
+    let around = |at: f64, sign: f64| {
+        let first = (at as usize).min(size);
+        let share = at - first as f64;
+        let scale = sign / (high - low);
+        [(first, (1.0 - share) * scale), ((first + 1).min(size), share * scale)]
+    };
+    let ([a, b], [c, d]) = (around(low, -1.0), around(high, 1.0));
+    // What is no number is not larger, either.
+    (high > low).then_some([a, b, c, d])
 }

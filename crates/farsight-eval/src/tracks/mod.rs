@@ -26,7 +26,7 @@ pub use labels::{MAX_FRAMES, TrackLabelError, read_sequence};
 pub use page::page;
 pub use report::{Difference, Figures, TracksReport, differences};
 pub use sequence::{JudgedSequence, judge};
-pub use text::{differences_text, text};
+pub use text::{differences_text, rows, text};
 
 /// What is true of a frame.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -76,6 +76,44 @@ fn row(name: &str, metrics: &TrackingMetrics) -> String {
     )
 }
 
+/// The figures of all sequences together, for a table: what it is, and the figure.
+pub fn rows(report: &TracksReport) -> Vec<[String; 2]> {
+    let errors = &report.errors;
+    let number = |value: Option<f64>, unit: &str| value.map_or_else(dash, |value| format!("{value:.2}{unit}"));
+    let both = |[near, far]: [Option<f64>; 2]| format!("{}; {}", number(near, " m/s"), number(far, " m/s"));
+    let percents = |shares: &[f64]| {
+        let shares: Vec<String> = shares.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
+        format!("{}%", shares.join(" / "))
+    };
+    let held = |value: Option<[f64; 3]>| value.map_or_else(dash, |shares| percents(&shares));
+    let whole = |share: Option<f64>| share.map_or_else(dash, |share| percents(&[share]));
+    let (image, space) = (&report.image, &report.space);
+    let row = |what: &str, figure: String| [what.to_owned(), figure];
+    let mut rows = vec![
+        row("matches in the image", errors.count.to_string()),
+        row("distance: MAE", number(errors.depth_mae_m, " m")),
+        row("its 50 / 68 / 90% intervals hold", held(errors.depth_coverage)),
+        row("closing speed: MAE after a second, below 30 m; to 60 m", both(errors.closing_mae_mps)),
+        row("its 50 / 68 / 90% intervals hold, after a second", held(errors.closing_coverage)),
+        row("speed over the ground: MAE after a second, below 30 m; to 60 m", both(errors.speed_mae_mps)),
+    ];
+    rows.extend(errors.ttc.iter().map(|bin| {
+        let figure = format!("{} (told in {} of {})", whole(bin.relative_error), bin.told, bin.count);
+        row(&format!("time to collision, {}: mean relative error", bin.name), figure)
+    }));
+    rows.extend([
+        row("90% intervals of time to collision hold", whole(errors.ttc_coverage)),
+        row("HOTA in space; in the image", format!("{:.1}%; {:.1}%", 100.0 * space.hota, 100.0 * image.hota)),
+        row("IDF1 in space; in the image", format!("{:.1}%; {:.1}%", 100.0 * space.idf1, 100.0 * image.idf1)),
+        row("identity switches in the image", image.switches.to_string()),
+    ]);
+    rows
+}
+
+fn dash() -> String {
+    "-".to_owned()
+}
+
 /// Tracks against others, paired by sequence.
 pub fn differences_text(differences: &[Difference]) -> String {
     let mut text = String::new();

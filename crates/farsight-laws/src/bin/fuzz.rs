@@ -1,6 +1,7 @@
-//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [TARGET...]`. The minutes are of each target, and of
+//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [--table FILE] [TARGET...]`. The minutes are of each target, and of
 //! its process's processor time, where the system tells it: a busy machine takes longer and tries as much. What breaks
-//! a law, takes too long or ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it.
+//! a law, takes too long or ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it. A table has
+//! what was tried; a target that it has already is replaced in it.
 //!
 //! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no
 //! other.
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant};
 
+use farsight_files::{MeasuredTable, today};
 use farsight_laws::mutate::{Random, mutated};
 use farsight_laws::{TARGETS, Target, named};
 
@@ -29,20 +31,31 @@ const MAX_FINDINGS: usize = 20;
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let (minutes, names) = match &words[..] {
-        ["--one", name, seconds, seed] => return one(name, seconds, seed),
-        ["--minutes", minutes, names @ ..] => (minutes.parse().unwrap_or(1.0), names),
-        names => (1.0, names),
-    };
+    if let ["--one", name, seconds, seed, table] = &words[..] {
+        return one(name, seconds, seed, Some(*table).filter(|table| !table.is_empty()).map(Path::new));
+    }
+    let (mut minutes, mut table, mut names) = (1.0, "", &words[..]);
+    loop {
+        match names {
+            ["--minutes", value, rest @ ..] => (minutes, names) = (value.parse().unwrap_or(1.0), rest),
+            ["--table", value, rest @ ..] => (table, names) = (value, rest),
+            _ => break,
+        }
+    }
+    if let Some(unknown) = names.iter().find(|name| named(name).is_none()) {
+        let known: Vec<&str> = TARGETS.iter().map(|target| target.name).collect();
+        println!("no target {unknown}; expected some of {}", known.join(", "));
+        return ExitCode::FAILURE;
+    }
     let mut broken = false;
     for target in TARGETS.iter().filter(|target| names.is_empty() || names.contains(&target.name)) {
-        broken |= !process(target, minutes * 60.0);
+        broken |= !process(target, minutes * 60.0, table);
     }
     if broken { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
 
 /// Whether a target ran to its end in a process of its own, and broke nothing.
-fn process(target: &Target, seconds: f64) -> bool {
+fn process(target: &Target, seconds: f64, table: &str) -> bool {
     let Ok(program) = std::env::current_exe() else { return false };
     let seed = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |now| now.as_secs());
     let mut command = if cfg!(unix) {
@@ -52,7 +65,7 @@ fn process(target: &Target, seconds: f64) -> bool {
     } else {
         Command::new(program)
     };
-    command.args(["--one", target.name, &seconds.to_string(), &seed.to_string()]);
+    command.args(["--one", target.name, &seconds.to_string(), &seed.to_string(), table]);
     let status = command.status();
     if status.as_ref().is_ok_and(|status| status.code().is_some_and(|code| code <= 1)) {
         return status.is_ok_and(|status| status.success());
@@ -85,8 +98,8 @@ fn kept(name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Feeds one target for so long.
-fn one(name: &str, seconds: &str, seed: &str) -> ExitCode {
+/// Feeds one target for so long, and tells it in the table.
+fn one(name: &str, seconds: &str, seed: &str, table: Option<&Path>) -> ExitCode {
     let (Some(target), Ok(seconds), Ok(seed)) = (named(name), seconds.parse(), seed.parse()) else {
         println!("no target {name}");
         return ExitCode::FAILURE;
@@ -127,7 +140,31 @@ fn one(name: &str, seconds: &str, seed: &str) -> ExitCode {
     println!(
         "{name:14} {tried:>9} mutants of {inputs:>3} files in {seconds:>5} s of processor time ({clock:>5} s), slowest {slowest:>8.1?}, {findings} findings"
     );
+    let row = [
+        format!("`{name}`"),
+        format!("{:.1}", spent().as_secs_f64() / 60.0),
+        tried.to_string(),
+        format!("{slowest:.1?}"),
+        findings.to_string(),
+        env!("CARGO_PKG_VERSION").to_owned(),
+        today(),
+    ];
+    if let Some(Err(error)) = table.map(|table| keep(table, row)) {
+        println!("{error}");
+        return ExitCode::FAILURE;
+    }
     if findings == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Puts a row into the table at `path`, which need not be there yet.
+fn keep(path: &Path, row: [String; 7]) -> Result<(), Box<dyn std::error::Error>> {
+    let columns = ["target", "minutes of processor time", "mutants", "slowest", "findings", "version", "date"];
+    let mut table = match path.exists() {
+        true => MeasuredTable::read(path)?,
+        false => MeasuredTable::new("cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json", columns),
+    };
+    table.put(row);
+    Ok(table.write(path)?)
 }
 
 /// Processor time of this process so far; none where the system does not tell.

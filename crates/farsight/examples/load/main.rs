@@ -1,4 +1,5 @@
-//! The load test of the service: `load [--workers N] [--batch N]`; docs/service.md has its figures and how to run it.
+//! The load test of the service: `load [--table FILE] [--workers N] [--batch N]`; docs/service.md has its figures and how
+//! to run it.
 //!
 //! The service runs in a process of its own, around a stand-in for the pipeline that takes 1 ms. What is measured is
 //! the service: its queue, its refusals, its memory.
@@ -13,9 +14,11 @@ mod timed;
 use std::error::Error;
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use farsight_files::MeasuredTable;
 use timed::{Arrivals, Figures};
 
 /// How long each phase lasts.
@@ -30,35 +33,44 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(("serve", words)) = words.split_first().map(|(first, rest)| (first.as_str(), rest)) {
         return stand_in::serve(words);
     }
-    let service = Service::start(&words)?;
+    let (table_file, words) = match &words[..] {
+        [option, file, rest @ ..] if option == "--table" => (Some(PathBuf::from(file)), rest),
+        words => (None, words),
+    };
+    let service = Service::start(words)?;
     let address = service.address;
+    let command = ["load".to_owned()].iter().chain(words).cloned().collect::<Vec<_>>().join(" ");
+    let mut table = MeasuredTable::new(&command, ["what", "figures"]);
+    let mut tell = |what: String, figures: String| {
+        println!("{what}: {figures}");
+        table.put([what, figures]);
+    };
     let peak = timed::closed(address, 16, PHASE).goodput;
-    println!("peak: {peak:.0} images/s, 16 clients that ask again as soon as they are answered");
+    tell("peak, 16 clients that ask again as soon as they are answered".into(), format!("{peak:.0} images/s"));
     for (name, arrivals) in [("even", Arrivals::Even), ("random", Arrivals::Random)] {
         let Figures { good_ms: [p50, p99, _], refused, .. } = timed::open(address, 0.8 * peak, arrivals, PHASE);
-        let ratio = p99 / p50;
-        println!("80% of it, {name} arrivals: p50 {p50:.2} ms, p99 {p99:.2} ms ({ratio:.1} times), {refused} refused");
+        let figures = format!("p50 {p50:.2} ms, p99 {p99:.2} ms: {:.1} times; {refused} refused", p99 / p50);
+        tell(format!("80% of the peak, {name} arrivals"), figures);
     }
     let over = timed::open(address, 5.0 * peak, Arrivals::Even, PHASE);
     let [p50, p99, most] = over.refused_ms;
-    println!(
-        "5 times the peak ({:.0} requests/s came): goodput {:.0} images/s ({:.0}% of the peak), {} refused",
-        over.offered,
-        over.goodput,
-        100.0 * over.goodput / peak,
-        over.refused,
-    );
-    println!(
-        "refusals: p50 {p50:.2} ms, p99 {p99:.2} ms, longest {most:.2} ms, {:.2}% within 10 ms",
-        100.0 * over.refused_in_time
-    );
+    let (goodput, share) = (over.goodput, 100.0 * over.goodput / peak);
+    let figures = format!("goodput {goodput:.0} images/s, {share:.0}% of the peak; {} refused", over.refused);
+    tell(format!("5 times the peak ({:.0} requests/s)", over.offered), figures);
+    let in_time = 100.0 * over.refused_in_time;
+    let figures = format!("p50 {p50:.2} ms, p99 {p99:.2} ms, longest {most:.1} ms; {in_time:.2}% within 10 ms");
+    tell("the refusals".into(), figures);
     mixed::run(address, WARM_UP)?;
     let before = service.memory_kb()?;
     let outcomes = mixed::run(address, MIXED)?;
     let after = service.memory_kb()?;
     let growth = 100.0 * (after / before - 1.0);
-    println!("{MIXED} mixed requests: {outcomes}");
-    println!("memory: {:.1} MB before, {:.1} MB after ({growth:+.1}%)", before / 1024.0, after / 1024.0);
+    tell(format!("{MIXED} mixed requests, a fifth of them bad"), outcomes);
+    let figures = format!("{:.1} MB before, {:.1} MB after ({growth:+.1}%)", before / 1024.0, after / 1024.0);
+    tell("memory of the service during those".into(), figures);
+    if let Some(file) = table_file {
+        table.write(&file)?;
+    }
     Ok(())
 }
 

@@ -64,6 +64,9 @@ pub(crate) struct BenchArgs {
     /// Write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// With --compare: write the table as JSON, for documents to quote (`farsight measure --docs`)
+    #[arg(long, value_name = "FILE", requires = "compare")]
+    table: Option<PathBuf>,
 }
 
 /// All figures.
@@ -106,7 +109,7 @@ pub(super) struct Pass {
 pub(crate) fn run(args: &BenchArgs, printer: &mut Printer) -> Result<Outcome> {
     ensure!(args.runs > 0, "--runs is 0; expected at least one");
     ensure!((1..=MAX_BATCH).contains(&args.batch), "--batch is {}; expected 1 to {MAX_BATCH}", args.batch);
-    if let Some(json) = &args.json {
+    for json in args.json.iter().chain(&args.table) {
         outputs::check_json(json, args.image.clone().into_iter().chain(args.pipeline.files()))?;
     }
     let folder = Scratch::temporary_folder().context("no folder for the scene")?;

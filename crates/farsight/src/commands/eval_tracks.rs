@@ -9,9 +9,10 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use farsight_core::ObjectClass;
 use farsight_eval::tracks::{
-    GroundTruthFrame, JudgedSequence, TracksReport, differences, differences_text, judge, page, read_sequence, text,
+    GroundTruthFrame, JudgedSequence, TracksReport, differences, differences_text, judge, page, read_sequence, rows,
+    text,
 };
-use farsight_files::write_atomically;
+use farsight_files::{MeasuredTable, write_atomically};
 
 use super::Outcome;
 use crate::outputs;
@@ -37,6 +38,9 @@ pub(crate) struct EvalTracksArgs {
     /// Write all figures to FILE as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the figures as a table to FILE (JSON), for documents to quote (`farsight measure --docs`)
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
     /// Write a page to FILE (HTML) with the course of each track beside the truth, the worst first
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -44,7 +48,7 @@ pub(crate) struct EvalTracksArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &EvalTracksArgs, printer: &mut Printer) -> Result<Outcome> {
-    if let Some(json) = &args.json {
+    for json in args.json.iter().chain(&args.table) {
         outputs::check_json(json, [&args.labels, &args.tracks].into_iter().chain(&args.against))?;
     }
     if let Some(page) = &args.report {
@@ -67,6 +71,12 @@ pub(crate) fn run(args: &EvalTracksArgs, printer: &mut Printer) -> Result<Outcom
     };
     if let Some(path) = &args.report {
         write_atomically(path, |file| file.write_all(page(&report, &sequences).as_bytes()))?;
+    }
+    if let Some(path) = &args.table {
+        let command = "farsight eval-tracks --labels LABELS --tracks TRACKS";
+        let mut table = MeasuredTable::new(command, ["what", "figure"]);
+        table.rows = rows(&report).into_iter().map(Vec::from).collect();
+        table.write(path)?;
     }
     if let Some(path) = &args.json {
         let value = serde_json::json!({"all": report.figures(), "against": compared});

@@ -5,7 +5,6 @@ mod summary;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
@@ -13,7 +12,7 @@ use farsight::Pipeline;
 use farsight_data::open_labelled;
 use farsight_eval::ranging::RangingOptions;
 use farsight_eval::{FrameFiles, LabelSource, Scores};
-use farsight_files::Scratch;
+use farsight_files::{Scratch, today};
 
 use super::Outcome;
 use super::eval::{MIN_SCORE, baseline_evaluations, write_results_of};
@@ -147,7 +146,7 @@ fn measured(
         program: concat!("farsight ", env!("CARGO_PKG_VERSION")).to_owned(),
         engine: pipeline.engine().to_owned(),
         weights_sha256: pipeline.info().weights_sha256.clone().unwrap_or_else(|| "unknown".to_owned()),
-        date: date(),
+        date: today(),
     };
     printer.status(&format!("{}: {} looked at", set.name, counted(ids.len(), "frame")));
     let figures = SetFigures { name: set.name.clone(), title: set.title.clone(), frames: ids.len(), source, classes };
@@ -156,54 +155,13 @@ fn measured(
 
 /// The pipeline as `farsight eval` opens it.
 fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, images: usize, printer: &mut Printer) -> Result<Pipeline> {
-    let Stages { second_stage, road } = set.stages()?;
+    let Stages { second_stage, effort, road } = set.stages()?;
     let (model, engine) = (args.model.clone(), args.engine.clone());
-    let pipeline = PipelineArgs { model, engine, second_stage, road, ..PipelineArgs::default() };
+    let pipeline = PipelineArgs { model, engine, second_stage, effort, road, ..PipelineArgs::default() };
     pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE).images(images))
 }
 
 /// Whether the data set is said to be from a region, and the model has none.
 fn knows_no_regions(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref(), Some(farsight::Error::NoRegions { .. }))
-}
-
-/// Today's year, month and day, UTC.
-fn date() -> String {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let [year, month, day] = date_of((seconds / 86_400) as i64);
-    format!("{year:04}-{month:02}-{day:02}")
-}
-
-/// Year, month and day of the Gregorian calendar, so many days after 1 January 1970 (Hinnant's `civil_from_days`).
-fn date_of(days: i64) -> [i64; 3] {
-    // Years here begin in March, so that the leap day is the last.
-    let days = days + 719_468;
-    let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    [era * 400 + year_of_era + i64::from(month <= 2), month, day]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::date_of;
-
-    #[test]
-    fn days_become_dates() {
-        let table = [
-            (0, [1970, 1, 1]),
-            (58, [1970, 2, 28]),
-            (59, [1970, 3, 1]),
-            (11_016, [2000, 2, 29]),
-            (11_017, [2000, 3, 1]),
-            (20_453, [2025, 12, 31]),
-            (20_454, [2026, 1, 1]),
-        ];
-        for (days, expected) in table {
-            assert_eq!(date_of(days), expected, "{days}");
-        }
-    }
 }

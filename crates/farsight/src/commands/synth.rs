@@ -250,21 +250,24 @@ impl Source {
     fn frame(&self, index: usize, id: &str) -> Result<Frame> {
         match self {
             Self::Stream { stream, .. } => Ok(Frame { id: id.to_owned(), ..stream.frame(index as u64) }),
-            Self::Layout { stream, labels, calibrations, .. } => {
-                let file = format!("{id}.txt");
-                let camera = Calibration::read(&calibrations.join(&file))?.camera();
-                let labels = read_labels(&labels.join(&file))?;
-                let size @ [width, height] = image_size(&camera);
-                ensure!(
-                    width.saturating_mul(height) <= MAX_IMAGE_PX,
-                    "{}: the camera of an image of {width} x {height} pixels; expected at most {MAX_IMAGE_PX} in all",
-                    calibrations.join(&file).display()
-                );
-                // By name, so that a frame's world does not depend on which others are rendered.
-                Ok(Frame { id: id.to_owned(), ..stream.twin(&labels, &camera, size, id) })
-            }
+            Self::Layout { stream, labels, calibrations, .. } => twin(stream, [labels, calibrations], id),
         }
     }
+}
+
+/// The twin of the frame `id`, whose label file and calibration are in these folders.
+pub(crate) fn twin(stream: &SceneStream, [labels, calibrations]: [&Path; 2], id: &str) -> Result<Frame> {
+    let file = format!("{id}.txt");
+    let camera = Calibration::read(&calibrations.join(&file))?.camera();
+    let labels = read_labels(&labels.join(&file))?;
+    let size @ [width, height] = image_size(&camera);
+    ensure!(
+        width.saturating_mul(height) <= MAX_IMAGE_PX,
+        "{}: the camera of an image of {width} x {height} pixels; expected at most {MAX_IMAGE_PX} in all",
+        calibrations.join(&file).display()
+    );
+    // By name, so that a frame's world does not depend on which others are rendered.
+    Ok(Frame { id: id.to_owned(), ..stream.twin(&labels, &camera, size, id) })
 }
 
 /// Whether each frame has its files, before hours are spent on those that have.

@@ -16,12 +16,20 @@ pub(crate) enum RangerName {
     Guidance,
     /// A multi-layer perceptron on the sides of the 2D box.
     BoxMlp,
+    /// The median of the true depth of the pixels in the 2D box.
+    MedianDepth,
 }
 
 impl RangerName {
     /// All of them.
-    pub(crate) const ALL: [Self; 5] =
-        [Self::SimilarTriangles, Self::InversePerspective, Self::EstimatedHorizon, Self::Guidance, Self::BoxMlp];
+    pub(crate) const ALL: [Self; 6] = [
+        Self::SimilarTriangles,
+        Self::InversePerspective,
+        Self::EstimatedHorizon,
+        Self::Guidance,
+        Self::BoxMlp,
+        Self::MedianDepth,
+    ];
 
     /// The name in result files.
     pub(crate) fn word(self) -> &'static str {
@@ -31,6 +39,7 @@ impl RangerName {
             Self::EstimatedHorizon => "estimated_horizon",
             Self::Guidance => "guidance",
             Self::BoxMlp => "box_mlp",
+            Self::MedianDepth => "median_depth",
         }
     }
 
@@ -42,6 +51,7 @@ impl RangerName {
             Self::EstimatedHorizon => "inverse perspective with the horizon that the boxes of the image ask for",
             Self::Guidance => "GS3D's guidance: a cuboid of the class's mean size that fills the 2D box",
             Self::BoxMlp => "a multi-layer perceptron on the sides of the 2D box (after DisNet)",
+            Self::MedianDepth => "the median of the true depth of the pixels in the 2D box",
         }
     }
 }

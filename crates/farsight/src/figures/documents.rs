@@ -7,13 +7,15 @@
 //! ```
 //!
 //! The file's path is relative to the document, as that of a link is. A table of an experiment also names its plan,
-//! `experiment=../configs/experiments/claim.toml`, and its file is what `farsight experiment run` wrote.
+//! `experiment=../configs/experiments/claim.toml`, and its file is what `farsight experiment run` wrote. `table=whole`
+//! is all of a table that was measured (`--table FILE` of several commands), or the `columns=` of it, separated by `|`,
+//! with `_` for spaces.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
-use farsight_files::{read_text, write_atomically};
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use farsight_files::{MeasuredTable, read_text, write_atomically};
 
 use super::{Figures, tables};
 use crate::experiment::{self, tables::PLAN_OPTION};
@@ -70,12 +72,30 @@ fn rows(mark: &str, document: &Path) -> Result<Vec<String>> {
     if options.contains_key(PLAN_OPTION) {
         return experiment::tables::rows(&folder.join(file), folder, options);
     }
+    if options.get("table") == Some(&"whole") {
+        return whole(&MeasuredTable::read(&folder.join(file))?, options);
+    }
     tables::rows(&Figures::read(&folder.join(file))?, options)
+}
+
+/// The rows of a table that was measured.
+fn whole(measured: &MeasuredTable, mut options: BTreeMap<&str, &str>) -> Result<Vec<String>> {
+    options.remove("table");
+    let columns: Vec<String> = match options.remove("columns") {
+        Some(names) => names.split('|').map(|name| name.replace('_', " ")).collect(),
+        None => measured.columns.clone(),
+    };
+    ensure!(options.is_empty(), "unknown {:?}; expected columns", options.keys());
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let known = || measured.columns.join(", ");
+    measured.markdown(&columns).map_err(|name| anyhow!("no column \"{name}\"; expected of {}", known()))
 }
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+
+    use farsight_files::MeasuredTable;
 
     use super::renewed;
 
@@ -88,6 +108,22 @@ mod tests {
         for text in ["", "one\n", "no line end", "a <!-- comment -->\r\n\n"] {
             assert_eq!(renewed(text, Path::new("page.md")).unwrap(), text);
         }
+    }
+
+    #[test]
+    fn tables_that_were_measured_are_quoted_whole_or_in_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut table = MeasuredTable::new("farsight bench", ["engine", "one image, ms"]);
+        table.put(["rten".into(), "12".into()]);
+        table.write(&folder.path().join("bench.json")).unwrap();
+        let quoted = |options: &str| {
+            let text = format!("<!-- figures: bench.json table=whole{options} -->\nold\n<!-- /figures -->\n");
+            renewed(&text, &folder.path().join("page.md"))
+        };
+        assert!(quoted("").unwrap().contains("-->\n| engine | one image, ms |\n|---|---:|\n| rten | 12 |\n<!--"));
+        assert!(quoted(" columns=one_image,_ms|engine").unwrap().contains("\n| 12 | rten |\n"));
+        let told = format!("{:#}", quoted(" columns=none").unwrap_err());
+        assert!(told.ends_with("no column \"none\"; expected of engine, one image, ms"), "{told}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 use farsight::Pipeline;
 use farsight_core::statistics::{quantile, sorted};
-use farsight_files::write_atomically;
+use farsight_files::{MeasuredTable, write_atomically};
 use serde::Serialize;
 
 use super::stream::{Throughput, cores, cpu_s, throughput};
@@ -130,8 +130,13 @@ pub(super) fn run(args: &BenchArgs, image: &Path, printer: &mut Printer) -> Resu
         counted(args.runs, "run"),
         counted(cores(), "core")
     ));
-    for line in &table(&rows) {
+    let table = table(&rows, &command(args));
+    let columns: Vec<&str> = table.columns.iter().map(String::as_str).collect();
+    for line in &table.markdown(&columns).unwrap_or_default() {
         printer.line(line);
+    }
+    if let Some(path) = &args.table {
+        table.write(path)?;
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&rows)? + "\n";
@@ -168,34 +173,54 @@ pub(in crate::commands) fn median(values: impl IntoIterator<Item = f64>) -> f64 
     quantile(&sorted(values), 0.5)
 }
 
-/// The table in Markdown. Ratios are medians over the rounds, against the first row.
-fn table(rows: &[Row]) -> Vec<String> {
-    let mut lines = vec![
-        "| engine | precision | effort | one image, ms | detector | second stages | a stream, images/s | cores at work | processor time, ms | time of an image of the stream, ratio |".to_owned(),
-        "|---|---|---|---:|---:|---:|---:|---:|---:|---:|".to_owned(),
-    ];
+/// The figures as documents quote them. Ratios are medians over the rounds, against the first row.
+fn table(rows: &[Row], command: &str) -> MeasuredTable {
+    let mut table = MeasuredTable::new(
+        command,
+        [
+            "engine",
+            "precision",
+            "effort",
+            "one image, ms",
+            "detector",
+            "second stages",
+            "a stream, images/s",
+            "cores at work",
+            "processor time, ms",
+            "time of an image of the stream, ratio",
+        ],
+    );
     for row in rows {
-        let of = |value: fn(&Round) -> f64| median(row.rounds.iter().map(value));
+        let of = |value: fn(&Round) -> f64| format!("{:.1}", median(row.rounds.iter().map(value)));
         let told = |value: fn(&Throughput) -> Option<f64>, digits: usize| {
             let values: Option<Vec<f64>> = row.rounds.iter().map(|round| value(&round.stream)).collect();
             values.map_or("-".to_owned(), |values| format!("{:.digits$}", median(values)))
         };
         let ratios = rows[0].rounds.iter().zip(&row.rounds);
         let ratio = median(ratios.map(|(first, own)| first.stream.images_per_s / own.stream.images_per_s));
-        lines.push(format!(
-            "| {} | {} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {} | {} | {ratio:.2} |",
-            row.engine,
-            row.precision,
-            row.effort,
+        table.rows.push(vec![
+            row.engine.clone(),
+            row.precision.clone(),
+            row.effort.clone(),
             of(|round| round.total_ms),
             of(|round| round.detector_ms),
             of(|round| round.refine_ms),
             of(|round| round.stream.images_per_s),
             told(|stream| stream.cores_used, 2),
             told(|stream| stream.cpu_ms, 0),
-        ));
+            format!("{ratio:.2}"),
+        ]);
     }
-    lines
+    table
+}
+
+/// How this run was asked for, without where its files are written.
+fn command(args: &BenchArgs) -> String {
+    let variants: Vec<String> = args.compare.iter().map(Variant::to_string).collect();
+    let model = args.pipeline.model.as_ref().map_or_else(String::new, |model| format!(" --model {}", model.display()));
+    let image = args.image.as_ref().map_or_else(String::new, |image| format!(" --image {}", image.display()));
+    let BenchArgs { runs, images, .. } = args;
+    format!("farsight bench{model}{image} --runs {runs} --images {images} --compare {}", variants.join(","))
 }
 
 #[cfg(test)]
@@ -229,8 +254,8 @@ mod tests {
             rounds: rates.map(round).to_vec(),
         };
         // The machine was busy in the second round: the ratio does not show it.
-        let lines = table(&[row([10.0, 5.0, 10.0]), row([20.0, 10.0, 20.0])]);
-        assert!(lines[2].ends_with("| 10.0 | - | 12 | 1.00 |"), "{}", lines[2]);
-        assert!(lines[3].ends_with("| 20.0 | - | 12 | 0.50 |"), "{}", lines[3]);
+        let table = table(&[row([10.0, 5.0, 10.0]), row([20.0, 10.0, 20.0])], "");
+        assert_eq!(table.rows[0][6..], ["10.0", "-", "12", "1.00"]);
+        assert_eq!(table.rows[1][6..], ["20.0", "-", "12", "0.50"]);
     }
 }

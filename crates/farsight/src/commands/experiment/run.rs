@@ -9,23 +9,26 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use farsight::shipped::{self, Family};
 use farsight::{EngineOptions, ModelSource, Pipeline};
+use farsight_core::Detection;
+use farsight_data::annotations::DepthMap;
 use farsight_data::{Dataset, DatasetError, open_labelled};
 use farsight_eval::{Evaluation, FrameFiles, LabelSource};
 use farsight_files::{read_text, write_atomically};
 use farsight_graph::weights::Weights;
 use farsight_methods::training::check;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use toml::{Table, Value};
 
 use super::cell::{CellFolder, Step, is_over};
 use super::record::{self, Record};
-use super::twins::{Split, prepare};
+use super::twins::{Split, Twins, prepare};
 use crate::commands::Outcome;
 use crate::experiment::plan::{Work, set};
 use crate::experiment::results::CellResult;
 use crate::experiment::statistics::{self, Judge};
 use crate::experiment::{Cell, Experiment, Results, tables};
 use crate::printer::{Printer, counted};
-use crate::rangers::{CAMERA_HEIGHT_M, Ranger, RangerName};
+use crate::rangers::{CAMERA_HEIGHT_M, Ranger, RangerName, ranged_by_median};
 
 /// What is to be run.
 pub(crate) struct Job {
@@ -140,6 +143,12 @@ fn frames(job: &Job, list: &str, ids: &[String]) -> Result<Arc<dyn Dataset>> {
     Ok(open_labelled(&job.data, Some(&list))?)
 }
 
+/// What was found in the frame `id`.
+fn found(files: &FrameFiles, id: &str) -> Result<Vec<Detection>> {
+    let (frame, _) = files.read(id)?;
+    Ok(frame.predictions.into_iter().map(|prediction| prediction.detection).collect())
+}
+
 impl Open<'_> {
     /// The training config of a cell with its data.
     fn config(&self, cell: &Cell) -> Table {
@@ -230,6 +239,7 @@ impl Open<'_> {
                 let looked = folder.look_trained(&*self.dataset, engine, deadline, printer)?;
                 return Ok((looked == Step::Done).then_some(folder.steps()?));
             }
+            Work::Ranging { of, by: RangerName::MedianDepth } => self.range_by_depth(folder, &of).map(|()| Step::Done),
             Work::Ranging { of, by } => self.range(folder, &of, by).map(|()| Step::Done),
             Work::Shipped(family) => {
                 let builder = Pipeline::builder().model(ModelSource::Shipped(family)).engine_options(engine.clone());
@@ -239,20 +249,40 @@ impl Open<'_> {
         Ok((looked? == Step::Done).then_some(0))
     }
 
+    /// The answers of another cell, to be given other distances.
+    fn to_range(&self, of: &Cell) -> Result<FrameFiles> {
+        ensure!(self.measured(of).exists(), "ranges the answers of {}; expected that cell to be done", of.name());
+        self.answers(&self.folder(of).join("results"))
+    }
+
     /// Gives the answers of another cell the distances of a ranger.
     fn range(&self, folder: &CellFolder, of: &Cell, by: RangerName) -> Result<()> {
-        ensure!(self.measured(of).exists(), "ranges the answers of {}; expected that cell to be done", of.name());
+        let files = self.to_range(of)?;
         let ranger = match Ranger::geometric(by, CAMERA_HEIGHT_M) {
             Some(ranger) => ranger,
             None => self.fitted(of.seed)?,
         };
-        let files = self.answers(&self.folder(of).join("results"))?;
         for (index, id) in self.dataset.ids().into_iter().enumerate() {
-            let (frame, _) = files.read(&id)?;
-            let detections = frame.predictions.into_iter().map(|prediction| prediction.detection).collect();
-            folder.keep(&id, ranger.ranged(detections, &self.dataset.camera(index)?))?;
+            folder.keep(&id, ranger.ranged(found(&files, &id)?, &self.dataset.camera(index)?))?;
         }
         Ok(())
+    }
+
+    /// Gives the answers of another cell the distances of the true depth, which the renderer knows.
+    fn range_by_depth(&self, folder: &CellFolder, of: &Cell) -> Result<()> {
+        let files = self.to_range(of)?;
+        let kitti = self.job.kitti.as_deref();
+        let kitti = kitti.context("the true depth is rendered; expected --kitti, whose twins the data are")?;
+        let twins = Twins::new(kitti, self.job.plan.data.twin_seed);
+        let open: Vec<_> =
+            self.dataset.ids().into_iter().enumerate().filter(|(_, id)| !folder.answer(id).exists()).collect();
+        open.into_par_iter().try_for_each(|(index, id)| {
+            let twin = twins.frame(&id)?;
+            let is_twin = self.dataset.image(index)? == twin.image;
+            ensure!(is_twin, "{}: not the twin of its frame in {}", self.dataset.origin(index), kitti.display());
+            let depth: &DepthMap = twin.annotation().context("a rendered frame without depth")?;
+            folder.keep(&id, ranged_by_median(found(&files, &id)?, &twin.camera, depth, twin.image_size()))
+        })
     }
 
     /// The ranger that learns, from the frames that arms learn from.

@@ -5,8 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use farsight_data::Frame;
 use farsight_data::kitti::read_split;
 use farsight_files::write_atomically;
+use farsight_synth::{SceneConfig, SceneStream};
 
 use crate::commands::synth;
 use crate::experiment::plan::Data;
@@ -46,6 +48,27 @@ pub(super) fn prepare(data: &Data, root: &Path, kitti: Option<&Path>, printer: &
     }
     ensure!(!split.train.is_empty() && !split.evaluate.is_empty(), "{}: a split has no frames", root.display());
     Ok(split)
+}
+
+/// Twins as they were rendered, frame by frame.
+pub(super) struct Twins {
+    stream: SceneStream,
+    labels: PathBuf,
+    calibrations: PathBuf,
+}
+
+impl Twins {
+    /// Twins of the labels in the folder `kitti`, as [`prepare`] renders them.
+    pub(super) fn new(kitti: &Path, seed: u64) -> Self {
+        let training = kitti.join("training");
+        let stream = SceneStream { config: SceneConfig::default(), seed };
+        Self { stream, labels: training.join("label_2"), calibrations: training.join("calib") }
+    }
+
+    /// The twin of the frame `id`, with all that the renderer knows of it.
+    pub(super) fn frame(&self, id: &str) -> Result<Frame> {
+        synth::twin(&self.stream, [&self.labels, &self.calibrations], id)
+    }
 }
 
 /// Renders to a folder beside `root` first, so that what was interrupted is not taken for the whole.

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use serde::Deserialize;
 
-use crate::pipeline_args::{RoadArgs, SecondStageArgs};
+use crate::pipeline_args::{EffortName, RoadArgs, SecondStageArgs};
 
 /// The config of `farsight measure`.
 #[derive(Debug, Deserialize)]
@@ -44,6 +44,8 @@ pub(super) struct MeasuredSet {
 pub(super) struct Stages {
     #[command(flatten)]
     pub(super) second_stage: SecondStageArgs,
+    #[arg(long, value_enum, default_value_t = EffortName::Normal)]
+    pub(super) effort: EffortName,
     #[command(flatten)]
     pub(super) road: RoadArgs,
 }
