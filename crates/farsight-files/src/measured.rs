@@ -68,9 +68,10 @@ impl MeasuredTable {
 
     /// Adds a row, in place of one whose first cell is the same.
     pub fn put<const N: usize>(&mut self, row: [String; N]) {
+        let row = Vec::from(row);
         match self.rows.iter_mut().find(|other| other.first() == row.first()) {
-            Some(other) => *other = row.to_vec(),
-            None => self.rows.push(row.to_vec()),
+            Some(other) => *other = row,
+            None => self.rows.push(row),
         }
     }
 

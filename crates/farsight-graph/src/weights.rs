@@ -30,8 +30,8 @@ const LENGTH_BYTES: usize = 8;
 /// The largest file of weights that is read, bytes: many times the largest network of this field.
 pub const MAX_FILE: u64 = 4 << 30;
 
-/// The largest header that is read, bytes: twenty times that of the largest network here.
-const MAX_HEADER: usize = 16 << 20;
+/// The largest header that is read, bytes: many times that of any network here, and read in less than a second.
+const MAX_HEADER: usize = 4 << 20;
 
 /// Last part of the name of batch norm's step counter, which no forward pass uses.
 pub const STEP_COUNTER: &str = "num_batches_tracked";

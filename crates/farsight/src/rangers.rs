@@ -105,9 +105,9 @@ fn estimated_horizon(detections: &[Detection], camera: &Camera, camera_height_m:
     horizon_from_boxes(&objects, camera, camera_height_m)
 }
 
-/// The detections of an image with the median depth of the pixels in their 2D boxes, as a sensor of depth (LiDAR, stereo)
-/// would see it: of what is seen, so half a mean length is added. The sky has no depth. Those without a pixel that has
-/// one are left out.
+/// The detections of an image with the median depth of the pixels in their 2D boxes, as a sensor of depth (laser,
+/// stereo) would see it: of what is seen, so half a mean length is added. The sky has no depth. Those without a pixel
+/// that has one are left out.
 #[cfg(feature = "train")]
 pub(crate) fn ranged_by_median(
     detections: Vec<Detection>,

@@ -1,7 +1,7 @@
-//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [--table FILE] [TARGET...]`. The minutes are of each target, and of
-//! its process's processor time, where the system tells it: a busy machine takes longer and tries as much. What breaks
-//! a law, takes too long or ends the process is kept in `fuzz/artifacts/TARGET`, where the tests replay it. A table has
-//! what was tried; a target that it has already is replaced in it.
+//! Feeds the laws with mutants of good files: `fuzz [--minutes N] [--table FILE] [TARGET...]`. The minutes are of each
+//! target, and of its process's processor time, where the system tells it: a busy machine takes longer and tries as
+//! much. What breaks a law, takes too long or ends the process is kept in `fuzz/artifacts/TARGET`, where the tests
+//! replay it. The table says what was tried; a target that it has already is replaced in it.
 //!
 //! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no
 //! other.
@@ -159,9 +159,10 @@ fn one(name: &str, seconds: &str, seed: &str, table: Option<&Path>) -> ExitCode 
 /// Puts a row into the table at `path`, which need not be there yet.
 fn keep(path: &Path, row: [String; 7]) -> Result<(), Box<dyn std::error::Error>> {
     let columns = ["target", "minutes of processor time", "mutants", "slowest", "findings", "version", "date"];
-    let mut table = match path.exists() {
-        true => MeasuredTable::read(path)?,
-        false => MeasuredTable::new("cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json", columns),
+    let mut table = if path.exists() {
+        MeasuredTable::read(path)?
+    } else {
+        MeasuredTable::new("cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json", columns)
     };
     table.put(row);
     Ok(table.write(path)?)

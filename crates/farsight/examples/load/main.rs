@@ -1,5 +1,5 @@
-//! The load test of the service: `load [--table FILE] [--workers N] [--batch N]`; docs/service.md has its figures and how
-//! to run it.
+//! The load test of the service: `load [--table FILE] [--workers N] [--batch N]`; docs/service.md has its figures and
+//! how to run it.
 //!
 //! The service runs in a process of its own, around a stand-in for the pipeline that takes 1 ms. What is measured is
 //! the service: its queue, its refusals, its memory.

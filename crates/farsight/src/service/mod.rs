@@ -28,7 +28,7 @@ use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::pin::{Pin, pin};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
@@ -177,8 +177,8 @@ impl Server {
 async fn signal() -> io::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
     let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
-    let terminated = pin!(terminate.recv());
-    let interrupted = pin!(interrupt.recv());
+    let terminated = std::pin::pin!(terminate.recv());
+    let interrupted = std::pin::pin!(interrupt.recv());
     unless(terminated, interrupted).await;
     Ok(())
 }
