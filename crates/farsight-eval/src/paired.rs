@@ -80,6 +80,8 @@ pub struct PairedDifference {
     pub by_seed: Vec<f64>,
     /// 95% interval of the difference.
     pub interval: Option<Interval>,
+    /// 95% interval of `value`: of the arm alone, over its seeds and frames.
+    pub value_interval: Option<Interval>,
     /// The differences of the resamples that have one, smallest first.
     #[serde(skip)]
     resamples: Vec<f64>,
@@ -150,10 +152,10 @@ impl<'a> PairedRuns<'a> {
     }
 }
 
-/// One endpoint of one seed: of both arms with all frames, and the difference in each resample of the frames.
+/// One endpoint of one seed, of both arms: with all frames, and in each resample of the frames.
 struct Drawn {
     values: [f64; 2],
-    differences: Vec<f64>,
+    resamples: Vec<[f64; 2]>,
 }
 
 fn drawn_of_pair(
@@ -167,17 +169,16 @@ fn drawn_of_pair(
     let [ours_ap, theirs_ap] = outcomes.map(|outcomes| resampled(&outcomes, frames, bootstrap));
     let mut of_curves = ours_ap.into_iter().zip(theirs_ap).map(|(ours, theirs)| Drawn {
         values: [ours.0, theirs.0],
-        differences: ours.1.iter().zip(&theirs.1).map(|(ours, theirs)| ours - theirs).collect(),
+        resamples: ours.1.iter().zip(&theirs.1).map(|(ours, theirs)| [*ours, *theirs]).collect(),
     });
     let of_endpoint = |endpoint: &Endpoint| match *endpoint {
         Endpoint::Ap(_) => of_curves.next(),
         Endpoint::Ranging { metric, class, slice } => {
             let tallies = PairedTallies::new([ours.targets(), theirs.targets()], metric, class, slice);
-            let differences = (0..bootstrap.resamples).into_par_iter().map(|index| {
-                let [ours, theirs] = tallies.values(Some(&bootstrap.draw(frames, index)));
-                ours - theirs
-            });
-            Some(Drawn { values: tallies.values(None), differences: differences.collect() })
+            let resamples = (0..bootstrap.resamples)
+                .into_par_iter()
+                .map(|index| tallies.values(Some(&bootstrap.draw(frames, index))));
+            Some(Drawn { values: tallies.values(None), resamples: resamples.collect() })
         }
     };
     endpoints.iter().filter_map(of_endpoint).collect()
@@ -212,15 +213,27 @@ impl PairedDifference {
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / pairs.len() as f64;
         let [value, against] = [0, 1].map(|arm| mean(&mut pairs.iter().map(|drawn| drawn.values[arm])));
         let by_seed: Vec<f64> = pairs.iter().map(|drawn| drawn.values[0] - drawn.values[1]).collect();
-        let resample = |(index, counts): (usize, &Vec<u32>)| {
-            let of_pair = |(drawn, count): (&&Drawn, &u32)| f64::from(*count) * drawn.differences[index];
-            // A pair that is not drawn has no say, not even one that is no number.
-            mean(&mut pairs.iter().zip(counts).filter(|(_, count)| **count > 0).map(of_pair))
+        let resampled = |of: &dyn Fn([f64; 2]) -> f64| {
+            let resample = |(index, counts): (usize, &Vec<u32>)| {
+                let of_pair = |(drawn, count): (&&Drawn, &u32)| f64::from(*count) * of(drawn.resamples[index]);
+                // A pair that is not drawn has no say, not even one that is no number.
+                mean(&mut pairs.iter().zip(counts).filter(|(_, count)| **count > 0).map(of_pair))
+            };
+            let mut resamples: Vec<f64> = seeds.iter().enumerate().map(resample).collect();
+            (Interval::of(&mut resamples), resamples)
         };
-        let mut resamples: Vec<f64> = seeds.iter().enumerate().map(resample).collect();
-        let interval = Interval::of(&mut resamples);
+        let (value_interval, _) = resampled(&|[ours, _]| ours);
+        let (interval, resamples) = resampled(&|[ours, theirs]| ours - theirs);
         let difference = value - against;
-        difference.is_finite().then_some(Self { value, against, difference, by_seed, interval, resamples })
+        difference.is_finite().then_some(Self {
+            value,
+            against,
+            difference,
+            by_seed,
+            interval,
+            value_interval,
+            resamples,
+        })
     }
 
     /// How often chance would bring a difference as far from `truth` as this one, were `truth` the true difference: two
@@ -295,6 +308,7 @@ mod tests {
             difference,
             by_seed: vec![difference],
             interval,
+            value_interval: None,
             resamples,
         }
     }

@@ -2,6 +2,7 @@
 
 use image::RgbImage;
 
+use super::scenes::ShownScene;
 use super::worst::WorstFrame;
 use crate::compare::Comparison;
 use crate::oracle::OracleRow;
@@ -22,6 +23,10 @@ pub struct Page<'a> {
     pub oracle: &'a [OracleRow],
     /// The frames with the largest errors.
     pub worst: &'a [ShownFrame],
+    /// Scenes with what both results of the comparison found in them.
+    pub scenes: &'a [ShownScene],
+    /// What these results are called, ours and the others.
+    pub names: [&'a str; 2],
 }
 
 /// A frame as the page shows it.

@@ -13,14 +13,19 @@ h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2.2rem;border-bottom:1px sol
 pre{background:#f7f7f7;padding:1rem;overflow-x:auto;font:13px/1.4 ui-monospace,monospace}\
 .charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,480px),1fr));gap:8px}.charts img{width:100%;border:1px solid #eee}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:2px 12px 2px 0;text-align:right}td:nth-child(-n+2),th:nth-child(-n+2){text-align:left}\
-details{margin:.4rem 0}summary{cursor:pointer}details img{max-width:100%}.note{color:#955}";
+.pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,480px),1fr));gap:8px}figure{margin:0}figure img{width:100%}details{margin:.4rem 0}summary{cursor:pointer}details img{max-width:100%}.note{color:#955}";
 
 /// How to read the frames.
 const LEGEND: &str = "<p>g counts the rows of the label file, d those of the result file, both from 0, as in --explain; the \
 metres are z. Drawn are ground truth in dashed white and at most 30 detections: those that found an object, then the best scored.</p>\n";
 
 /// The whole page; pictures are inside it.
-pub(super) fn page(page: &Page, charts: &[Picture], worst: &[Option<Picture>]) -> String {
+pub(super) fn page(
+    page: &Page,
+    charts: &[Picture],
+    worst: &[Option<Picture>],
+    scenes: &[[Option<Picture>; 2]],
+) -> String {
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>{STYLE}</style></head><body>\n<h1>{0}</h1>\n",
         escaped(page.title)
@@ -46,8 +51,43 @@ pub(super) fn page(page: &Page, charts: &[Picture], worst: &[Option<Picture>]) -
     for (shown, picture) in page.worst.iter().zip(worst) {
         push_frame(&mut html, shown, picture.as_ref());
     }
+    push_scenes(&mut html, page, scenes);
     html.push_str("</body></html>\n");
     html
+}
+
+/// Both results beside each other.
+fn push_scenes(html: &mut String, page: &Page, pictures: &[[Option<Picture>; 2]]) {
+    if page.scenes.is_empty() {
+        return;
+    }
+    html.push_str("<h2>Scenes, side by side</h2>\n<p>Chosen by their labels: the most objects from 40 m on, the most that are largely hidden, the most of all; counted are those that count at some difficulty. Drawn are ground truth in dashed white, the detections that found an object, and others with a score from 0.25.</p>\n");
+    for (shown, pictures) in page.scenes.iter().zip(pictures) {
+        let (scene, [ours, _]) = (&shown.scene, &shown.results);
+        let _ = writeln!(
+            html,
+            "<h3>{}: {}, {} objects</h3>\n<div class=\"pair\">",
+            escaped(&ours.id),
+            scene.kind,
+            scene.objects
+        );
+        for ((name, result), picture) in page.names.iter().zip(&shown.results).zip(pictures) {
+            let found: Vec<f64> = result
+                .targets
+                .iter()
+                .filter_map(|target| Some((target.found?.depth_m - target.depth_m).abs()))
+                .collect();
+            let mean = found.iter().sum::<f64>() / found.len() as f64;
+            let error = if found.is_empty() { String::new() } else { format!(", {mean:.2} m off in the mean") };
+            let (count, all) = (found.len(), result.targets.len());
+            let _ = writeln!(html, "<figure><figcaption>{}: {count} of {all} found{error}</figcaption>", escaped(name));
+            if let Some(picture) = picture {
+                push_picture(html, picture);
+            }
+            html.push_str("</figure>\n");
+        }
+        html.push_str("</div>\n");
+    }
 }
 
 fn push_lines(html: &mut String, heading: &str, lines: &[String]) {

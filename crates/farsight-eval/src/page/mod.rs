@@ -8,10 +8,12 @@ mod charts;
 mod contents;
 mod error;
 mod html;
+mod scenes;
 mod worst;
 mod write;
 
 pub use chart::{Chart, Series};
 pub use contents::{Page, ShownFrame};
 pub use error::PageError;
-pub use worst::{WorstFrame, worst_frames};
+pub use scenes::{ChosenScene, SceneKind, ShownScene, chosen_scenes};
+pub use worst::{WorstFrame, frame_of, worst_frames};

@@ -1,4 +1,4 @@
-//! The frames with the largest errors of distance.
+//! The objects of a frame by their errors of distance, and the frames with the largest.
 
 use crate::ranging::Target;
 
@@ -26,16 +26,23 @@ impl WorstFrame {
 /// The twenty frames with the largest error of z of an object that counts at some difficulty; `ids` are the names of
 /// all frames.
 pub fn worst_frames(targets: &[Target], ids: &[String]) -> Vec<WorstFrame> {
-    let frames = targets.chunk_by(|a, b| a.frame == b.frame).filter_map(|of_frame| {
-        let frame = of_frame.first()?.frame as usize;
-        let mut targets: Vec<_> = of_frame.iter().filter(|target| target.difficulty.is_some()).cloned().collect();
-        targets.sort_by(|a, b| error_m(b).total_cmp(&error_m(a)));
-        Some(WorstFrame { frame, id: ids.get(frame)?.clone(), targets })
-    });
+    let frames = targets.chunk_by(|a, b| a.frame == b.frame).filter_map(|of_frame| by_error(of_frame, ids));
     let mut frames: Vec<_> = frames.filter(|frame| frame.worst_error_m() > 0.0).collect();
     frames.sort_by(|a, b| b.worst_error_m().total_cmp(&a.worst_error_m()));
     frames.truncate(SHOWN);
     frames
+}
+
+/// The frame at this position with its objects by error; none without any object.
+pub fn frame_of(targets: &[Target], ids: &[String], frame: usize) -> Option<WorstFrame> {
+    by_error(targets.chunk_by(|a, b| a.frame == b.frame).find(|targets| targets[0].frame as usize == frame)?, ids)
+}
+
+fn by_error(of_frame: &[Target], ids: &[String]) -> Option<WorstFrame> {
+    let frame = of_frame.first()?.frame as usize;
+    let mut targets: Vec<_> = of_frame.iter().filter(|target| target.difficulty.is_some()).cloned().collect();
+    targets.sort_by(|a, b| error_m(b).total_cmp(&error_m(a)));
+    Some(WorstFrame { frame, id: ids.get(frame)?.clone(), targets })
 }
 
 /// The absolute error of z, metres; -1 for an object that was missed, so that it comes last.

@@ -27,19 +27,28 @@ impl Page<'_> {
             .iter()
             .map(|(name, chart)| Ok(Picture { name: name.clone(), png: png(&chart.draw()?)?, jpeg: None }))
             .collect::<Result<_, PageError>>()?;
-        let worst = self.worst.iter().map(|shown| {
-            let name = format!("worst_{}", shown.worst.id);
-            let picture = |image| Ok::<_, PageError>(Picture { name, png: png(image)?, jpeg: Some(jpeg(image)?) });
-            shown.image.as_ref().map(picture).transpose()
-        });
+        let worst =
+            self.worst.iter().map(|shown| photograph(&format!("worst_{}", shown.worst.id), shown.image.as_ref()));
         let worst: Vec<_> = worst.collect::<Result<_, _>>()?;
-        for picture in charts.iter().chain(worst.iter().flatten()) {
+        let scenes = self.scenes.iter().map(|shown| {
+            let of = |side: usize, name| {
+                photograph(&format!("scene_{}_{name}", shown.results[side].id), shown.images[side].as_ref())
+            };
+            Ok::<_, PageError>([of(0, "ours")?, of(1, "against")?])
+        });
+        let scenes: Vec<_> = scenes.collect::<Result<_, _>>()?;
+        for picture in charts.iter().chain(worst.iter().chain(scenes.iter().flatten()).flatten()) {
             write(&folder.join(format!("{}.png", picture.name)), &picture.png)?;
         }
         let page = folder.join("index.html");
-        write(&page, html::page(self, &charts, &worst).as_bytes())?;
+        write(&page, html::page(self, &charts, &worst, &scenes).as_bytes())?;
         Ok(page)
     }
+}
+
+fn photograph(name: &str, image: Option<&RgbImage>) -> Result<Option<Picture>, PageError> {
+    let picture = |image| Ok(Picture { name: name.to_owned(), png: png(image)?, jpeg: Some(jpeg(image)?) });
+    image.map(picture).transpose()
 }
 
 fn png(image: &RgbImage) -> Result<Vec<u8>, PageError> {

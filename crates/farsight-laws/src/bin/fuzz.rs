@@ -1,7 +1,7 @@
 //! Feeds the laws with mutants of good files: `fuzz [--minutes N] [--table FILE] [TARGET...]`. The minutes are of each
 //! target, and of its process's processor time, where the system tells it: a busy machine takes longer and tries as
 //! much. What breaks a law, takes too long or ends the process is kept in `fuzz/artifacts/TARGET`, where the tests
-//! replay it. The table says what was tried; a target that it has already is replaced in it.
+//! replay it. The table says what was tried and is brought up to date every minute; runs of one version add up in it.
 //!
 //! Each target runs in a process of its own, so that one that ends the process (no memory, a deep recursion) ends no
 //! other.
@@ -24,6 +24,9 @@ const WAITED: Duration = Duration::from_mins(1);
 
 /// Address space of a target, KiB: what asks for more is a finding.
 const MEMORY_KIB: u64 = 6 << 20;
+
+/// Of processor time, between two updates of the table.
+const KEPT_EVERY: Duration = Duration::from_mins(1);
 
 /// Findings of a target after which it stops.
 const MAX_FINDINGS: usize = 20;
@@ -119,7 +122,17 @@ fn one(name: &str, seconds: &str, seed: &str, table: Option<&Path>) -> ExitCode 
     inputs.extend((target.seeds)());
     set_hook(Box::new(|_| {}));
     let (mut random, mut tried, mut findings, mut slowest) = (Random::new(seed), 0_u64, 0, Duration::ZERO);
+    // What the table has of this run.
+    let mut written = Tried::default();
     while spent() < end && findings < MAX_FINDINGS {
+        if let Some(table) = table.filter(|_| spent() >= written.spent + KEPT_EVERY) {
+            let now = Tried { spent: spent(), mutants: tried, slowest, findings };
+            if let Err(error) = keep(table, name, now.since(written)) {
+                println!("{error}");
+                return ExitCode::FAILURE;
+            }
+            written = now;
+        }
         let input = mutated(&inputs, &mut random);
         drop(fs::write(current(name), &input));
         let (begun, before) = (Instant::now(), spent());
@@ -140,31 +153,68 @@ fn one(name: &str, seconds: &str, seed: &str, table: Option<&Path>) -> ExitCode 
     println!(
         "{name:14} {tried:>9} mutants of {inputs:>3} files in {seconds:>5} s of processor time ({clock:>5} s), slowest {slowest:>8.1?}, {findings} findings"
     );
-    let row = [
-        format!("`{name}`"),
-        format!("{:.1}", spent().as_secs_f64() / 60.0),
-        tried.to_string(),
-        format!("{slowest:.1?}"),
-        findings.to_string(),
-        env!("CARGO_PKG_VERSION").to_owned(),
-        today(),
-    ];
-    if let Some(Err(error)) = table.map(|table| keep(table, row)) {
+    let rest = Tried { spent: spent(), mutants: tried, slowest, findings }.since(written);
+    if let Some(Err(error)) = table.map(|table| keep(table, name, rest)) {
         println!("{error}");
         return ExitCode::FAILURE;
     }
     if findings == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Puts a row into the table at `path`, which need not be there yet.
-fn keep(path: &Path, row: [String; 7]) -> Result<(), Box<dyn std::error::Error>> {
-    let columns = ["target", "minutes of processor time", "mutants", "slowest", "findings", "version", "date"];
+/// What was tried of a target.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tried {
+    /// Of processor time.
+    spent: Duration,
+    mutants: u64,
+    slowest: Duration,
+    findings: usize,
+}
+
+impl Tried {
+    /// What came after `earlier` of the same run.
+    fn since(self, earlier: Self) -> Self {
+        Self {
+            spent: self.spent.saturating_sub(earlier.spent),
+            mutants: self.mutants - earlier.mutants,
+            slowest: self.slowest,
+            findings: self.findings - earlier.findings,
+        }
+    }
+
+    /// What a row of the table says; none of a row of another version.
+    fn of_row(row: &[String]) -> Option<Self> {
+        let [_, minutes, mutants, slowest, findings, version, _] = row else { return None };
+        (version == env!("CARGO_PKG_VERSION")).then_some(())?;
+        Some(Self {
+            spent: Duration::try_from_secs_f64(60.0 * minutes.parse::<f64>().ok()?).ok()?,
+            mutants: mutants.parse().ok()?,
+            slowest: Duration::try_from_secs_f64(slowest.parse::<f64>().ok()? / 1000.0).ok()?,
+            findings: findings.parse().ok()?,
+        })
+    }
+}
+
+/// Adds to what the table at `path`, which need not be there yet, says of a target.
+fn keep(path: &Path, name: &str, more: Tried) -> Result<(), Box<dyn std::error::Error>> {
+    let columns = ["target", "minutes of processor time", "mutants", "slowest, ms", "findings", "version", "date"];
     let mut table = if path.exists() {
         MeasuredTable::read(path)?
     } else {
         MeasuredTable::new("cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json", columns)
     };
-    table.put(row);
+    let name = format!("`{name}`");
+    let known = table.rows.iter().find(|row| row.first() == Some(&name)).and_then(|row| Tried::of_row(row));
+    let known = known.unwrap_or_default();
+    table.put([
+        name,
+        format!("{:.2}", (known.spent + more.spent).as_secs_f64() / 60.0),
+        (known.mutants + more.mutants).to_string(),
+        format!("{:.1}", 1000.0 * known.slowest.max(more.slowest).as_secs_f64()),
+        (known.findings + more.findings).to_string(),
+        env!("CARGO_PKG_VERSION").to_owned(),
+        today(),
+    ]);
     Ok(table.write(path)?)
 }
 

@@ -62,7 +62,7 @@ pub(crate) struct EvalArgs {
     /// Write all figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a page with curves and the worst frames
+    /// Write a page with curves and the worst frames; with --against and --images, scenes with both results, too
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Images to draw the worst frames on (KITTI's `training/image_2`, with `calib` beside it)
@@ -185,14 +185,15 @@ fn judge(args: &EvalArgs, mut source: Files, printer: &mut Printer) -> Result<Ou
     let options = args.ranging_options();
     let (evaluation, mut findings) = files.evaluate(&options)?;
     let others = args.against.as_deref().map(|against| other_results(against, &files, &options)).transpose()?;
-    if let Some((_, found)) = &others {
+    if let Some((_, _, found)) = &others {
         findings.append(found.clone());
     }
     if tell(&findings, args, printer) == Outcome::Told {
         return Ok(Outcome::Told);
     }
     let report = evaluation.report();
-    let comparison = others.map(|(theirs, _)| compare(args, &source.labels, &theirs, &evaluation)).transpose()?;
+    let comparison =
+        others.as_ref().map(|(_, theirs, _)| compare(args, &source.labels, theirs, &evaluation)).transpose()?;
     print(args, &report, comparison.as_ref(), printer);
     let oracle = oracle::rows(args, &files, &evaluation, &source.labels)?;
     for line in text::oracle_lines(&oracle) {
@@ -207,11 +208,25 @@ fn judge(args: &EvalArgs, mut source: Files, printer: &mut Printer) -> Result<Ou
     }
     let mut outcome = Outcome::Done;
     if let Some(folder) = &args.report {
-        let (worst, unseen) = pictured::worst(args, &files, &evaluation)?;
-        let title = format!("{} against {}", args.title(), source.labels);
-        let comparison = comparison.as_ref();
-        let (title, findings) = (title.as_str(), &findings);
-        let page = Page { title, report: &report, findings, comparison, oracle: &oracle, worst: &worst };
+        let (worst, mut unseen) = pictured::worst(args, &files, &evaluation)?;
+        let scenes = match (&others, &args.images) {
+            (Some((their_files, theirs, _)), Some(images)) => {
+                pictured::scenes(images, [(&files, &evaluation), (their_files, theirs)], &mut unseen)?
+            }
+            _ => Vec::new(),
+        };
+        let (ours, theirs) = (args.title(), args.against.as_deref().unwrap_or(Path::new("")).display().to_string());
+        let title = format!("{ours} against {}", source.labels);
+        let page = Page {
+            title: &title,
+            report: &report,
+            findings: &findings,
+            comparison: comparison.as_ref(),
+            oracle: &oracle,
+            worst: &worst,
+            scenes: &scenes,
+            names: [&ours, &theirs],
+        };
         let page = page.write(folder)?;
         printer.status(&format!("report: {}", page.display()));
         outcome = tell(&unseen, args, printer);
@@ -335,9 +350,15 @@ fn tell_strictly(findings: &Findings, printer: &mut Printer) {
 }
 
 /// The same frames with other results.
-fn other_results(against: &Path, files: &FrameFiles, options: &RangingOptions) -> Result<(Evaluation, Findings)> {
+fn other_results(
+    against: &Path,
+    files: &FrameFiles,
+    options: &RangingOptions,
+) -> Result<(FrameFiles, Evaluation, Findings)> {
     // The same frames for both, or the differences would be of the frames.
-    Ok(files.with_results(against)?.evaluate(&RangingOptions { bootstrap: None, ..options.clone() })?)
+    let files = files.with_results(against)?;
+    let (evaluation, findings) = files.evaluate(&RangingOptions { bootstrap: None, ..options.clone() })?;
+    Ok((files, evaluation, findings))
 }
 
 fn compare(args: &EvalArgs, labels: &LabelSource, theirs: &Evaluation, ours: &Evaluation) -> Result<Comparison> {

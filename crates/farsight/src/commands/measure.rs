@@ -22,7 +22,7 @@ use crate::pipeline_args::{self, EngineArgs, PipelineArgs};
 use crate::printer::{Printer, counted};
 use crate::rangers::CAMERA_HEIGHT_M;
 use sets::{MeasuredSet, Sets, Stages};
-use summary::{class_figures, with_baseline, without_distances};
+use summary::{class_figures, has_error_bars, with_baseline, without_distances};
 
 /// Arguments of `farsight measure`.
 #[derive(Debug, Args)]
@@ -126,8 +126,11 @@ fn measured(
     let files = if set.vehicles { files.with_vehicles_as_cars() } else { files };
     let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
     let (as_given, _) = files.evaluate(&options)?;
-    let (by_place, _) = files.clone().with_scores(Scores::Place).evaluate(&options)?;
-    let mut classes = class_figures(&as_given.report(), &by_place.report().ap);
+    let report = as_given.report();
+    let by_place =
+        || Ok::<_, anyhow::Error>(files.clone().with_scores(Scores::Place).evaluate(&options)?.0.report().ap);
+    let by_place = has_error_bars(&report).then(by_place).transpose()?;
+    let mut classes = class_figures(&report, by_place.as_ref());
     let indices: BTreeMap<String, usize> = dataset.ids().into_iter().zip(0..).collect();
     let camera = |id: &str| Ok(dataset.camera(indices[id])?);
     for (ranger, evaluation) in baseline_evaluations(&camera, &files, CAMERA_HEIGHT_M, &options)? {

@@ -17,6 +17,9 @@ const MAX_CELLS: usize = 10_000;
 /// More resamples than anybody waits for.
 const MAX_RESAMPLES: usize = 1_000_000;
 
+/// In a plan: another one, relative to its folder, over which this one is laid. Lists are replaced as a whole.
+const EXTENDS: &str = "extends";
+
 /// An experiment as its file has it.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,6 +71,8 @@ struct Arm {
     ranger: Option<RangerName>,
     /// Instead of a training: the name of a shipped model, which answers with all that follows it.
     shipped: Option<String>,
+    /// Answers with a lower score are not kept, as records grow by them.
+    min_score: Option<f64>,
 }
 
 impl Arm {
@@ -113,6 +118,13 @@ pub(crate) struct Endpoints {
     pub(crate) resamples: usize,
 }
 
+impl Endpoints {
+    /// The primary ones, then the others.
+    pub(crate) fn all(&self) -> impl Iterator<Item = Metric> {
+        self.primary.iter().chain(&self.secondary).copied()
+    }
+}
+
 fn default_resamples() -> usize {
     2000
 }
@@ -149,8 +161,16 @@ impl Experiment {
     /// The plan in the file at `path`.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let shown = path.display();
-        let text = read_config(path).with_context(|| format!("{shown}: cannot be read"))?;
-        let experiment: Self = toml::from_str(&text).with_context(|| format!("{shown}: no plan of an experiment"))?;
+        let mut plan = table(path)?;
+        if let Some(other) = plan.remove(EXTENDS) {
+            let other = other.as_str().with_context(|| format!("{shown}: {EXTENDS} is {other}; expected a file"))?;
+            let other = path.parent().unwrap_or(Path::new("")).join(other);
+            let mut whole = table(&other)?;
+            ensure!(!whole.contains_key(EXTENDS), "{shown}: {EXTENDS} is {}, which extends another", other.display());
+            lay_over(&mut whole, &plan);
+            plan = whole;
+        }
+        let experiment: Self = plan.try_into().with_context(|| format!("{shown}: no plan of an experiment"))?;
         experiment.check().with_context(|| shown.to_string())?;
         Ok(experiment)
     }
@@ -217,7 +237,14 @@ impl Experiment {
 
     /// An arm is a training, or one of the two other kinds and nothing of a training.
     fn check_arm(&self, name: &str, arm: &Arm) -> Result<()> {
-        let Arm { patch, of, ranger, shipped, .. } = arm;
+        let Arm { patch, of, ranger, shipped, min_score, .. } = arm;
+        if let Some(score) = min_score {
+            ensure!((0.0..=1.0).contains(score), "arms.{name}.min_score is {score}; expected 0 to 1");
+            ensure!(
+                ranger.is_none(),
+                "arms.{name} has min_score and ranger; expected the score at the arm that it is of"
+            );
+        }
         if let Some(shipped) = shipped {
             let known = Family::ALL.map(Family::name).join(" or ");
             ensure!(arm.shipped().is_some(), "arms.{name}.shipped is \"{shipped}\"; expected {known}");
@@ -291,6 +318,11 @@ impl Experiment {
         }
     }
 
+    /// The least score of a cell's answers, where the plan says it.
+    pub(crate) fn min_score(&self, cell: &Cell) -> Option<f64> {
+        self.arms.get(&cell.arm)?.min_score
+    }
+
     /// The training config of a cell, without its data.
     pub(crate) fn config(&self, cell: &Cell) -> Table {
         let mut config = self.base.clone();
@@ -310,6 +342,13 @@ impl Experiment {
         files.dedup();
         files
     }
+}
+
+/// What stands in the TOML file at `path`.
+fn table(path: &Path) -> Result<Table> {
+    let shown = path.display();
+    let text = read_config(path).with_context(|| format!("{shown}: cannot be read"))?;
+    toml::from_str(&text).with_context(|| format!("{shown}: no plan of an experiment"))
 }
 
 /// Puts `value` into a table of `config`, which is made when it is missing.
@@ -403,6 +442,36 @@ claims = { ap3d = 0.56 }
     }
 
     #[test]
+    fn a_plan_is_laid_over_the_one_that_it_extends() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            fs::write(&path, text).unwrap();
+            path
+        };
+        write("first.toml", PLAN);
+        let path = write(
+            "second.toml",
+            "name = \"longer\"\nextends = \"first.toml\"\nbase.train.epochs = 4\n\
+             [[blocks]]\narms = [\"a\"]\nseeds = [9]\n",
+        );
+        let plan = Experiment::read(&path).unwrap();
+        let cells: Vec<String> = plan.cells().iter().map(Cell::name).collect();
+        assert_eq!((plan.name.as_str(), cells), ("longer", vec!["a-9".to_owned()]));
+        let config = plan.config(&plan.cells()[0]);
+        assert_eq!(config["train"]["epochs"].as_integer(), Some(4));
+        assert_eq!(config["model"]["width"].as_float(), Some(0.5), "what is not replaced stays");
+
+        let third = write("third.toml", "extends = \"second.toml\"\n");
+        let error = format!("{:#}", Experiment::read(&third).unwrap_err());
+        assert!(error.contains("third.toml") && error.contains("which extends another"), "{error}");
+        let error = format!("{:#}", Experiment::read(&write("none.toml", "extends = \"missing.toml\"\n")).unwrap_err());
+        assert!(error.contains("missing.toml: cannot be read"), "{error}");
+        let error = format!("{:#}", Experiment::read(&write("number.toml", "extends = 3\n")).unwrap_err());
+        assert!(error.contains("extends is 3; expected a file"), "{error}");
+    }
+
+    #[test]
     fn answers_come_from_trainings_rangers_and_shipped_models() {
         let text = PLAN
             .replace("[[comparisons]]", "[[blocks]]\narms = [\"d\", \"c\"]\nseeds = [2]\n\n[[comparisons]]")
@@ -431,6 +500,12 @@ claims = { ap3d = 0.56 }
                 "train = \"train\"",
                 "train = \"../train\"",
                 "data.train is \"../train\"; expected the name of a split in ImageSets",
+            ),
+            ("title = \"plain\"", "title = \"plain\"\nmin_score = 1.5", "arms.a.min_score is 1.5; expected 0 to 1"),
+            (
+                "title = \"plain\"",
+                "title = \"plain\"\nof = \"b\"\nranger = \"guidance\"\nmin_score = 0.1",
+                "arms.a has min_score and ranger; expected the score at the arm that it is of",
             ),
             ("method = \"smoke\"", "", "arms.a has no method; expected one in its patch or in [base]"),
             (

@@ -15,6 +15,9 @@ use crate::layout::laid_out;
 #[serde(deny_unknown_fields)]
 pub(crate) struct Results {
     pub(crate) cells: Vec<CellResult>,
+    /// What each arm gave over its seeds.
+    #[serde(default)]
+    pub(crate) arms: Vec<ArmResult>,
     pub(crate) comparisons: Vec<Comparison>,
 }
 
@@ -28,6 +31,19 @@ pub(crate) struct CellResult {
     /// Figures of cars; one that does not exist (the error of no car) is left out.
     #[serde(flatten)]
     pub(crate) metrics: BTreeMap<Metric, f64>,
+}
+
+/// One arm by one metric.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ArmResult {
+    pub(crate) arm: String,
+    pub(crate) metric: Metric,
+    pub(crate) seeds: usize,
+    /// Mean over the seeds.
+    pub(crate) value: f64,
+    /// 95%, over seeds and frames.
+    pub(crate) interval: Option<[f64; 2]>,
 }
 
 /// One arm against another by one metric.
@@ -132,7 +148,14 @@ mod tests {
             verdict: Verdict::Undecided,
             excludes_claim: false,
         };
-        let results = Results { cells: vec![cell(1), cell(2)], comparisons: vec![comparison] };
+        let arm = ArmResult {
+            arm: "smoke".to_owned(),
+            metric: Metric::Mae,
+            seeds: 2,
+            value: 1.5,
+            interval: Some([1.4, 1.6]),
+        };
+        let results = Results { cells: vec![cell(1), cell(2)], arms: vec![arm], comparisons: vec![comparison] };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("results.json");
         results.write(&path).unwrap();

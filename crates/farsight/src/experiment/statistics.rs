@@ -9,7 +9,7 @@ use farsight_eval::ranging::{Group, RangingMetric, RangingOptions, Slice};
 use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Evaluation, FrameFiles, Part};
 
 use super::plan::PlannedComparison;
-use super::results::{Comparison, Verdict};
+use super::results::{ArmResult, Comparison, Verdict};
 use super::{Cell, Experiment, Metric};
 
 /// The chance of a false alarm that a verdict takes, over all metrics of a comparison.
@@ -36,6 +36,8 @@ pub(crate) struct Judge {
     cells: Vec<(Cell, Evaluation)>,
     /// Comparisons that are made already, with the number of their seeds: a cell more changes few of them.
     known: BTreeMap<(String, String), (usize, Vec<Comparison>)>,
+    /// The same of single arms.
+    known_arms: BTreeMap<String, (usize, Vec<ArmResult>)>,
 }
 
 impl Judge {
@@ -45,6 +47,24 @@ impl Judge {
 
     pub(crate) fn keep(&mut self, cell: Cell, evaluation: Evaluation) {
         self.cells.push((cell, evaluation));
+    }
+
+    /// Every arm of the plan that has a seed, by every endpoint.
+    pub(crate) fn arms(&mut self, plan: &Experiment) -> Result<Vec<ArmResult>> {
+        let mut all = Vec::new();
+        for arm in plan.arms() {
+            let cells = self.cells.iter().filter(|(cell, _)| cell.arm == arm);
+            let runs: Vec<(&Evaluation, &Evaluation)> = cells.map(|(_, own)| (own, own)).collect();
+            let seeds = runs.len();
+            let made = match self.known_arms.get(&arm).filter(|(known, _)| *known == seeds) {
+                Some((_, made)) => made.clone(),
+                None if runs.is_empty() => Vec::new(),
+                None => alone(plan, &arm, runs)?,
+            };
+            self.known_arms.insert(arm, (seeds, made.clone()));
+            all.extend(made);
+        }
+        Ok(all)
     }
 
     /// Every comparison of the plan for which both arms have a seed.
@@ -77,6 +97,21 @@ impl Judge {
     }
 }
 
+/// One arm, as pairs of every run with itself, by every endpoint: of all that it found.
+fn alone(plan: &Experiment, arm: &str, runs: Vec<(&Evaluation, &Evaluation)>) -> Result<Vec<ArmResult>> {
+    let seeds = runs.len();
+    let runs = PairedRuns::new(runs).context("cells were judged on different labels")?;
+    let metrics: Vec<Metric> = plan.endpoints.all().collect();
+    let endpoints: Vec<Endpoint> = metrics.iter().map(|metric| endpoint(*metric)).collect();
+    let found = runs.compare(&endpoints, &Bootstrap { resamples: plan.endpoints.resamples, seed: 0 });
+    let result = |(metric, found): (Metric, Option<PairedDifference>)| {
+        let found = found?;
+        let interval = found.value_interval.map(<[f64; 2]>::from);
+        Some(ArmResult { arm: arm.to_owned(), metric, seeds, value: found.value, interval })
+    };
+    Ok(metrics.into_iter().zip(found).filter_map(result).collect())
+}
+
 /// One arm against another by every endpoint; claims, and what nothing is claimed of, are a family each.
 fn compared(
     plan: &Experiment,
@@ -84,7 +119,7 @@ fn compared(
     pairs: Vec<(&Evaluation, &Evaluation)>,
 ) -> Result<Vec<Comparison>> {
     let seeds = pairs.len();
-    let metrics: Vec<Metric> = plan.endpoints.primary.iter().chain(&plan.endpoints.secondary).copied().collect();
+    let metrics: Vec<Metric> = plan.endpoints.all().collect();
     let endpoints: Vec<Endpoint> = metrics.iter().map(|metric| endpoint(*metric)).collect();
     let runs = PairedRuns::new(pairs).context("cells were judged on different labels")?;
     let bootstrap = Bootstrap { resamples: plan.endpoints.resamples, seed: 0 };

@@ -30,8 +30,9 @@ pub(crate) fn rows(file: &Path, folder: &Path, mut options: BTreeMap<&str, &str>
     match name {
         "progress" => Ok(vec![progress(&plan, &results)]),
         "cells" => Ok(cells(&plan, &results, &metrics)),
+        "arms" => Ok(arms(&plan, &results, &metrics)),
         "comparisons" => Ok(comparisons(&plan, &results, &metrics)),
-        other => bail!("no table \"{other}\" of an experiment; expected progress, cells, comparisons or times"),
+        other => bail!("no table \"{other}\" of an experiment; expected progress, cells, arms, comparisons or times"),
     }
 }
 
@@ -57,14 +58,34 @@ fn standard_deviation(values: &[f64]) -> f64 {
 
 /// Means over the seeds of each arm, with standard deviations where there are several.
 fn cells(plan: &Experiment, results: &Results, metrics: &[Metric]) -> Vec<String> {
-    let cell = |arm: &str, metric: Metric| match results.values(arm, metric)[..] {
+    by_arm(plan, results, metrics, |arm, metric| match results.values(arm, metric)[..] {
         [] => "-".to_owned(),
         [value] => metric.shown(value),
         ref values => {
             let deviation = metric.shown_difference(standard_deviation(values));
             format!("{} ±{}", metric.shown(mean(values)), deviation.trim_start_matches('+'))
         }
-    };
+    })
+}
+
+/// The same with 95% intervals over seeds and frames instead.
+fn arms(plan: &Experiment, results: &Results, metrics: &[Metric]) -> Vec<String> {
+    by_arm(plan, results, metrics, |arm, metric| {
+        let Some(found) = results.arms.iter().find(|found| (found.arm.as_str(), found.metric) == (arm, metric)) else {
+            return "-".to_owned();
+        };
+        let interval = found.interval.map(|[low, high]| format!(" ({} to {})", metric.shown(low), metric.shown(high)));
+        metric.shown(found.value) + &interval.unwrap_or_default()
+    })
+}
+
+/// A row for each arm: what it is called, its seeds, and the cell of each metric.
+fn by_arm(
+    plan: &Experiment,
+    results: &Results,
+    metrics: &[Metric],
+    cell: impl Fn(&str, Metric) -> String,
+) -> Vec<String> {
     let seeds = |arm: &str| {
         let done = results.cells.iter().filter(|cell| cell.arm == arm).count();
         let planned = plan.cells().iter().filter(|cell| cell.arm == arm).count();

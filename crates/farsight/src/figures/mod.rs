@@ -63,8 +63,9 @@ pub(crate) struct ClassFigures {
     pub(crate) operating: Vec<Operating>,
     /// Ranked by the scores of the detections.
     pub(crate) ap: AveragePrecision,
-    /// Ranked by place scores.
-    pub(crate) ap_by_place: AveragePrecision,
+    /// Ranked by place scores; none for a model without error bars.
+    #[serde(default)]
+    pub(crate) ap_by_place: Option<AveragePrecision>,
     /// The same detections with the distances of geometric rangers, by the ranger's name.
     pub(crate) baselines: BTreeMap<String, Errors>,
 }

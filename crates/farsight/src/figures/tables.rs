@@ -211,7 +211,8 @@ fn average_precision(options: &Options) -> Vec<String> {
     for (set, class, figures) in options.each() {
         let counts = figures.ap.objects.map(grouped).join(" / ");
         let title = format!("{} ({counts} objects)", options.title(set, class));
-        for (title, ap) in [(title, &figures.ap), ("by place scores".to_owned(), &figures.ap_by_place)] {
+        let by_place = figures.ap_by_place.as_ref().map(|ap| ("by place scores".to_owned(), ap));
+        for (title, ap) in [(title, &figures.ap)].into_iter().chain(by_place) {
             let AveragePrecision { image, orientation, bev_strict, bev_loose, box3d_strict, box3d_loose, .. } = *ap;
             let [image, orientation, bev, bev_loose, box3d, box3d_loose] =
                 [image, orientation, bev_strict, bev_loose, box3d_strict, box3d_loose].map(levels);

@@ -260,7 +260,16 @@ fn the_worst_frames_are_drawn_where_there_are_images() {
     assert!(status == 0 && !err.contains("without a picture"), "{err}");
     let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
     assert!(page.contains("data:image/jpeg;base64,") && page.contains("<td>g0 car</td><td>d0</td>"));
-    assert!(folder.path().join("page/worst_000001.png").is_file());
+    assert!(folder.path().join("page/worst_000001.png").is_file() && !page.contains("side by side"));
+    let against: Vec<_> = arguments.into_iter().chain(["--against", "results"]).collect();
+    let (status, _, err) = eval(folder.path(), &against);
+    assert!(status == 0 && !err.contains("without a picture"), "{err}");
+    let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
+    assert!(page.contains("Scenes, side by side") && page.contains("<h3>000001: "), "{page:.400}");
+    assert_eq!(page.matches("<figcaption>results: ").count() % 2, 0);
+    for side in ["ours", "against"] {
+        assert!(folder.path().join(format!("page/scene_000001_{side}.png")).is_file(), "{side}");
+    }
     let (status, _, err) = eval(folder.path(), &["--report", "page", "--images", "nowhere"]);
     let expected = "error: nowhere: no such folder; expected a folder of images such as 000007.png\n";
     assert_eq!((status, err.as_str()), (2, expected));

@@ -30,8 +30,9 @@ const CONFIG_FILE: &str = "cell.toml";
 const LOCK_FILE: &str = "lock";
 const RESULTS_FOLDER: &str = "results";
 
-/// Answers with a lower score are not kept: there are twice as many of them as of all others, and records grow by them.
-const MIN_SCORE: f64 = 0.1;
+/// The least score of answers that are kept, where the plan names none: most networks have twice as many below it as
+/// above, and records grow by them.
+pub(super) const MIN_SCORE: f64 = 0.1;
 
 /// Frames between two lines that say how far the answers have come.
 const TOLD_EVERY: usize = 500;
@@ -128,12 +129,13 @@ impl CellFolder {
         &self,
         dataset: &dyn Dataset,
         engine: &EngineOptions,
+        min_score: f64,
         deadline: Option<Instant>,
         printer: &mut Printer,
     ) -> Result<Step> {
         let builder = Pipeline::builder().road(Road::Ignored).refiner(StageSource::Off).plates(StageSource::Off);
         let builder = builder.model(ModelSource::File(self.model())).engine_options(engine.clone());
-        self.look(dataset, builder, deadline, printer)
+        self.look(dataset, builder.min_score(min_score), deadline, printer)
     }
 
     /// Lets a pipeline look at the frames that have no answer yet.
@@ -149,7 +151,7 @@ impl CellFolder {
         if open.is_empty() {
             return Ok(Step::Done);
         }
-        let pipeline = builder.min_score(MIN_SCORE).images(open.len()).open()?;
+        let pipeline = builder.images(open.len()).open()?;
         let (began, mut done) = (Instant::now(), 0);
         let look = |(index, _): &(usize, String)| -> Result<Vec<Detection>> {
             let found = pipeline.detect(&dataset.image(*index)?, &dataset.camera(*index)?);

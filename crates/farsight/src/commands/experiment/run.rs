@@ -19,7 +19,7 @@ use farsight_methods::training::check;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use toml::{Table, Value};
 
-use super::cell::{CellFolder, Step, is_over};
+use super::cell::{CellFolder, MIN_SCORE, Step, is_over};
 use super::record::{self, Record};
 use super::twins::{Split, Twins, prepare};
 use crate::commands::Outcome;
@@ -194,14 +194,18 @@ impl Open<'_> {
         }
         config.remove("validate");
         let Split { train, evaluate } = &self.split;
-        serde_json::json!({
+        let mut identity = serde_json::json!({
             "config": config,
             "twin_seed": self.job.plan.data.twin_seed,
             "train": train.join(" "),
             "evaluate": evaluate.join(" "),
             "start": start,
             "program": env!("CARGO_PKG_VERSION"),
-        })
+        });
+        if let Some(score) = self.job.plan.min_score(cell) {
+            identity["min_score"] = score.into();
+        }
+        identity
     }
 
     fn folder(&self, cell: &Cell) -> PathBuf {
@@ -231,19 +235,20 @@ impl Open<'_> {
     /// Makes the answers of a cell. How many steps were trained for them; none when the time was over first.
     fn answer(&self, cell: &Cell, folder: &CellFolder, printer: &mut Printer) -> Result<Option<u64>> {
         let Job { deadline, ref engine, .. } = *self.job;
+        let min_score = self.job.plan.min_score(cell).unwrap_or(MIN_SCORE);
         let looked = match self.job.plan.work(cell) {
             Work::Training => {
                 if folder.train(&self.config(cell), deadline, printer)? == Step::Stopped {
                     return Ok(None);
                 }
-                let looked = folder.look_trained(&*self.dataset, engine, deadline, printer)?;
+                let looked = folder.look_trained(&*self.dataset, engine, min_score, deadline, printer)?;
                 return Ok((looked == Step::Done).then_some(folder.steps()?));
             }
             Work::Ranging { of, by: RangerName::MedianDepth } => self.range_by_depth(folder, &of).map(|()| Step::Done),
             Work::Ranging { of, by } => self.range(folder, &of, by).map(|()| Step::Done),
             Work::Shipped(family) => {
                 let builder = Pipeline::builder().model(ModelSource::Shipped(family)).engine_options(engine.clone());
-                folder.look(&*self.dataset, builder, deadline, printer)
+                folder.look(&*self.dataset, builder.min_score(min_score), deadline, printer)
             }
         };
         Ok((looked? == Step::Done).then_some(0))
@@ -344,6 +349,7 @@ impl Open<'_> {
                 self.judge.keep(cell, evaluation);
             }
         }
-        Ok(Results { cells, comparisons: self.judge.comparisons(&self.job.plan)? })
+        let plan = &self.job.plan;
+        Ok(Results { cells, arms: self.judge.arms(plan)?, comparisons: self.judge.comparisons(plan)? })
     }
 }

@@ -13,8 +13,14 @@ const MODERATE: Group = Group::Level(Difficulty::Moderate);
 /// Digits of the kept numbers after the point: more than documents show, fewer than another CPU changes.
 const DIGITS: f64 = 1e4;
 
-/// The figures of every class with objects. `by_place` is AP ranked by place scores.
-pub(super) fn class_figures(report: &Report, by_place: &ApReport) -> BTreeMap<String, ClassFigures> {
+/// Whether any object was found with an error bar: a model has them for all or for none.
+pub(super) fn has_error_bars(report: &Report) -> bool {
+    let of_class = |class| report.ranging.group(class, MODERATE)?.calibration.as_ref();
+    EvaluatedClass::ALL.into_iter().any(|class| of_class(class).is_some())
+}
+
+/// The figures of every class with objects. `by_place` is AP ranked by place scores, which need error bars.
+pub(super) fn class_figures(report: &Report, by_place: Option<&ApReport>) -> BTreeMap<String, ClassFigures> {
     let classes = EvaluatedClass::ALL.into_iter().filter_map(|class| {
         let moderate = report.ranging.group(class, MODERATE)?;
         let calibration = moderate.calibration.as_ref();
@@ -31,7 +37,7 @@ pub(super) fn class_figures(report: &Report, by_place: &ApReport) -> BTreeMap<St
             by_distance: by_distance.collect(),
             operating,
             ap: average_precision(&report.ap, class),
-            ap_by_place: average_precision(by_place, class),
+            ap_by_place: by_place.map(|by_place| average_precision(by_place, class)),
             baselines: BTreeMap::new(),
         };
         Some((class.name().to_owned(), figures))
