@@ -159,11 +159,8 @@ fn one(name: &str, seconds: &str, seed: &str, table: Option<&Path>) -> ExitCode 
 /// Puts a row into the table at `path`, which need not be there yet.
 fn keep(path: &Path, row: [String; 7]) -> Result<(), Box<dyn std::error::Error>> {
     let columns = ["target", "minutes of processor time", "mutants", "slowest", "findings", "version", "date"];
-    let mut table = if path.exists() {
-        MeasuredTable::read(path)?
-    } else {
-        MeasuredTable::new("cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json", columns)
-    };
+    let command = "cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json";
+    let mut table = MeasuredTable::read_or_new(path, command, columns)?;
     table.put(row);
     Ok(table.write(path)?)
 }
