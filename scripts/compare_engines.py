@@ -3,11 +3,13 @@
 
     cargo build --release
     target/release/farsight export --model models/farsight-s.safetensors --out farsight-s.onnx
-    python3 scripts/compare_engines.py --onnx farsight-s.onnx [--int8 farsight-s-int8.onnx] --input 1280x384 --rounds 7
+    python3 scripts/compare_engines.py --onnx farsight-s.onnx [--int8 farsight-s-int8.onnx] --input 1280x384 --rounds 7 \
+        --table docs/results/engines.json
 
 Farsight is timed from the image file to the detections (`farsight bench`), and its network alone; the peers get a tensor that is ready
 and give head maps. Peers whose Python package is missing are left out: onnxruntime, openvino, torch, tract (with numpy).
 Run Farsight's engines from the same packages (`farsight doctor` says which library it finds), so that the libraries are the same.
+--table writes the medians as a table that documents quote (measured_table.py).
 """
 import argparse
 import json
@@ -18,6 +20,8 @@ import tempfile
 import time
 
 import numpy as np
+
+from measured_table import MeasuredTable
 
 # Runs of every contender in every round, after one that is not counted.
 RUNS = 5
@@ -148,8 +152,10 @@ def contenders(args):
     for numbers, model in models:
         for engine in engines:
             yield f"Farsight, {engine}, {numbers}", lambda m=model, e=engine: farsight_bench(args, m, "--engine", e)
-    bf16 = ["--engine", "openvino", "--precision", "bf16"]
-    yield "Farsight, openvino, bf16", lambda: farsight_bench(args, args.onnx, *bf16)
+    cpu = pathlib.Path("/proc/cpuinfo")
+    if cpu.exists() and "bf16" in cpu.read_text():
+        bf16 = ["--engine", "openvino", "--precision", "bf16"]
+        yield "Farsight, openvino, bf16", lambda: farsight_bench(args, args.onnx, *bf16)
     peers = [
         ("ONNX Runtime alone", onnxruntime_peer, models),
         ("OpenVINO alone", openvino_peer("f32"), models),
@@ -175,6 +181,7 @@ def main():
     parser.add_argument("--input", default="1280x384")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--table", help="write the medians to this table (JSON)")
     args = parser.parse_args()
 
     peaks(args.threads)
@@ -184,14 +191,20 @@ def main():
         rounds.append({name: run() for name, run in runs})
         print(f"round {number + 1} of {args.rounds}", flush=True)
     base = "ONNX Runtime alone, fp32"
-    print(f"\n| {args.input}, {args.threads} threads | file to detections, ms | network, ms | network / {base} |\n|---|---:|---:|---:|")
+    columns = ["program, precision", "file to detections, ms", "network, ms", f"network / {base}"]
+    command = f"python3 scripts/compare_engines.py --onnx ONNX --int8 ONNX --input {args.input} --rounds {args.rounds}"
+    table = MeasuredTable(f"{command} --threads {args.threads}", columns)
     for name, _ in runs:
         total = [r[name][0] for r in rounds if r[name][0] is not None]
         network = [r[name][1] for r in rounds]
         ratios = [r[name][1] / r[base][1] for r in rounds if base in r]
         shown = f"{statistics.median(total):.1f}" if total else ""
         ratio = f"{statistics.median(ratios):.2f}" if ratios else ""
-        print(f"| {name} | {shown} | {statistics.median(network):.1f} | {ratio} |")
+        table.put(name, shown, f"{statistics.median(network):.1f}", ratio)
+    for row in [columns, *table.rows]:
+        print(" | ".join(row))
+    if args.table:
+        table.write(args.table)
 
 
 if __name__ == "__main__":

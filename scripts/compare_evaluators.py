@@ -3,7 +3,8 @@
 
     cargo build --release -p farsight -p farsight-eval --bins --examples
     target/release/examples/make_eval_set EVAL_SET 3769 1
-    python3 scripts/compare_evaluators.py --devkit devkit_object/cpp/evaluate_object.cpp --set EVAL_SET
+    python3 scripts/compare_evaluators.py --devkit devkit_object/cpp/evaluate_object.cpp --set EVAL_SET \
+        --table docs/results/evaluators.json
 
 The devkit is not part of Farsight: it comes with KITTI's object benchmark (devkit_object.zip), or as github.com/xiaoliangabc/devkit_object,
 commit c2bc8ce6, the copy that ours is compared with (the script says whether the file is that one, bit for bit). It needs g++ and the headers
@@ -11,6 +12,7 @@ of Boost (Debian: libboost-dev; elsewhere --boost DIR). Nothing in the devkit is
 gnuplot is hidden from it, so that its time is that of the evaluation. Both programs are measured from start to exit, reading included:
 seconds on the clock, and seconds of processor time (all threads), which other work on the machine disturbs less.
 --set is a folder with label_2 and results, the files 000000.txt and on; --labels and --results name other ones.
+--table puts a row into a table that documents quote (measured_table.py).
 """
 
 import argparse
@@ -25,6 +27,8 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+from measured_table import MeasuredTable
 
 # git's hash of cpp/evaluate_object.cpp in the reference copy.
 REFERENCE_BLOB = "05817f89a32f4a0a74a061bcd880474d453f02d5"
@@ -106,6 +110,7 @@ def main():
     parser.add_argument("--farsight", type=Path, default=Path("target/release/farsight"))
     parser.add_argument("--boost", type=Path, help="folder that holds boost/geometry.hpp")
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--table", type=Path, help="put the medians into this table (JSON)")
     args = parser.parse_args()
     labels, results = args.labels or args.set / "label_2", args.results or args.set / "results"
     frames = len(list(results.glob("*.txt")))
@@ -139,15 +144,26 @@ def main():
                 print(f"{name}: {times[name][-1][0]:.3f} s, processor {times[name][-1][1]:.3f} s", flush=True)
         difference, cells = largest_difference(json.loads(answer.read_text()), devkit_ap(scratch / "results/run/plot"))
 
+    ratios = {}
     for which, heading in enumerate(["clock", "processor"]):
         print(f"\n{heading + ', seconds':<22}{'median':>9}{'least':>9}{'most':>9}   devkit / this, median of the rounds")
         for name, taken in times.items():
             own, devkit = ([round_[which] for round_ in rounds] for rounds in (taken, times["devkit"]))
-            ratio = statistics.median(a / b for a, b in zip(devkit, own))
-            print(f"{name:<22}{statistics.median(own):>9.3f}{min(own):>9.3f}{max(own):>9.3f}   {ratio:.1f}")
+            ratios[name, heading] = statistics.median(a / b for a, b in zip(devkit, own))
+            print(f"{name:<22}{statistics.median(own):>9.3f}{min(own):>9.3f}{max(own):>9.3f}   {ratios[name, heading]:.1f}")
     print(f"\nlargest difference in {cells} values of AP: {difference:.1e} percentage points")
     if not cells or difference > AP_TOLERANCE:
         sys.exit("the two do not agree")
+    if args.table:
+        columns = ["results", "detections", "devkit, processor, s", "Farsight, processor, s", "ratio", "ratio, one thread"]
+        columns += ["ratio on the clock", "largest difference of AP"]
+        command = "python3 scripts/compare_evaluators.py --devkit DEVKIT --set SET"
+        table = MeasuredTable.opened(args.table, f"{command} --rounds {args.rounds}", columns)
+        spent = (f"{statistics.median(round_[1] for round_ in times[name]):.2f}" for name in ("devkit", "Farsight"))
+        run, one = "Farsight", "Farsight, one thread"
+        told = [f"{ratio:.0f}" for ratio in (ratios[run, "processor"], ratios[one, "processor"], ratios[run, "clock"])]
+        table.put(results.resolve().parent.name, str(detections), *spent, *told, f"{difference:.1e}")
+        table.write(args.table)
 
 
 if __name__ == "__main__":

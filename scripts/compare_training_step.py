@@ -2,12 +2,14 @@
 """Seconds of one training step: Farsight against eager PyTorch 2.11, interleaved, medians.
 
     cargo xtask exec cargo build --workspace --features farsight/train --example step_speed
-    cargo xtask exec python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed
+    cargo xtask exec python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed \
+        --table docs/results/training-step.json
 
 python3 must have PyTorch 2.11. All but a few milliseconds of a step are libtorch's, so the build profile does not matter.
 
 The PyTorch half is the same network (DLA-34, neck, heads), the same batch, focal and corner loss and torch.optim.Adam. Its
-deformable convolution is the same nine bilinear taps; --torchvision uses torchvision.ops.deform_conv2d instead.
+deformable convolution is the same nine bilinear taps; --torchvision uses torchvision.ops.deform_conv2d instead. --table
+puts a row into a table that documents quote (measured_table.py).
 """
 
 import argparse
@@ -20,6 +22,10 @@ import time
 import torch
 import torch.nn.functional as F
 from torch import nn
+
+from measured_table import MeasuredTable
+
+COLUMNS = ["network", "input", "images", "PyTorch, s", "Farsight, s", "Farsight / PyTorch"]
 
 TORCHVISION = False
 
@@ -201,6 +207,7 @@ def main():
     p.add_argument("--rounds", type=int, default=15)
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--torchvision", action="store_true")
+    p.add_argument("--table", help="put the medians into this table (JSON)")
     args = p.parse_args()
     TORCHVISION = args.torchvision
     torch.set_num_threads(args.threads)
@@ -237,6 +244,13 @@ def main():
     ratio = statistics.median(f / t for t, f in pairs)
     print(f"{args.neck} {args.norm} width {args.width} {args.size[0]}x{args.size[1]} batch {args.batch} threads {args.threads}")
     print(f"PyTorch {theirs:.3f} s   Farsight {ours:.3f} s   median ratio {ratio:.3f}")
+    if args.table:
+        command = "python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed --neck NECK --norm NORM"
+        table = MeasuredTable.opened(args.table, f"{command} --rounds {args.rounds} --threads {args.threads}", COLUMNS)
+        network = f"{args.neck} neck, {args.norm} norm, width {args.width}" + ", torchvision" * args.torchvision
+        size = f"{args.size[0]}x{args.size[1]}"
+        table.put(network, size, str(args.batch), f"{theirs:.3f}", f"{ours:.3f}", f"{ratio:.2f}")
+        table.write(args.table)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use folder::{FolderLock, remove_stale_scratch};
-pub use measured::{MeasuredTable, TableError, machine, today};
+pub use measured::{MeasuredTable, TableError, machine, markdown_table, today};
 pub use read::{MAX_CONFIG, MAX_TEXT, open_regular, read_config, read_file, read_text, text_up_to};
 pub use scratch::Scratch;
 

@@ -57,6 +57,14 @@ pub enum TableError {
         /// Those of the heading.
         expected: usize,
     },
+    /// Rows were to be put into another table.
+    #[error("{}: a table of other columns; expected {expected}", path.display())]
+    Columns {
+        /// The file.
+        path: PathBuf,
+        /// The columns that the rows have.
+        expected: String,
+    },
 }
 
 impl MeasuredTable {
@@ -72,6 +80,22 @@ impl MeasuredTable {
         match self.rows.iter_mut().find(|other| other.first() == row.first()) {
             Some(other) => *other = row,
             None => self.rows.push(row),
+        }
+    }
+
+    /// The table in the file at `path`, to put rows into; one without rows where there is no file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or has no such table or one with other columns.
+    pub fn read_or_new<const N: usize>(path: &Path, command: &str, columns: [&str; N]) -> Result<Self, TableError> {
+        if !path.exists() {
+            return Ok(Self::new(command, columns));
+        }
+        let table = Self::read(path)?;
+        if table.columns == columns {
+            Ok(table)
+        } else {
+            Err(TableError::Columns { path: path.to_owned(), expected: columns.join(", ") })
         }
     }
 
@@ -118,18 +142,25 @@ impl MeasuredTable {
     pub fn markdown<'a>(&self, columns: &[&'a str]) -> Result<Vec<String>, &'a str> {
         let place = |name: &&'a str| self.columns.iter().position(|column| column == name).ok_or(*name);
         let places: Vec<usize> = columns.iter().map(place).collect::<Result<_, _>>()?;
-        let line = |cells: &[String]| {
-            let cells: Vec<&str> = places.iter().map(|&place| cells[place].as_str()).collect();
-            format!("| {} |", cells.join(" | "))
-        };
-        let rule = |&place: &usize| {
-            let is_figure =
-                |cell: &String| cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || "+-<".contains(c));
-            if self.rows.iter().all(|row| is_figure(&row[place])) { "---:|" } else { "---|" }
-        };
-        let rule = format!("|{}", places.iter().map(rule).collect::<String>());
-        Ok([line(&self.columns), rule].into_iter().chain(self.rows.iter().map(|row| line(row))).collect())
+        let chosen = |cells: &Vec<String>| places.iter().map(|&place| cells[place].clone()).collect();
+        let rows: Vec<Vec<String>> = self.rows.iter().map(chosen).collect();
+        let is_figure =
+            |cell: &String| cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || "+-<".contains(c));
+        Ok(markdown_table(columns, &rows, |column| rows.iter().all(|row| is_figure(&row[column]))))
     }
+}
+
+/// The lines of a table in Markdown. `is_right` tells which columns stand on the right.
+pub fn markdown_table<T: AsRef<str>>(
+    heading: &[T],
+    rows: &[Vec<String>],
+    is_right: impl Fn(usize) -> bool,
+) -> Vec<String> {
+    let line = |cells: Vec<&str>| format!("| {} |", cells.join(" | "));
+    let rule: String = (0..heading.len()).map(|column| if is_right(column) { "---:|" } else { "---|" }).collect();
+    let heading = line(heading.iter().map(AsRef::as_ref).collect());
+    let rows = rows.iter().map(|row| line(row.iter().map(String::as_str).collect()));
+    [heading, format!("|{rule}")].into_iter().chain(rows).collect()
 }
 
 /// This machine's CPU, as Linux calls it, and how many of its threads may be used.
@@ -193,6 +224,22 @@ mod tests {
         let lines = table.markdown(&["engine", "one image, ms"]).unwrap();
         assert_eq!(lines, ["| engine | one image, ms |", "|---|---:|", "| rten | 12.4 |", "| openvino | 3 |"]);
         assert_eq!(table.markdown(&["engine", "none"]), Err("none"));
+        let lines = markdown_table(&["a", "b"], &[vec!["1".to_owned(), "x".to_owned()]], |column| column == 1);
+        assert_eq!(lines, ["| a | b |", "|---|---:|", "| 1 | x |"]);
+    }
+
+    #[test]
+    fn rows_are_put_into_a_table_that_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.json");
+        for (name, value) in [("a", "1"), ("b", "2"), ("a", "3")] {
+            let mut table = MeasuredTable::read_or_new(&path, "farsight info", ["network", "GMAC"]).unwrap();
+            table.put([name.into(), value.into()]);
+            table.write(&path).unwrap();
+        }
+        assert_eq!(MeasuredTable::read(&path).unwrap().rows, [["a", "3"], ["b", "2"]]);
+        let other = MeasuredTable::read_or_new(&path, "", ["network"]).unwrap_err().to_string();
+        assert!(other.ends_with("table.json: a table of other columns; expected network"), "{other}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Text laid out: JSON with a line for each value of its upper levels, Markdown tables.
 
+use farsight_files::markdown_table;
 use serde_json::Value;
 
 /// `value` as JSON: so many outer levels have a line for each of their values, what is within them is on one line. So a
@@ -33,10 +34,7 @@ fn lay_out(value: &Value, level: usize, open_levels: usize, text: &mut String) {
     text.push(ends[1]);
 }
 
+/// A table in Markdown: names on the left, all that stands behind them on the right.
 pub(crate) fn table<T: AsRef<str>>(heading: &[T], rows: &[Vec<String>]) -> Vec<String> {
-    let line = |cells: Vec<&str>| format!("| {} |", cells.join(" | "));
-    let rule = std::iter::once("|---|").chain(std::iter::repeat_n("---:|", heading.len() - 1)).collect();
-    let heading = line(heading.iter().map(AsRef::as_ref).collect());
-    let rows = rows.iter().map(|row| line(row.iter().map(String::as_str).collect()));
-    [heading, rule].into_iter().chain(rows).collect()
+    markdown_table(heading, rows, |column| column > 0)
 }

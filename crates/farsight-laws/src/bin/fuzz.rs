@@ -198,11 +198,8 @@ impl Tried {
 /// Adds to what the table at `path`, which need not be there yet, says of a target.
 fn keep(path: &Path, name: &str, more: Tried) -> Result<(), Box<dyn std::error::Error>> {
     let columns = ["target", "minutes of processor time", "mutants", "slowest, ms", "findings", "version", "date"];
-    let mut table = if path.exists() {
-        MeasuredTable::read(path)?
-    } else {
-        MeasuredTable::new("cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json", columns)
-    };
+    let command = "cargo xtask fuzz --minutes 30 --table docs/results/fuzz.json";
+    let mut table = MeasuredTable::read_or_new(path, command, columns)?;
     let name = format!("`{name}`");
     let known = table.rows.iter().find(|row| row.first() == Some(&name)).and_then(|row| Tried::of_row(row));
     let known = known.unwrap_or_default();

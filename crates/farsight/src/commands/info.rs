@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use farsight::shipped::Family;
 use farsight::{model_file, shipped};
-use farsight_files::write_quickly;
+use farsight_files::{MeasuredTable, write_quickly};
 use farsight_graph::blocks::blocks;
 use farsight_graph::count::{StageCount, count, total};
 use farsight_graph::graph::Graph;
@@ -31,12 +31,19 @@ pub(crate) struct InfoArgs {
     /// Draw the network: its stages as boxes with parameters and multiply-accumulates
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Put its parameters and multiply-accumulates as a row into the table in FILE (JSON), for documents to quote
+    /// (`farsight measure --docs`)
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(path) = &args.svg {
         outputs::check_file(path)?;
+    }
+    if let Some(path) = &args.table {
+        outputs::check_json(path, [&args.model])?;
     }
     let Description { input: [width, height], graph, facts, .. } = read(&args.model)?;
     tell_unhashed([args.model.clone()], printer);
@@ -54,7 +61,19 @@ pub(crate) fn run(args: &InfoArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(path) = &args.svg {
         draw(path, &args.model, &graph, [width, height], &total(&stages))?;
     }
+    if let Some(path) = &args.table {
+        put(path, &args.model, [width, height], &total(&stages))?;
+    }
     Ok(Outcome::Done)
+}
+
+/// Puts a row into the table at `path`, which need not be there yet.
+fn put(path: &Path, model: &Path, [width, height]: [usize; 2], total: &StageCount) -> Result<()> {
+    let columns = ["network", "input", "parameters", "GMAC"];
+    let mut table = MeasuredTable::read_or_new(path, "farsight info MODEL_OR_CONFIG --table FILE", columns)?;
+    let gmacs = format!("{:.2}", total.macs as f64 / 1e9);
+    table.put([model.display().to_string(), format!("{width}x{height}"), grouped(total.parameters), gmacs]);
+    Ok(table.write(path)?)
 }
 
 fn draw(path: &Path, model: &Path, graph: &Graph, [width, height]: [usize; 2], total: &StageCount) -> Result<()> {

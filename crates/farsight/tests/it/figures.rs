@@ -2,9 +2,10 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 use crate::program::{farsight, root};
+use farsight_files::MeasuredTable;
 use serde_json::Value;
 
 fn json(path: &Path) -> Value {
@@ -65,6 +66,62 @@ fn the_picture_of_the_shipped_network_is_what_info_draws() {
         fs::read_to_string(drawn).unwrap() == kept,
         "docs/farsight-s.svg is old; docs/training.md says what draws it"
     );
+}
+
+#[test]
+fn the_table_of_networks_is_what_info_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (made, kept) = (folder.path().join("networks.json"), json(&root().join("docs/results/networks.json")));
+    let rows = kept["rows"].as_array().unwrap();
+    for row in rows {
+        let words = ["info", row[0].as_str().unwrap(), "--table", made.to_str().unwrap()];
+        let output = farsight(&root(), &words);
+        assert!(output.status.success(), "{}", errors(&output));
+    }
+    assert!(rows.len() > 10, "{kept}");
+    assert_eq!(
+        json(&made)["rows"],
+        kept["rows"],
+        "docs/results/networks.json is old; docs/training.md says what writes it"
+    );
+
+    let others = folder.path().join("others.json");
+    fs::copy(root().join("docs/results/bench.json"), &others).unwrap();
+    let output = farsight(&root(), &["info", "configs/smoke.toml", "--table", others.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        errors(&output).contains("others.json: a table of other columns; expected network, "),
+        "{}",
+        errors(&output)
+    );
+}
+
+/// A Python script puts the same row into a table as [`MeasuredTable`] would, to the byte of the file.
+#[test]
+fn scripts_write_tables_as_programs_do() {
+    const SCRIPT: &str = "\
+import sys
+from measured_table import MeasuredTable
+for value in (\"1\", \"2 \\u00b1 \\\"3\\\"\"):
+    table = MeasuredTable.opened(sys.argv[1], \"a command\", [\"what\", \"figure\"])
+    table.put(\"speed\", value)
+    table.put(\"size\", \"\")
+    table.write(sys.argv[1])
+";
+    let folder = tempfile::tempdir().unwrap();
+    let [ours, theirs] = ["ours.json", "theirs.json"].map(|name| folder.path().join(name));
+    let python = std::env::var_os("FARSIGHT_PYTHON").unwrap_or_else(|| "python3".into());
+    let ran = Command::new(python).args(["-c", SCRIPT]).arg(&theirs).env("PYTHONPATH", root().join("scripts")).output();
+    let Ok(ran) = ran else { return println!("skipped: no python3 (set FARSIGHT_PYTHON)") };
+    assert!(ran.status.success(), "{}", errors(&ran));
+    let mut table = MeasuredTable::new("a command", ["what", "figure"]);
+    table.put(["speed".into(), "2 \u{b1} \"3\"".into()]);
+    table.put(["size".into(), String::new()]);
+    // Midnight may pass between the two, and Python does not know how much of a machine a container may use.
+    let MeasuredTable { date, machine, .. } = MeasuredTable::read(&theirs).unwrap();
+    (table.date, table.machine) = (date, machine);
+    table.write(&ours).unwrap();
+    assert_eq!(fs::read_to_string(theirs).unwrap(), fs::read_to_string(ours).unwrap());
 }
 
 /// Two data sets in two folders, of which one is measured anew.
