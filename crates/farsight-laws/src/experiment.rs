@@ -18,12 +18,16 @@ use metrics::Metric;
 use plan::Experiment;
 use ranger_name::RangerName;
 
-/// A plan, through a file as users have it: of what is accepted every cell has a config, which says the same when it is
+/// The plan that others of ours extend.
+const EXTENDED: &str = include_str!("../../../configs/experiments/claim.toml");
+
+/// A plan, through a file as users have it, with another beside it that it may extend: of what is accepted every cell has a config, which says the same when it is
 /// printed and read again.
 pub(crate) fn experiment(bytes: &[u8]) -> bool {
     let folder = tempfile::tempdir().expect("a folder for the file");
     let path = folder.path().join("input.toml");
     std::fs::write(&path, bytes).expect("a file for the bytes");
+    std::fs::write(folder.path().join("claim.toml"), EXTENDED).expect("a file for the other plan");
     match Experiment::read(&path) {
         Ok(plan) => {
             drop(plan.start_files());

@@ -117,7 +117,8 @@ mod tests {
     fn scenes_have_the_most_objects_of_their_kind_and_come_once() {
         let counts = Some(Difficulty::Hard);
         let mut targets = Vec::new();
-        // Frame 0: near and free. 1: two far ones. 2: one far one. 3: far ones that do not count. 4: hidden. 5: a crowd.
+        // Frame 0: near and free. 1: two far ones. 2: one far one. 3: far ones that do not count. 4: a hidden one. 5: a
+        // crowd.
         targets.extend([target(0, 10.0, 0, counts)]);
         targets.extend([target(1, 40.0, 0, counts), target(1, 55.0, 0, counts)]);
         targets.extend([target(2, 39.9, 0, counts), target(2, 41.0, 2, counts)]);

@@ -158,8 +158,9 @@ fn measured(
 
 /// The pipeline as `farsight eval` opens it.
 fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, images: usize, printer: &mut Printer) -> Result<Pipeline> {
-    let Stages { second_stage, effort, road } = set.stages()?;
-    let (model, engine) = (args.model.clone(), args.engine.clone());
+    let Stages { model, precision, second_stage, effort, road } = set.stages()?;
+    let (model, mut engine) = (model.or_else(|| args.model.clone()), args.engine.clone());
+    engine.precision = precision.unwrap_or(engine.precision);
     let pipeline = PipelineArgs { model, engine, second_stage, effort, road, ..PipelineArgs::default() };
     pipeline_args::open(&pipeline.builder(printer)?.min_score(MIN_SCORE).images(images))
 }

@@ -165,7 +165,7 @@ impl Experiment {
         if let Some(other) = plan.remove(EXTENDS) {
             let other = other.as_str().with_context(|| format!("{shown}: {EXTENDS} is {other}; expected a file"))?;
             let other = path.parent().unwrap_or(Path::new("")).join(other);
-            let mut whole = table(&other)?;
+            let mut whole = table(&other).with_context(|| format!("{shown}: {EXTENDS}"))?;
             ensure!(!whole.contains_key(EXTENDS), "{shown}: {EXTENDS} is {}, which extends another", other.display());
             lay_over(&mut whole, &plan);
             plan = whole;

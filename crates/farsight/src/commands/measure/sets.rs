@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use serde::Deserialize;
 
-use crate::pipeline_args::{EffortName, RoadArgs, SecondStageArgs};
+use crate::pipeline_args::{EffortName, PrecisionName, RoadArgs, SecondStageArgs};
 
 /// The config of `farsight measure`.
 #[derive(Debug, Deserialize)]
@@ -33,15 +33,21 @@ pub(super) struct MeasuredSet {
     /// Whether its labels have boxes in the image alone; there are no figures of distances then.
     #[serde(default)]
     pub(super) boxes_only: bool,
-    /// Options of `farsight eval` about the stages after the detector.
+    /// Options of `farsight eval` about the pipeline.
     #[serde(default)]
     options: Vec<String>,
 }
 
-/// The stages after the detector, as the command line says them.
+/// What differs from the pipeline that is measured otherwise, as the command line says it.
 #[derive(Debug, Parser)]
 #[command(no_binary_name = true)]
 pub(super) struct Stages {
+    /// Instead of the model that is measured otherwise.
+    #[arg(long)]
+    pub(super) model: Option<PathBuf>,
+    /// Instead of the precision of the others.
+    #[arg(long, value_enum)]
+    pub(super) precision: Option<PrecisionName>,
     #[command(flatten)]
     pub(super) second_stage: SecondStageArgs,
     #[arg(long, value_enum, default_value_t = EffortName::Normal)]
@@ -66,7 +72,7 @@ impl Sets {
 }
 
 impl MeasuredSet {
-    /// The stages that its options ask for.
+    /// What its options ask for.
     pub(super) fn stages(&self) -> Result<Stages> {
         Ok(Stages::try_parse_from(&self.options)?)
     }
