@@ -222,7 +222,8 @@ fn road(text: &str) -> Result<Road, String> {
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub(crate) struct PipelineArgs {
     /// Model that `farsight train`, `farsight import` or `farsight export` wrote, or one that comes with the program:
-    /// farsight-w, which has seen photographs, or farsight-s, a SMOKE [default: farsight-w]
+    /// farsight-w, which has seen photographs, farsight-s, which knows one city, or farsight-n, which is small
+    /// [default: farsight-w]
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]

@@ -20,17 +20,21 @@ pub enum Family {
     FarsightW,
     /// SMOKE that learnt from rendered scenes of one city, and its refiner. The card is `models/farsight-s.md`.
     FarsightS,
+    /// A small SMOKE for small computers, on a backbone that has seen photographs, with the refiner of farsight-s. The
+    /// card is `models/farsight-n.md`.
+    FarsightN,
 }
 
 impl Family {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::FarsightW, Self::FarsightS];
+    pub const ALL: [Self; 3] = [Self::FarsightW, Self::FarsightS, Self::FarsightN];
 
     /// The name of its detector, which is its word in options.
     pub const fn name(self) -> &'static str {
         match self {
             Self::FarsightW => "farsight-w",
             Self::FarsightS => "farsight-s",
+            Self::FarsightN => "farsight-n",
         }
     }
 }
@@ -38,6 +42,8 @@ impl Family {
 const SSD: &[u8] = farsight_weights_w::DETECTOR;
 
 const SMOKE: &[u8] = farsight_weights_s::DETECTOR;
+
+const SMALL: &[u8] = farsight_weights_n::DETECTOR;
 
 /// Name of the refiner; its page is `docs/refiner.md`.
 pub const REFINER_NAME: &str = "farsight-refiner";
@@ -79,6 +85,14 @@ pub fn smoke() -> Result<SmokeModel, ModelError> {
     SmokeModel::from_safetensors(SMOKE, Path::new(Family::FarsightS.name()))
 }
 
+/// The small SMOKE that comes with the library.
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn small() -> Result<SmokeModel, ModelError> {
+    SmokeModel::from_safetensors(SMALL, Path::new(Family::FarsightN.name()))
+}
+
 /// The family of a detector with these weights (SHA-256), if it comes with the library.
 ///
 /// # Errors
@@ -88,6 +102,8 @@ pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
         Some(Family::FarsightW)
     } else if smoke()?.weights.sha256() == sha256 {
         Some(Family::FarsightS)
+    } else if small()?.weights.sha256() == sha256 {
+        Some(Family::FarsightN)
     } else {
         None
     })
@@ -100,7 +116,7 @@ pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
 pub fn refiner(family: Family) -> Result<RefinerModel, ModelError> {
     let bytes = match family {
         Family::FarsightW => REFINER,
-        Family::FarsightS => SMOKE_REFINER,
+        Family::FarsightS | Family::FarsightN => SMOKE_REFINER,
     };
     RefinerModel::from_safetensors(bytes, Path::new(REFINER_NAME))
 }

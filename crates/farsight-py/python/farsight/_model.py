@@ -42,8 +42,8 @@ class Model:
         threads: Threads of each network; one for each core by default.
         region: Part of the world that the images are from, by the sizes of its vehicles: "world", "europe",
             "north-america", "china", "japan" or "india"; for farsight-w.
-        model: "farsight-w", which "shipped" stands for, "farsight-s", or a file that `farsight train`, `farsight
-            import` or `farsight export` wrote.
+        model: "farsight-w", which "shipped" stands for, "farsight-s", "farsight-n", or a file that `farsight train`,
+            `farsight import` or `farsight export` wrote.
 
     Raises:
         ValueError: An argument means nothing, or the file is no model.

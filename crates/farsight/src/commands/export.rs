@@ -36,8 +36,8 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 /// Arguments of `farsight export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Model that `farsight train` or `farsight import` wrote, "farsight-w" or "farsight-s" for those that come with
-    /// the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner", "shipped-plates"), of
+    /// Model that `farsight train` or `farsight import` wrote, "farsight-w", "farsight-s" or "farsight-n" for those
+    /// that come with the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner", "shipped-plates"), of
     /// which --half --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
@@ -64,7 +64,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
     /// With --fit-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w",
-    /// "farsight-s" or a file
+    /// "farsight-s", "farsight-n" or a file
     #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "half")]
     detector: PathBuf,
     /// With --fit-on of a refiner: another training of the same network, whose weights and this one's are averaged (a

@@ -24,7 +24,7 @@ pub(crate) struct FineTuneArgs {
     /// [default: every fifth frame, which is not learnt from]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// The detector to go on from: a SMOKE of `farsight train`, or "farsight-s"
+    /// The detector to go on from: a SMOKE of `farsight train`, "farsight-s" or "farsight-n"
     #[arg(long, value_name = "FILE", default_value = Family::FarsightS.name())]
     model: PathBuf,
     /// Passes over the frames

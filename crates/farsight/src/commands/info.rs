@@ -23,9 +23,9 @@ use crate::{outputs, untrained};
 /// Arguments of `farsight info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// A model, a refiner or a plate reader (.safetensors, .onnx), "farsight-w", "farsight-s", "farsight-w-refiner",
-    /// "farsight-s-refiner" or "shipped-plates" for those that come with the program, or the config of a training
-    /// (.toml)
+    /// A model, a refiner or a plate reader (.safetensors, .onnx), "farsight-w", "farsight-s", "farsight-n",
+    /// "farsight-w-refiner", "farsight-s-refiner" or "shipped-plates" for those that come with the program, or the
+    /// config of a training (.toml)
     #[arg(value_name = "MODEL_OR_CONFIG")]
     model: PathBuf,
     /// Draw the network: its stages as boxes with parameters and multiply-accumulates
@@ -93,6 +93,7 @@ fn read(path: &Path) -> Result<Description> {
     match model_file::shipped_detector(path) {
         Some(Family::FarsightW) => return Ok(told_of(Description::of_model(&shipped::ssd()?))),
         Some(Family::FarsightS) => return Ok(told_of(Description::of_model(&shipped::smoke()?))),
+        Some(Family::FarsightN) => return Ok(told_of(Description::of_model(&shipped::small()?))),
         None => {}
     }
     if let Some(family) = model_file::shipped_refiner(path) {

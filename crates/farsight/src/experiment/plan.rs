@@ -527,7 +527,7 @@ claims = { ap3d = 0.56 }
             (
                 "[arms.a]\ntitle = \"plain\"",
                 "[arms.a]\ntitle = \"plain\"\nshipped = \"farsight-x\"",
-                "arms.a.shipped is \"farsight-x\"; expected farsight-w or farsight-s",
+                "arms.a.shipped is \"farsight-x\"; expected farsight-w or farsight-s or farsight-n",
             ),
             (
                 "[arms.b]\ntitle = \"other\"",

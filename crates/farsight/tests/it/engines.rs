@@ -370,7 +370,7 @@ fn kinds() -> Vec<EngineKind> {
     EngineKind::ALL.into_iter().filter(is_here).collect()
 }
 
-/// Detector, refiner and road of farsight-w; detector, refiner, plate reader and road of farsight-s.
+/// Detector, refiner and road of farsight-w and of farsight-n; detector, refiner, plate reader and road of farsight-s.
 #[test]
 fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
     let kinds = kinds();
@@ -380,7 +380,7 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
         // A scene in which each stage has a say.
         let plates_matter = |scene: &&str| {
             let without = builder().plates(StageSource::Off).open().unwrap();
-            family == Family::FarsightW || sure(&without, scene) != sure(&whole, scene)
+            family != Family::FarsightS || sure(&without, scene) != sure(&whole, scene)
         };
         let scene = ["000000", "000001", "000002", "000003"].into_iter().find(plates_matter);
         let scene = scene.expect("a scene with a number plate that can be read");
