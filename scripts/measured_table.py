@@ -45,10 +45,13 @@ class MeasuredTable:
 
     @classmethod
     def opened(cls, path, command, columns):
-        """The table at `path`, to put rows into, if this command on this machine wrote it; else one without rows."""
+        """The table at `path`, to put rows into, if this command on this machine wrote it; else one without rows. A table
+        of other columns is somebody else's, and an error."""
         table = cls(command, columns)
         if pathlib.Path(path).exists():
             kept = json.loads(pathlib.Path(path).read_text(encoding="utf-8"))
-            if all(kept[name] == getattr(table, name) for name in ("command", "machine", "columns")):
+            if kept["columns"] != table.columns:
+                raise SystemExit(f"{path}: a table of other columns; expected {', '.join(table.columns)}")
+            if all(kept[name] == getattr(table, name) for name in ("command", "machine")):
                 table.rows = kept["rows"]
         return table

@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn what_is_in_the_program_and_what_is_in_the_wheel_are_listed() {
         let text = cyclone_dx("0.1.0").unwrap();
-        for name in ["farsight", "farsight-py", "clap", "pyo3", "rten", "farsight-weights-w"] {
+        for name in ["farsight", "farsight-py", "clap", "pyo3", "rten", "farsight-weights-w", "farsight-weights-n"] {
             assert!(text.contains(&format!("\"type\": \"library\", \"name\": \"{name}\"")), "no {name}");
         }
         // Of the wheel's build, not in it; and libtorch is for training.

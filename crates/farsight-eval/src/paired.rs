@@ -80,7 +80,7 @@ pub struct PairedDifference {
     pub by_seed: Vec<f64>,
     /// 95% interval of the difference.
     pub interval: Option<Interval>,
-    /// 95% interval of `value`: of the arm alone, over its seeds and frames.
+    /// 95% interval of `value` over seeds and frames; of a ranging endpoint, of the objects that both arms found.
     pub value_interval: Option<Interval>,
     /// The differences of the resamples that have one, smallest first.
     #[serde(skip)]

@@ -21,8 +21,8 @@ use ranger_name::RangerName;
 /// The plan that others of ours extend.
 const EXTENDED: &str = include_str!("../../../configs/experiments/claim.toml");
 
-/// A plan, through a file as users have it, with another beside it that it may extend: of what is accepted every cell has a config, which says the same when it is
-/// printed and read again.
+/// A plan, through a file as users have it, with another beside it that it may extend: of what is accepted every cell
+/// has a config, which says the same when it is printed and read again.
 pub(crate) fn experiment(bytes: &[u8]) -> bool {
     let folder = tempfile::tempdir().expect("a folder for the file");
     let path = folder.path().join("input.toml");

@@ -52,8 +52,9 @@ def test_a_projection_is_that_of_a_calibration_file(model, jsonl, photo, tmp_pat
 
 
 def test_other_models_and_engines_are_those_of_the_program(photo, jsonl):
-    smoke = farsight.Model(model="farsight-s", threads=1)
-    assert smoke.range(photo).to_dict() == jsonl(photo, "--model", "farsight-s", "--threads", "1")[0]
+    for name in ["farsight-s", "farsight-n"]:
+        other = farsight.Model(model=name, threads=1)
+        assert other.range(photo).to_dict() == jsonl(photo, "--model", name, "--threads", "1")[0]
     japan = farsight.Model(region="japan", threads=1)
     assert japan.range(photo).to_dict() == jsonl(photo, "--region", "japan", "--threads", "1")[0]
 

@@ -2,3 +2,6 @@
 
 /// The detector, a model file of Farsight (safetensors).
 pub const DETECTOR: &[u8] = include_bytes!("../farsight-n.safetensors");
+
+/// The refiner that follows it, likewise.
+pub const REFINER: &[u8] = include_bytes!("../farsight-n-refiner.safetensors");

@@ -129,7 +129,9 @@ fn network(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorNetwo
     let path = match source {
         ModelSource::Shipped(Family::FarsightW) => return Ok(from_model(&shipped::ssd()?, form, target, name)?),
         ModelSource::Shipped(Family::FarsightS) => return Ok(from_model(&shipped::smoke()?, form, target, name)?),
-        ModelSource::Shipped(Family::FarsightN) => return Ok(from_model(&shipped::small()?, form, target, name)?),
+        ModelSource::Shipped(Family::FarsightN) => {
+            return Ok(from_model(&shipped::small_smoke()?, form, target, name)?);
+        }
         ModelSource::Memory { onnx, later, .. } => return Ok(from_parts((**onnx).clone(), later.clone())),
         ModelSource::File(path) => path,
     };

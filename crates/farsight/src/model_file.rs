@@ -89,7 +89,7 @@ pub fn check_detector(path: &Path) -> Result<(), Error> {
 pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
     match shipped_detector(path) {
         Some(Family::FarsightS) => return Ok(shipped::smoke()?),
-        Some(Family::FarsightN) => return Ok(shipped::small()?),
+        Some(Family::FarsightN) => return Ok(shipped::small_smoke()?),
         Some(Family::FarsightW) => {
             let found = <SsdConfig as NetworkConfig>::NAME;
             return Err(kind_error(
@@ -110,7 +110,7 @@ pub fn read_own(path: &Path) -> Result<SmokeModel, Error> {
 pub fn with_own<T: ModelTaker>(path: &Path, taker: T) -> Result<T::Answer, Error> {
     match shipped_detector(path) {
         Some(Family::FarsightS) => return Ok(taker.take(shipped::smoke()?)),
-        Some(Family::FarsightN) => return Ok(taker.take(shipped::small()?)),
+        Some(Family::FarsightN) => return Ok(taker.take(shipped::small_smoke()?)),
         Some(Family::FarsightW) => return Ok(taker.take(shipped::ssd()?)),
         None => {}
     }

@@ -20,8 +20,8 @@ pub enum Family {
     FarsightW,
     /// SMOKE that learnt from rendered scenes of one city, and its refiner. The card is `models/farsight-s.md`.
     FarsightS,
-    /// A small SMOKE for small computers, on a backbone that has seen photographs, with the refiner of farsight-s. The
-    /// card is `models/farsight-n.md`.
+    /// A small SMOKE for small computers, on a backbone that has seen photographs, and the refiner of farsight-s fitted
+    /// to it. The card is `models/farsight-n.md`.
     FarsightN,
 }
 
@@ -50,6 +50,7 @@ pub const REFINER_NAME: &str = "farsight-refiner";
 
 const REFINER: &[u8] = farsight_weights_stages::W_REFINER;
 const SMOKE_REFINER: &[u8] = farsight_weights_stages::S_REFINER;
+const SMALL_REFINER: &[u8] = farsight_weights_n::REFINER;
 
 /// Name of the plate reader; its page is `docs/plates.md`.
 pub const PLATES_NAME: &str = "farsight-plates";
@@ -89,7 +90,7 @@ pub fn smoke() -> Result<SmokeModel, ModelError> {
 ///
 /// # Errors
 /// Never of a library that was built whole.
-pub fn small() -> Result<SmokeModel, ModelError> {
+pub fn small_smoke() -> Result<SmokeModel, ModelError> {
     SmokeModel::from_safetensors(SMALL, Path::new(Family::FarsightN.name()))
 }
 
@@ -102,7 +103,7 @@ pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
         Some(Family::FarsightW)
     } else if smoke()?.weights.sha256() == sha256 {
         Some(Family::FarsightS)
-    } else if small()?.weights.sha256() == sha256 {
+    } else if small_smoke()?.weights.sha256() == sha256 {
         Some(Family::FarsightN)
     } else {
         None
@@ -116,7 +117,8 @@ pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
 pub fn refiner(family: Family) -> Result<RefinerModel, ModelError> {
     let bytes = match family {
         Family::FarsightW => REFINER,
-        Family::FarsightS | Family::FarsightN => SMOKE_REFINER,
+        Family::FarsightS => SMOKE_REFINER,
+        Family::FarsightN => SMALL_REFINER,
     };
     RefinerModel::from_safetensors(bytes, Path::new(REFINER_NAME))
 }

@@ -3,7 +3,7 @@
 use image::RgbImage;
 
 use super::scenes::ShownScene;
-use super::worst::WorstFrame;
+use super::worst::FrameErrors;
 use crate::compare::Comparison;
 use crate::oracle::OracleRow;
 use crate::{Findings, Frame, Report};
@@ -33,7 +33,7 @@ pub struct Page<'a> {
 #[derive(Debug, Clone)]
 pub struct ShownFrame {
     /// Its objects by error.
-    pub worst: WorstFrame,
+    pub worst: FrameErrors,
     /// All that is in its files.
     pub frame: Frame,
     /// Its image with detections and labels, where there is one.

@@ -6,6 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
 use super::contents::{Page, Picture, ShownFrame};
+use super::scenes::{DISTANT_M, SHOWN_SCORE};
 use crate::text;
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1560px;padding:0 1rem;color:#222}\
@@ -61,15 +62,22 @@ fn push_scenes(html: &mut String, page: &Page, pictures: &[[Option<Picture>; 2]]
     if page.scenes.is_empty() {
         return;
     }
-    html.push_str("<h2>Scenes, side by side</h2>\n<p>Chosen by their labels: the most objects from 40 m on, the most that are largely hidden, the most of all; counted are those that count at some difficulty. Drawn are ground truth in dashed white, the detections that found an object, and others with a score from 0.25.</p>\n");
+    html.push_str("<h2>Scenes, side by side</h2>\n<p>");
+    let _ = write!(
+        html,
+        "Chosen by their labels: the most objects from {DISTANT_M} m on, the most that are largely hidden, the most of all; \
+         counted are those that count at some difficulty. Drawn are ground truth in dashed white, the detections that found \
+         an object, and others with a score from {SHOWN_SCORE}, at most 30.</p>\n"
+    );
     for (shown, pictures) in page.scenes.iter().zip(pictures) {
         let (scene, [ours, _]) = (&shown.scene, &shown.results);
         let _ = writeln!(
             html,
-            "<h3>{}: {}, {} objects</h3>\n<div class=\"pair\">",
+            "<h3>{}, {}: {} of {} objects</h3>\n<div class=\"pair\">",
             escaped(&ours.id),
             scene.kind,
-            scene.objects
+            scene.objects,
+            ours.targets.len()
         );
         for ((name, result), picture) in page.names.iter().zip(&shown.results).zip(pictures) {
             let found: Vec<f64> = result

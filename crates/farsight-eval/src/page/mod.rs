@@ -15,5 +15,5 @@ mod write;
 pub use chart::{Chart, Series};
 pub use contents::{Page, ShownFrame};
 pub use error::PageError;
-pub use scenes::{ChosenScene, SceneKind, ShownScene, chosen_scenes};
-pub use worst::{WorstFrame, frame_of, worst_frames};
+pub use scenes::{ChosenScene, SHOWN_SCORE, SceneKind, ShownScene, chosen_scenes};
+pub use worst::{FrameErrors, frame_of, worst_frames};

@@ -4,14 +4,18 @@ use std::fmt;
 
 use image::RgbImage;
 
-use super::worst::WorstFrame;
+use super::worst::FrameErrors;
 use crate::ranging::Target;
 
 /// Scenes of each kind on the page.
 const SHOWN: usize = 3;
 
 /// Objects are distant from here, metres of z.
-const DISTANT_M: f64 = 40.0;
+pub(super) const DISTANT_M: f64 = 40.0;
+
+/// The least score of detections that found nothing and are drawn where two results lie side by side: that from which
+/// `farsight range` shows what it finds.
+pub const SHOWN_SCORE: f64 = 0.25;
 
 /// KITTI's occlusion of what is largely hidden.
 const LARGELY_HIDDEN: i32 = 2;
@@ -66,7 +70,7 @@ pub struct ShownScene {
     /// Why it is shown.
     pub scene: ChosenScene,
     /// Its objects and what the results found of them, ours and the others.
-    pub results: [WorstFrame; 2],
+    pub results: [FrameErrors; 2],
     /// Its image with detections and labels, likewise.
     pub images: [Option<RgbImage>; 2],
 }

@@ -7,7 +7,7 @@ const SHOWN: usize = 20;
 
 /// A frame and the objects in it, the worst first.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WorstFrame {
+pub struct FrameErrors {
     /// Position of the frame in the set.
     pub frame: usize,
     /// Its name.
@@ -16,7 +16,7 @@ pub struct WorstFrame {
     pub targets: Vec<Target>,
 }
 
-impl WorstFrame {
+impl FrameErrors {
     /// The largest absolute error of z, metres.
     pub fn worst_error_m(&self) -> f64 {
         self.targets.first().map_or(0.0, error_m)
@@ -25,7 +25,7 @@ impl WorstFrame {
 
 /// The twenty frames with the largest error of z of an object that counts at some difficulty; `ids` are the names of
 /// all frames.
-pub fn worst_frames(targets: &[Target], ids: &[String]) -> Vec<WorstFrame> {
+pub fn worst_frames(targets: &[Target], ids: &[String]) -> Vec<FrameErrors> {
     let frames = targets.chunk_by(|a, b| a.frame == b.frame).filter_map(|of_frame| by_error(of_frame, ids));
     let mut frames: Vec<_> = frames.filter(|frame| frame.worst_error_m() > 0.0).collect();
     frames.sort_by(|a, b| b.worst_error_m().total_cmp(&a.worst_error_m()));
@@ -34,15 +34,15 @@ pub fn worst_frames(targets: &[Target], ids: &[String]) -> Vec<WorstFrame> {
 }
 
 /// The frame at this position with its objects by error; none without any object.
-pub fn frame_of(targets: &[Target], ids: &[String], frame: usize) -> Option<WorstFrame> {
+pub fn frame_of(targets: &[Target], ids: &[String], frame: usize) -> Option<FrameErrors> {
     by_error(targets.chunk_by(|a, b| a.frame == b.frame).find(|targets| targets[0].frame as usize == frame)?, ids)
 }
 
-fn by_error(of_frame: &[Target], ids: &[String]) -> Option<WorstFrame> {
+fn by_error(of_frame: &[Target], ids: &[String]) -> Option<FrameErrors> {
     let frame = of_frame.first()?.frame as usize;
     let mut targets: Vec<_> = of_frame.iter().filter(|target| target.difficulty.is_some()).cloned().collect();
     targets.sort_by(|a, b| error_m(b).total_cmp(&error_m(a)));
-    Some(WorstFrame { frame, id: ids.get(frame)?.clone(), targets })
+    Some(FrameErrors { frame, id: ids.get(frame)?.clone(), targets })
 }
 
 /// The absolute error of z, metres; -1 for an object that was missed, so that it comes last.

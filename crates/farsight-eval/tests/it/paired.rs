@@ -109,6 +109,8 @@ fn the_same_results_do_not_differ() {
             "{difference:?}"
         );
         assert!((difference.p_value(0.0) - 1.0).abs() < TOLERANCE);
+        let alone = difference.value_interval.unwrap();
+        assert!(alone.low < alone.high && (alone.low..=alone.high).contains(&difference.value), "{difference:?}");
     }
 }
 
@@ -149,6 +151,7 @@ fn an_arm_that_finds_nothing_has_an_ap_of_0_and_no_errors() {
     let differences = runs.compare(&[AP, MAE], &Bootstrap { resamples: 20, seed: 0 });
     let ap = differences[0].as_ref().unwrap();
     assert!(ap.against == 0.0 && ap.value > 0.0, "{ap:?}");
+    assert_eq!(ap.value_interval, ap.interval, "what it is less nothing is what it is");
     assert_eq!(differences[1], None);
 }
 

@@ -37,7 +37,8 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
     /// Model that `farsight train` or `farsight import` wrote, "farsight-w", "farsight-s" or "farsight-n" for those
-    /// that come with the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner", "shipped-plates"), of
+    /// that come with the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner",
+    /// "farsight-n-refiner", "shipped-plates"), of
     /// which --half --fit-on makes one that fits the model that comes with the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,

@@ -93,7 +93,7 @@ fn read(path: &Path) -> Result<Description> {
     match model_file::shipped_detector(path) {
         Some(Family::FarsightW) => return Ok(told_of(Description::of_model(&shipped::ssd()?))),
         Some(Family::FarsightS) => return Ok(told_of(Description::of_model(&shipped::smoke()?))),
-        Some(Family::FarsightN) => return Ok(told_of(Description::of_model(&shipped::small()?))),
+        Some(Family::FarsightN) => return Ok(told_of(Description::of_model(&shipped::small_smoke()?))),
         None => {}
     }
     if let Some(family) = model_file::shipped_refiner(path) {

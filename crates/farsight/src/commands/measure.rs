@@ -21,7 +21,7 @@ use crate::outputs;
 use crate::pipeline_args::{self, EngineArgs, PipelineArgs};
 use crate::printer::{Printer, counted};
 use crate::rangers::CAMERA_HEIGHT_M;
-use sets::{MeasuredSet, Sets, Stages};
+use sets::{MeasuredSet, Overrides, Sets};
 use summary::{class_figures, has_error_bars, with_baseline, without_distances};
 
 /// Arguments of `farsight measure`.
@@ -145,7 +145,7 @@ fn measured(
         classes.values_mut().for_each(without_distances);
     }
     let source = Source {
-        command: set.eval_command(beside, args.model.as_deref()),
+        command: set.eval_command(beside, args)?,
         program: concat!("farsight ", env!("CARGO_PKG_VERSION")).to_owned(),
         engine: pipeline.engine().to_owned(),
         weights_sha256: pipeline.info().weights_sha256.clone().unwrap_or_else(|| "unknown".to_owned()),
@@ -158,7 +158,7 @@ fn measured(
 
 /// The pipeline as `farsight eval` opens it.
 fn open_pipeline(args: &MeasureArgs, set: &MeasuredSet, images: usize, printer: &mut Printer) -> Result<Pipeline> {
-    let Stages { model, precision, second_stage, effort, road } = set.stages()?;
+    let Overrides { model, precision, second_stage, effort, road } = set.overrides()?;
     let (model, mut engine) = (model.or_else(|| args.model.clone()), args.engine.clone());
     engine.precision = precision.unwrap_or(engine.precision);
     let pipeline = PipelineArgs { model, engine, second_stage, effort, road, ..PipelineArgs::default() };

@@ -18,8 +18,8 @@ use crate::printer::Printer;
 /// Arguments of `farsight prune`.
 #[derive(Debug, Args)]
 pub(crate) struct PruneArgs {
-    /// Model that `farsight train` or `farsight import` wrote, "farsight-s" or "farsight-n" for those that come with the
-    /// program
+    /// Model that `farsight train` or `farsight import` wrote, "farsight-s" or "farsight-n" for those that come with
+    /// the program
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Share of the channels of every layer to keep, above 0 and at most 1

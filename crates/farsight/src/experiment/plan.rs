@@ -246,8 +246,8 @@ impl Experiment {
             );
         }
         if let Some(shipped) = shipped {
-            let known = Family::ALL.map(Family::name).join(" or ");
-            ensure!(arm.shipped().is_some(), "arms.{name}.shipped is \"{shipped}\"; expected {known}");
+            let known = Family::ALL.map(Family::name).join(", ");
+            ensure!(arm.shipped().is_some(), "arms.{name}.shipped is \"{shipped}\"; expected one of {known}");
         }
         ensure!(
             of.is_some() == ranger.is_some(),
@@ -527,7 +527,7 @@ claims = { ap3d = 0.56 }
             (
                 "[arms.a]\ntitle = \"plain\"",
                 "[arms.a]\ntitle = \"plain\"\nshipped = \"farsight-x\"",
-                "arms.a.shipped is \"farsight-x\"; expected farsight-w or farsight-s or farsight-n",
+                "arms.a.shipped is \"farsight-x\"; expected one of farsight-w, farsight-s, farsight-n",
             ),
             (
                 "[arms.b]\ntitle = \"other\"",

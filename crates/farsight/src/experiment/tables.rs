@@ -30,7 +30,11 @@ pub(crate) fn rows(file: &Path, folder: &Path, mut options: BTreeMap<&str, &str>
     match name {
         "progress" => Ok(vec![progress(&plan, &results)]),
         "cells" => Ok(cells(&plan, &results, &metrics)),
-        "arms" => Ok(arms(&plan, &results, &metrics)),
+        "arms" => {
+            let has_none = results.arms.is_empty() && !results.cells.is_empty();
+            ensure!(!has_none, "written before arms had intervals; `farsight experiment run` writes it anew");
+            Ok(arms(&plan, &results, &metrics))
+        }
         "comparisons" => Ok(comparisons(&plan, &results, &metrics)),
         other => bail!("no table \"{other}\" of an experiment; expected progress, cells, arms, comparisons or times"),
     }

@@ -261,12 +261,21 @@ fn the_worst_frames_are_drawn_where_there_are_images() {
     let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
     assert!(page.contains("data:image/jpeg;base64,") && page.contains("<td>g0 car</td><td>d0</td>"));
     assert!(folder.path().join("page/worst_000001.png").is_file() && !page.contains("side by side"));
-    let against: Vec<_> = arguments.into_iter().chain(["--against", "results"]).collect();
+    let others = folder.path().join("others");
+    fs::create_dir(&others).unwrap();
+    fs::write(others.join("000001.txt"), "").unwrap();
+    let against: Vec<_> = arguments.into_iter().chain(["--against", "others"]).collect();
     let (status, _, err) = eval(folder.path(), &against);
     assert!(status == 0 && !err.contains("without a picture"), "{err}");
     let page = fs::read_to_string(folder.path().join("page/index.html")).unwrap();
-    assert!(page.contains("Scenes, side by side") && page.contains("<h3>000001: "), "{page:.400}");
-    assert_eq!(page.matches("<figcaption>results: ").count() % 2, 0);
+    let scenes = &page[page.find("Scenes, side by side").unwrap()..];
+    assert!(scenes.contains("<h3>000001, "));
+    let found = |results: &str| {
+        let caption = scenes.split_once(&format!("<figcaption>{results}: ")).unwrap().1;
+        caption.split(' ').next().unwrap().parse::<usize>().unwrap()
+    };
+    assert!(found("results") > 0);
+    assert_eq!(found("others"), 0);
     for side in ["ours", "against"] {
         assert!(folder.path().join(format!("page/scene_000001_{side}.png")).is_file(), "{side}");
     }

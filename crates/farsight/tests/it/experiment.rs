@@ -135,7 +135,9 @@ fn a_killed_experiment_ends_as_one_left_alone() {
     let comparison = &results["comparisons"][0];
     assert_eq!((&comparison["metric"], &comparison["seeds"]), (&"ap3d".into(), &2.into()), "{results}");
     let keys: Vec<&String> = results.as_object().unwrap().keys().collect();
-    assert_eq!(keys, ["cells", "comparisons"]);
+    assert_eq!(keys, ["arms", "cells", "comparisons"]);
+    let arm = &results["arms"][0];
+    assert_eq!((&arm["arm"], &arm["metric"], &arm["seeds"]), (&"plain".into(), &"ap3d".into(), &2.into()), "{results}");
 }
 
 #[test]
@@ -248,6 +250,9 @@ fn arms_of_several_methods_are_trained_and_judged_alike() {
         assert!(cell["ap3d"].is_number(), "{results}");
     }
     assert_eq!(results["comparisons"][0]["seeds"], 1, "{results}");
+    let of_smoke = |figure: &&Value| figure["arm"] == "smoke" && figure["metric"] == "ap3d";
+    let alone = results["arms"].as_array().unwrap().iter().find(of_smoke).unwrap();
+    assert_eq!(alone["value"], results["cells"][0]["ap3d"], "of one seed the mean is its value");
 
     // Rangers are of the boxes of SMOKE's answers; without steps, as the shipped model.
     let rows = |cell: &str| {

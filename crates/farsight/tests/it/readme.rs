@@ -85,6 +85,7 @@ fn the_first_pages_are_short() {
     let pages = [
         ("README.md", 100),
         ("models/farsight-s.md", 150),
+        ("models/farsight-n.md", 150),
         ("models/farsight-w.md", 150),
         ("crates/farsight/examples/quickstart.rs", 24),
     ];

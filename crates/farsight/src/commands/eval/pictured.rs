@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use farsight_core::Detection;
 use farsight_data::kitti::Calibration;
 use farsight_data::{image_named, read_image};
-use farsight_eval::page::{ShownFrame, ShownScene, WorstFrame, chosen_scenes, frame_of, worst_frames};
+use farsight_eval::page::{FrameErrors, SHOWN_SCORE, ShownFrame, ShownScene, chosen_scenes, frame_of, worst_frames};
 use farsight_eval::{Evaluation, Findings, Frame, FrameFiles};
 use farsight_viz::{DrawOptions, Names, Scene, annotate_named};
 use image::RgbImage;
@@ -15,10 +15,6 @@ use super::EvalArgs;
 
 /// Detections drawn on an image; with more, nobody could tell them apart.
 const DRAWN: usize = 30;
-
-/// The least score of detections that found nothing and are drawn where two results lie side by side: that from which
-/// `range` shows what it finds.
-const SIDE_BY_SIDE_SCORE: f64 = 0.25;
 
 /// The worst frames, and those of them that have no picture although images were given.
 pub(super) fn worst(
@@ -48,7 +44,7 @@ pub(super) fn scenes(
         for (files, evaluation) in results {
             let of_result = frame_of(evaluation.targets(), files.ids(), scene.frame).context("no such frame")?;
             let (frame, _) = files.read(&of_result.id)?;
-            let image = seen(images, &frame, &of_result, Some(SIDE_BY_SIDE_SCORE), unseen);
+            let image = seen(images, &frame, &of_result, Some(SHOWN_SCORE), unseen);
             sides.push((of_result, image));
         }
         let [(ours, our_image), (theirs, their_image)] =
@@ -62,7 +58,7 @@ pub(super) fn scenes(
 fn seen(
     images: &Path,
     frame: &Frame,
-    worst: &WorstFrame,
+    worst: &FrameErrors,
     least_score: Option<f64>,
     unseen: &mut Findings,
 ) -> Option<RgbImage> {
@@ -71,7 +67,7 @@ fn seen(
 }
 
 /// The frame's image with its detections and labels, named as `--explain` names them.
-fn drawn(images: &Path, frame: &Frame, worst: &WorstFrame, least_score: Option<f64>) -> Result<RgbImage> {
+fn drawn(images: &Path, frame: &Frame, worst: &FrameErrors, least_score: Option<f64>) -> Result<RgbImage> {
     let id = &frame.id;
     let path = image_named(images, id);
     let path = path.with_context(|| format!("{}: no image of frame {id}; expected {id}.png", images.display()))?;
@@ -90,7 +86,7 @@ fn drawn(images: &Path, frame: &Frame, worst: &WorstFrame, least_score: Option<f
 
 /// Positions of the detections to draw: those that found an object, then the best scored others from `least_score` on,
 /// at most [`DRAWN`].
-fn drawn_predictions(frame: &Frame, worst: &WorstFrame, least_score: Option<f64>) -> Vec<usize> {
+fn drawn_predictions(frame: &Frame, worst: &FrameErrors, least_score: Option<f64>) -> Vec<usize> {
     let has_found = |prediction: usize| {
         worst.targets.iter().filter_map(|target| target.found).any(|found| found.prediction as usize == prediction)
     };

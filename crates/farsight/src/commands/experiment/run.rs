@@ -131,7 +131,7 @@ fn hashes(family: Family) -> Result<[String; 2]> {
     let detector = match family {
         Family::FarsightW => shipped::ssd()?.weights.sha256(),
         Family::FarsightS => shipped::smoke()?.weights.sha256(),
-        Family::FarsightN => shipped::small()?.weights.sha256(),
+        Family::FarsightN => shipped::small_smoke()?.weights.sha256(),
     };
     Ok([detector, shipped::refiner(family)?.weights.sha256()])
 }

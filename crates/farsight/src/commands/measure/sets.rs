@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use serde::Deserialize;
 
+use super::MeasureArgs;
 use crate::pipeline_args::{EffortName, PrecisionName, RoadArgs, SecondStageArgs};
 
 /// The config of `farsight measure`.
@@ -41,7 +42,7 @@ pub(super) struct MeasuredSet {
 /// What differs from the pipeline that is measured otherwise, as the command line says it.
 #[derive(Debug, Parser)]
 #[command(no_binary_name = true)]
-pub(super) struct Stages {
+pub(super) struct Overrides {
     /// Instead of the model that is measured otherwise.
     #[arg(long)]
     pub(super) model: Option<PathBuf>,
@@ -56,6 +57,12 @@ pub(super) struct Stages {
     pub(super) road: RoadArgs,
 }
 
+/// An option and its value, where it is not the default.
+fn chosen<T: ValueEnum + Default + PartialEq>(option: &str, value: T) -> Vec<String> {
+    let name = value.to_possible_value().filter(|_| value != T::default());
+    name.map_or_else(Vec::new, |name| vec![option.to_owned(), name.get_name().to_owned()])
+}
+
 impl Sets {
     /// Reads a config and checks it.
     pub(super) fn read(path: &Path) -> Result<Self> {
@@ -65,7 +72,7 @@ impl Sets {
         for (i, set) in sets.sets.iter().enumerate() {
             let is_first = sets.sets.iter().position(|other| other.name == set.name) == Some(i);
             ensure!(is_first, "{shown}: two data sets are called \"{}\"", set.name);
-            set.stages().with_context(|| format!("{shown}: {}: options", set.name))?;
+            set.overrides().with_context(|| format!("{shown}: {}: options", set.name))?;
         }
         Ok(sets)
     }
@@ -73,8 +80,8 @@ impl Sets {
 
 impl MeasuredSet {
     /// What its options ask for.
-    pub(super) fn stages(&self) -> Result<Stages> {
-        Ok(Stages::try_parse_from(&self.options)?)
+    pub(super) fn overrides(&self) -> Result<Overrides> {
+        Ok(Overrides::try_parse_from(&self.options)?)
     }
 
     /// Its split, where the config is in the folder `beside`.
@@ -86,14 +93,20 @@ impl MeasuredSet {
 
     /// The command that gives the same figures, with the folder's name for the folder; the config is in the folder
     /// `beside`.
-    pub(super) fn eval_command(&self, beside: &Path, model: Option<&Path>) -> String {
+    pub(super) fn eval_command(&self, beside: &Path, args: &MeasureArgs) -> Result<String> {
+        let Overrides { model, precision, .. } = self.overrides()?;
+        // Those of its options are named below.
+        let model = args.model.as_deref().filter(|_| model.is_none());
+        let precision = precision.is_none().then_some(args.engine.precision);
         let split = self.split_in(beside);
         let mut words = vec!["farsight eval --data".to_owned(), self.folder.to_uppercase()];
         let named = |option: &str, path: &Path| [option.to_owned(), path.display().to_string()];
         words.extend(split.iter().flat_map(|split| named("--split", split)));
         words.extend(model.and_then(Path::file_name).into_iter().flat_map(|model| named("--model", Path::new(model))));
         words.extend(self.options.iter().cloned());
+        words.extend(chosen("--engine", args.engine.engine));
+        words.extend(precision.into_iter().flat_map(|precision| chosen("--precision", precision)));
         words.extend(self.vehicles.then(|| "--vehicles".to_owned()));
-        words.join(" ")
+        Ok(words.join(" "))
     }
 }
