@@ -63,11 +63,11 @@ fn push_scenes(html: &mut String, page: &Page, pictures: &[[Option<Picture>; 2]]
         return;
     }
     html.push_str("<h2>Scenes, side by side</h2>\n<p>");
-    let _ = write!(
+    let _ = writeln!(
         html,
         "Chosen by their labels: the most objects from {DISTANT_M} m on, the most that are largely hidden, the most of all; \
          counted are those that count at some difficulty. Drawn are ground truth in dashed white, the detections that found \
-         an object, and others with a score from {SHOWN_SCORE}, at most 30.</p>\n"
+         an object, and others with a score from {SHOWN_SCORE}, at most 30.</p>"
     );
     for (shown, pictures) in page.scenes.iter().zip(pictures) {
         let (scene, [ours, _]) = (&shown.scene, &shown.results);

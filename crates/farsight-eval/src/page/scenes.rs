@@ -1,5 +1,6 @@
 //! Scenes to look at, chosen by their labels alone, so that no result has a say in it.
 
+use std::cmp::Reverse;
 use std::fmt;
 
 use image::RgbImage;
@@ -88,7 +89,7 @@ pub fn chosen_scenes(targets: &[Target]) -> Vec<ChosenScene> {
         let frames = targets.chunk_by(|a, b| a.frame == b.frame).filter_map(of_frame);
         let mut frames: Vec<_> = frames.filter(|scene| scene.objects > 0 && is_new(scene)).collect();
         // A stable sort: of equal ones the first stays the first.
-        frames.sort_by(|a, b| b.objects.cmp(&a.objects));
+        frames.sort_by_key(|scene| Reverse(scene.objects));
         frames.truncate(SHOWN);
         chosen.extend(frames);
     }
@@ -97,6 +98,7 @@ pub fn chosen_scenes(targets: &[Target]) -> Vec<ChosenScene> {
 
 #[cfg(test)]
 mod tests {
+    use super::SceneKind::{Crowded, Distant, Occluded};
     use super::*;
     use crate::{Difficulty, EvaluatedClass};
 
@@ -130,7 +132,6 @@ mod tests {
         targets.extend([target(4, 12.0, 2, counts), target(4, 12.0, 1, counts)]);
         targets.extend(vec![target(5, 12.0, 0, counts); 4]);
         let chosen: Vec<_> = chosen_scenes(&targets).iter().map(|s| (s.kind, s.frame, s.objects)).collect();
-        use SceneKind::{Crowded, Distant, Occluded};
         assert_eq!(chosen, [(Distant, 1, 2), (Distant, 2, 1), (Occluded, 4, 1), (Crowded, 5, 4), (Crowded, 0, 1)]);
         assert!(chosen_scenes(&[]).is_empty());
     }

@@ -58,8 +58,8 @@ pub(super) struct Overrides {
 }
 
 /// An option and its value, where it is not the default.
-fn chosen<T: ValueEnum + Default + PartialEq>(option: &str, value: T) -> Vec<String> {
-    let name = value.to_possible_value().filter(|_| value != T::default());
+fn chosen<T: ValueEnum + Default + PartialEq>(option: &str, value: &T) -> Vec<String> {
+    let name = value.to_possible_value().filter(|_| *value != T::default());
     name.map_or_else(Vec::new, |name| vec![option.to_owned(), name.get_name().to_owned()])
 }
 
@@ -104,8 +104,8 @@ impl MeasuredSet {
         words.extend(split.iter().flat_map(|split| named("--split", split)));
         words.extend(model.and_then(Path::file_name).into_iter().flat_map(|model| named("--model", Path::new(model))));
         words.extend(self.options.iter().cloned());
-        words.extend(chosen("--engine", args.engine.engine));
-        words.extend(precision.into_iter().flat_map(|precision| chosen("--precision", precision)));
+        words.extend(chosen("--engine", &args.engine.engine));
+        words.extend(precision.into_iter().flat_map(|precision| chosen("--precision", &precision)));
         words.extend(self.vehicles.then(|| "--vehicles".to_owned()));
         Ok(words.join(" "))
     }
