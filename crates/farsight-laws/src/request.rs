@@ -19,8 +19,7 @@ struct Reader;
 impl Infer for Reader {
     fn infer(&self, bytes: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError> {
         let image = decode_image(bytes, name, ImageLimits { max_pixels: MAX_PIXELS })?;
-        let size = [image.pixels.width() as usize, image.pixels.height() as usize];
-        views.view(name, size, &image.exif)?;
+        views.view(name, &image.pixels, &image.exif)?;
         let record = r#"{"image": "image", "width": 1, "height": 1, "detections": []}"#;
         Ok(Inference { record: serde_json::from_str(record).expect("a record"), times: StageTimes::default() })
     }

@@ -16,7 +16,14 @@ pub(crate) fn views(
     (camera, lens): ViewArgument,
     otherwise: impl FnOnce() -> Result<CameraSource, CameraSourceError>,
 ) -> PyResult<ViewSource> {
-    let cameras = camera.map_or_else(|| otherwise().map_err(|error| errors::camera(&error)), CameraArgument::source)?;
+    let cameras = match camera {
+        None => otherwise().map_err(|error| errors::camera(&error))?,
+        // A calibration beside the image is no estimate.
+        Some(CameraArgument::Estimated(_)) => {
+            otherwise().ok().filter(|known| *known == CameraSource::Kitti).unwrap_or(CameraSource::Estimated)
+        }
+        Some(given) => given.source()?,
+    };
     let lens = lens.map(|lens| lens.parse()).transpose();
     let lens = lens.map_err(|error: LensError| PyValueError::new_err(error.to_string()))?;
     Ok(ViewSource::from(cameras).with_lens(lens))
@@ -25,6 +32,8 @@ pub(crate) fn views(
 /// One way to say which camera it was.
 #[derive(FromPyObject)]
 pub(crate) enum CameraArgument {
+    /// Estimated from the image, where that does not tell: true, as Python's `hfov="auto"` comes here.
+    Estimated(bool),
     /// Horizontal field of view, degrees.
     Hfov(f64),
     /// The projection `P`, row by row.
@@ -41,6 +50,7 @@ impl CameraArgument {
     fn source(self) -> PyResult<CameraSource> {
         match self {
             Self::Calibration(path) => CameraSource::from_calibration(&path).map_err(|error| errors::camera(&error)),
+            Self::Estimated(_) => Ok(CameraSource::Estimated),
             Self::Hfov(degrees) => Ok(CameraSource::FieldOfView(degrees)),
             Self::Projection(projection) => same(projection),
             Self::Intrinsics([[fx, skew, cx], [zero, fy, cy], last]) => {

@@ -35,6 +35,7 @@ def test_answers_are_those_of_the_program_digit_for_digit(model, program):
     "camera, words",
     [
         ({"hfov": 65}, ["--hfov", "65"]),
+        ({"hfov": "auto"}, ["--hfov", "auto"]),
         ({"K": K}, ["--fx", "700", "--fy", "710", "--cx", "620", "--cy", "180"]),
         ({"K": np.float32(K)}, ["--fx", "700", "--fy", "710", "--cx", "620", "--cy", "180"]),
     ],
@@ -99,11 +100,20 @@ def test_lens_and_calibration_are_those_of_the_program(model, program, photo, pi
     for wrong, told in [
         ({"calib": tmp_path / "none.txt"}, "none.txt: cannot be read"),
         ({"hfov": 65, "calib": calib}, "hfov and calib are given"),
+        ({"hfov": "wide"}, "hfov is 'wide'; expected degrees or \"auto\""),
         ({"hfov": 65, "lens": "fisheye:1"}, "is no lens; expected brown:"),
         ({"hfov": 65, "lens": "brown:-0.9,0,0,0"}, "folds the image at column"),
     ]:
         with pytest.raises(ValueError, match=told):
             model.range(photo, **wrong)
+
+
+def test_a_camera_that_nobody_knows_is_estimated(model, jsonl, photo, tmp_path):
+    alone = tmp_path / "alone.jpg"
+    alone.write_bytes(photo.read_bytes())
+    told = model.range(alone, hfov="auto").to_dict()
+    assert told == jsonl(alone, "--hfov", "auto")[0]
+    assert told["camera"]["origin"] == "estimated"
 
 
 @pytest.mark.slice

@@ -36,9 +36,12 @@ pub(crate) struct Canvas {
 impl Canvas {
     /// `None` when the image has no pixels, or more than can be drawn on.
     pub(crate) fn from_image(image: &RgbImage) -> Option<Self> {
-        // One piece of memory of the right size: a vector that grows takes twice as much.
-        let mut rgba = Vec::with_capacity(4 * image.pixels().len());
-        rgba.extend(image.pixels().flat_map(|p| [p.0[0], p.0[1], p.0[2], 255]));
+        let (pixels, _) = image.as_raw().as_chunks::<3>();
+        let mut rgba = vec![u8::MAX; 4 * pixels.len()];
+        let (drawn, _) = rgba.as_chunks_mut::<4>();
+        for (drawn, [red, green, blue]) in drawn.iter_mut().zip(pixels) {
+            *drawn = [*red, *green, *blue, u8::MAX];
+        }
         let pixmap = Pixmap::from_vec(rgba, IntSize::from_wh(image.width(), image.height())?)?;
         Some(Self { pixmap })
     }
@@ -52,9 +55,12 @@ impl Canvas {
 
     pub(crate) fn into_image(self) -> RgbImage {
         // Everything was drawn on opaque ground, so the colours need no division by the opacity.
-        RgbImage::from_fn(self.pixmap.width(), self.pixmap.height(), |x, y| {
-            image::Rgb(self.pixmap.pixel(x, y).map_or([0; 3], |p| [p.red(), p.green(), p.blue()]))
-        })
+        let mut image = RgbImage::new(self.pixmap.width(), self.pixmap.height());
+        let ((pixels, _), (drawn, _)) = (image.as_chunks_mut::<3>(), self.pixmap.data().as_chunks::<4>());
+        for (pixel, [red, green, blue, _]) in pixels.iter_mut().zip(drawn) {
+            *pixel = [*red, *green, *blue];
+        }
+        image
     }
 
     /// The whole picture.

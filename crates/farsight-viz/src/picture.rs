@@ -1,7 +1,7 @@
 //! The image and the bird's-eye view in one picture.
 
 use farsight_core::Affine2;
-use image::imageops::{replace, thumbnail};
+use image::imageops::thumbnail;
 use image::{Rgb, RgbImage};
 
 use crate::annotate::{Tags, annotated};
@@ -101,7 +101,17 @@ fn composed(image: &RgbImage, scene: &Scene, options: &DrawOptions, says: &Tags)
     let annotated = annotated(image, scene, options, says, false)?;
     let view = panel(scene, image_size, panel_size, scale, options)?;
     let mut whole = RgbImage::from_pixel(size[0], size[1], Rgb(SHADOW.rgb));
-    replace(&mut whole, &annotated, 0, 0);
-    replace(&mut whole, &view, i64::from(panel_at[0]), i64::from(panel_at[1]));
+    place(&mut whole, &annotated, [0, 0]);
+    place(&mut whole, &view, panel_at);
     Some(whole)
+}
+
+/// Puts `part` into `whole`, row by row; it must fit there.
+fn place(whole: &mut RgbImage, part: &RgbImage, [left, top]: [u32; 2]) {
+    let [whole_row, part_row] = [whole.width(), part.width()].map(|width| 3 * width as usize);
+    let rows = whole.chunks_exact_mut(whole_row).skip(top as usize);
+    let first = 3 * left as usize;
+    for (row, part) in rows.zip(part.chunks_exact(part_row)) {
+        row[first..first + part_row].copy_from_slice(part);
+    }
 }

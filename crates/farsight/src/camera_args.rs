@@ -31,9 +31,19 @@ pub(crate) struct CameraArgs {
     /// Row of the principal point, pixels [default: the middle of the image]
     #[arg(long, value_name = "Y", requires = "fx", conflicts_with_all = NO_INTRINSICS, value_parser = finite, allow_negative_numbers = true)]
     pub(crate) cy: Option<f64>,
-    /// Horizontal field of view of the whole image, degrees
+    /// Horizontal field of view of the whole image, degrees; "auto" estimates it from each image that does not tell, with
+    /// an error bar that goes into the distances'
     #[arg(long, value_name = "DEG", value_parser = field_of_view, allow_negative_numbers = true)]
-    pub(crate) hfov: Option<f64>,
+    pub(crate) hfov: Option<FieldOfView>,
+}
+
+/// What `--hfov` takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum FieldOfView {
+    /// So many degrees.
+    Degrees(f64),
+    /// What the image says.
+    Estimated,
 }
 
 /// The camera options and the lens.
@@ -60,7 +70,7 @@ impl ViewArgs {
 }
 
 /// What to do when there is no camera.
-const HINT: &str = "give one of --calib FILE, --fx PIXELS or --hfov DEGREES";
+const HINT: &str = "give one of --calib FILE, --fx PIXELS, --hfov DEGREES or --hfov auto";
 
 fn number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| "expected a number".to_owned())
@@ -76,9 +86,12 @@ fn focal_length(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err("expected a positive number of pixels".to_owned()) }
 }
 
-fn field_of_view(text: &str) -> Result<f64, String> {
-    let value = number(text)?;
-    Camera::from_hfov(value, 1, 1).map(|_| value).map_err(|error| error.to_string())
+fn field_of_view(text: &str) -> Result<FieldOfView, String> {
+    if text == "auto" {
+        return Ok(FieldOfView::Estimated);
+    }
+    let value = text.parse().map_err(|_| "expected a number or auto".to_owned())?;
+    Camera::from_hfov(value, 1, 1).map(|_| FieldOfView::Degrees(value)).map_err(|error| error.to_string())
 }
 
 impl CameraArgs {
@@ -90,7 +103,8 @@ impl CameraArgs {
         }
         Ok(match (*fx, *hfov) {
             (Some(fx), _) => CameraSource::Intrinsics { fx, fy: fy.unwrap_or(fx), cx: *cx, cy: *cy },
-            (None, Some(degrees)) => CameraSource::FieldOfView(degrees),
+            (None, Some(FieldOfView::Degrees(degrees))) => CameraSource::FieldOfView(degrees),
+            (None, Some(FieldOfView::Estimated)) => CameraSource::of_layout(images).unwrap_or(CameraSource::Estimated),
             (None, None) => CameraSource::of_images(images).map_err(with_hint)?,
         })
     }
@@ -115,7 +129,7 @@ mod tests {
 
     use farsight::{CameraSource, Exif};
 
-    use super::{CameraArgs, with_hint};
+    use super::{CameraArgs, FieldOfView, with_hint};
 
     const NO_EXIF: Exif = Exif::NONE;
 
@@ -141,7 +155,7 @@ mod tests {
         let other = folder.path().join("image_2/000008.png");
         fs::write(&other, "").unwrap();
         let error = found.camera(&other, [1242, 375], &NO_EXIF).map_err(with_hint).unwrap_err().to_string();
-        let expected = "calib/000008.txt, or give one of --calib FILE, --fx PIXELS or --hfov DEGREES";
+        let expected = "calib/000008.txt, or give one of --calib FILE, --fx PIXELS, --hfov DEGREES or --hfov auto";
         assert!(error.contains("000008.png: no camera; expected its calibration ") && error.ends_with(expected));
         let error = source(&CameraArgs::default(), &[&other]).unwrap_err().to_string();
         assert!(error.contains("000008.png: no camera; expected its calibration ") && error.ends_with(expected));
@@ -179,7 +193,7 @@ mod tests {
         let told = |exif: &Exif| {
             CameraSource::Exif.camera(Path::new("a.jpg"), [400, 300], exif).map_err(with_hint).unwrap_err().to_string()
         };
-        let hint = "give one of --calib FILE, --fx PIXELS or --hfov DEGREES";
+        let hint = "give one of --calib FILE, --fx PIXELS, --hfov DEGREES or --hfov auto";
         assert_eq!(told(&NO_EXIF), format!("a.jpg: no camera: no focal length in its EXIF data; {hint}"));
         let absurd = Exif { focal_35mm: Some(f64::INFINITY), ..NO_EXIF };
         assert!(
@@ -188,7 +202,7 @@ mod tests {
             told(&absurd)
         );
         // What is said on the command line wins.
-        let args = CameraArgs { hfov: Some(90.0), ..CameraArgs::default() };
+        let args = CameraArgs { hfov: Some(FieldOfView::Degrees(90.0)), ..CameraArgs::default() };
         let camera = source(&args, &[]).unwrap().camera(Path::new("a.jpg"), [400, 300], &exif).unwrap();
         assert!((camera.focal_x() - 200.0).abs() < 1e-9);
     }

@@ -59,6 +59,17 @@ pub enum CameraSourceError {
     /// Numbers that no camera has.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// The network that estimates cameras failed.
+    #[error("{}: its camera could not be estimated: {source}", image.display())]
+    Estimate {
+        /// The image.
+        image: PathBuf,
+        /// What happened.
+        source: Box<crate::Error>,
+    },
+    /// Nothing says what the camera is, and the image was not looked at.
+    #[error("{}: its camera is to be estimated from the image, which was not looked at", .0.display())]
+    Unseen(PathBuf),
     /// A lens that the camera of an image cannot have.
     #[error("{}: {source}", image.display())]
     Lens {
@@ -82,6 +93,8 @@ pub enum CameraOrigin {
     FieldOfView,
     /// The image's EXIF data.
     Exif,
+    /// The image itself: a network's estimate.
+    Estimated,
 }
 
 /// Knows the camera of every image.
@@ -110,6 +123,9 @@ pub enum CameraSource {
     FieldOfView(f64),
     /// What each image's EXIF data say.
     Exif,
+    /// What each image's EXIF data say, and where they do not, what a network takes the image for: see
+    /// [`crate::ViewSource`], which shows it the image.
+    Estimated,
 }
 
 impl CameraSource {
@@ -173,7 +189,7 @@ impl CameraSource {
     /// What the EXIF data say about the camera of an image, where nothing else does.
     pub fn from_exif(&self, path: &Path, size: [usize; 2], exif: &Exif) -> Option<Result<FocalFromExif, FocalProblem>> {
         let asked = match self {
-            Self::Exif => true,
+            Self::Exif | Self::Estimated => true,
             Self::Kitti => in_layout(path).is_none(),
             _ => false,
         };
@@ -200,6 +216,7 @@ impl CameraSource {
         match self.from_exif(path, size, exif) {
             Some(Ok(found)) => return Ok((Camera::from_hfov(found.hfov_deg, width, height)?, None)),
             Some(Err(FocalProblem::Missing)) | None => {}
+            Some(Err(_)) if matches!(self, Self::Estimated) => {}
             Some(Err(problem)) => return Err(unknown(path, problem)),
         }
         match self {
@@ -222,10 +239,12 @@ impl CameraSource {
             }
             Self::FieldOfView(degrees) => Ok((Camera::from_hfov(*degrees, width, height)?, None)),
             Self::Exif => Err(unknown(path, FocalProblem::Missing)),
+            Self::Estimated => Err(CameraSourceError::Unseen(path.to_owned())),
         }
     }
 
-    /// What the camera of the image at `path` is known from, if it is known.
+    /// What the camera of the image at `path` is known from, if it is known; of one that is estimated if nothing else is
+    /// known, the latter.
     pub fn origin(&self, path: &Path) -> CameraOrigin {
         match self {
             Self::Kitti if in_layout(path).is_none() => CameraOrigin::Exif,
@@ -233,6 +252,7 @@ impl CameraSource {
             Self::Intrinsics { .. } => CameraOrigin::Intrinsics,
             Self::FieldOfView(_) => CameraOrigin::FieldOfView,
             Self::Exif => CameraOrigin::Exif,
+            Self::Estimated => CameraOrigin::Estimated,
         }
     }
 }

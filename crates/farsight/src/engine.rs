@@ -107,11 +107,15 @@ impl EngineOptions {
     /// # Errors
     /// As [`EngineOptions::start`].
     pub fn start_second_stage<C: Method>(&self, model: &Model<C>) -> Result<RoiRunner, Error> {
+        Ok(RoiRunner::new(self.start_small(model)?))
+    }
+
+    /// Starts a network that is no detector.
+    pub(crate) fn start_small<C: Method>(&self, model: &Model<C>) -> Result<Box<dyn Runner>, Error> {
         let name = Path::new(C::NAME);
-        let runner = match self.kind {
-            EngineKind::Libtorch => self.start_libtorch(model, name)?,
-            kind => self.start(detectors::in_form(model, self.form(), kind.target(), name)?, name)?,
-        };
-        Ok(RoiRunner::new(runner))
+        match self.kind {
+            EngineKind::Libtorch => self.start_libtorch(model, name),
+            kind => self.start(detectors::in_form(model, self.form(), kind.target(), name)?, name),
+        }
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use farsight_core::{Camera, Lens};
+use farsight_methods::camera_estimator::CameraEstimate;
 use farsight_track::{EgoMotion, Track};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
@@ -82,9 +83,30 @@ pub struct CameraRecord {
     /// Where it comes from, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<CameraOrigin>,
+    /// What it was estimated to be, where it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<CameraEstimateRecord>,
     /// What distorts the image, as `--lens` takes it; the projection is that of the pinhole behind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<String>,
+}
+
+/// A camera that was estimated from its image.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct CameraEstimateRecord {
+    /// Horizontal field of view, degrees.
+    pub hfov_deg: f64,
+    /// It lies between these two with a probability of 68%.
+    pub hfov_interval_68_deg: [f64; 2],
+    /// How far the camera looks down, degrees.
+    pub pitch_deg: f64,
+    /// Standard deviation of that.
+    pub pitch_sigma_deg: f64,
+    /// How far the horizon falls to the right, degrees.
+    pub roll_deg: f64,
+    /// Standard deviation of that.
+    pub roll_sigma_deg: f64,
 }
 
 /// The models of a pipeline.
@@ -116,7 +138,7 @@ impl ImageRecord {
             height: image.height(),
             detections: objects.iter().map(DetectionRecord::from).collect(),
             schema_version: SCHEMA_VERSION,
-            camera: Some(CameraRecord { projection: camera.projection, origin: None, lens: None }),
+            camera: Some(CameraRecord { projection: camera.projection, origin: None, estimate: None, lens: None }),
             model: Some(pipeline.info().into()),
             program_version: Some(crate::VERSION.to_owned()),
         }
@@ -127,6 +149,23 @@ impl ImageRecord {
     pub fn with_lens(mut self, lens: Option<Lens>) -> Self {
         if let Some(camera) = &mut self.camera {
             camera.lens = lens.map(|lens| lens.to_string());
+        }
+        self
+    }
+
+    /// This record with what its camera was estimated to be, where it was.
+    #[must_use]
+    pub fn with_camera_estimate(mut self, estimate: Option<CameraEstimate>) -> Self {
+        if let Some(camera) = &mut self.camera {
+            let width = self.width as usize;
+            camera.estimate = estimate.map(|estimate| CameraEstimateRecord {
+                hfov_deg: estimate.hfov_deg(width),
+                hfov_interval_68_deg: estimate.hfov_interval_deg(width),
+                pitch_deg: estimate.pitch_rad[0].to_degrees(),
+                pitch_sigma_deg: estimate.pitch_rad[1].to_degrees(),
+                roll_deg: estimate.roll_rad[0].to_degrees(),
+                roll_sigma_deg: estimate.roll_rad[1].to_degrees(),
+            });
         }
         self
     }

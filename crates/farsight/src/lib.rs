@@ -25,6 +25,7 @@
 //! the centre of its bottom face.
 
 pub mod builder;
+mod camera_estimates;
 pub mod camera_source;
 pub mod detector;
 pub mod draw;
@@ -52,6 +53,7 @@ pub mod view;
 use std::path::Path;
 
 pub use builder::PipelineBuilder;
+pub use camera_estimates::CameraEstimates;
 pub use camera_source::{CameraSource, CameraSourceError};
 pub use draw::{draw, draw_through_lens};
 pub use engine_options::{EngineKind, EngineOptions, Precision};
@@ -61,6 +63,7 @@ pub use farsight_core::lens::LensError;
 pub use farsight_core::road::{HeightConflict, Road, RoadPlane};
 pub use farsight_core::{Box2d, Box3d, Camera, Detection, Lens, ObjectClass};
 pub use farsight_data::{Exif, ImageError, ImageLimits, LoadedImage, Undistorter};
+pub use farsight_methods::camera_estimator::{CameraEstimate, CameraEstimatorModel};
 pub use farsight_methods::refiner::Effort;
 pub use farsight_methods::{DetectError, UnfamiliarCamera};
 pub use farsight_runtime::{EngineError, StageTimes};

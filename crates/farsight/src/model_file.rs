@@ -7,6 +7,7 @@ use std::path::Path;
 
 use farsight_graph::model::{METHOD_KEY, ModelError, NetworkConfig, method_of};
 use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
+use farsight_methods::camera_estimator::CameraEstimatorModel;
 use farsight_methods::description::is_detector;
 use farsight_methods::method::ModelTaker;
 use farsight_methods::plate_reader::PlateReaderModel;
@@ -26,6 +27,9 @@ pub const SHIPPED: &str = "shipped";
 
 /// The word for the shipped plate reader, where a model of any kind is expected.
 pub const SHIPPED_PLATES: &str = "shipped-plates";
+
+/// The word for the shipped camera estimator, likewise.
+pub const SHIPPED_CAMERA: &str = "shipped-camera";
 
 /// The family whose detector `path` is the word for.
 pub fn shipped_detector(path: &Path) -> Option<Family> {
@@ -78,6 +82,9 @@ pub fn check_detector(path: &Path) -> Result<(), Error> {
     }
     if PlateReaderModel::is_one(path) {
         return Err(kind_error(path, "a plate reader", "a detector, name it with --plates"));
+    }
+    if CameraEstimatorModel::is_one(path) {
+        return Err(kind_error(path, "a camera estimator", "a detector; the shipped estimator runs with --hfov auto"));
     }
     Ok(())
 }

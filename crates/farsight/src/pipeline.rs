@@ -109,7 +109,7 @@ impl Pipeline {
         image: &RgbImage,
         view: &View,
     ) -> Result<(Vec<DetectedObject>, StageTimes), DetectError> {
-        let settings = self.shared.settings.over(view.road());
+        let settings = self.shared.settings.of_view(view);
         let (mut answers, times) = self.straightened(&[(image, view)], &settings)?;
         Ok((answers.pop().unwrap_or_default(), times))
     }
@@ -137,7 +137,7 @@ impl Pipeline {
         let mut groups: Vec<([usize; 2], Settings, Vec<usize>)> = Vec::new();
         for (place, (image, view)) in images.iter().enumerate() {
             let size = self.input_size([image.width() as usize, image.height() as usize], view.camera());
-            let settings = self.shared.settings.over(view.road());
+            let settings = self.shared.settings.of_view(view);
             match groups.iter_mut().find(|group| (group.0, group.1) == (size, settings)) {
                 Some((.., places)) => places.push(place),
                 None => groups.push((size, settings, vec![place])),

@@ -75,7 +75,8 @@ impl Pipeline {
     ) -> RangedImage {
         let pixels = &image.pixels;
         let record = ImageRecord::new(name, pixels, view.camera(), &objects, self);
-        let record = record.with_camera_origin(views.cameras().origin(name)).with_lens(view.lens());
+        let record = record.with_camera_origin(view.origin(views.cameras(), name)).with_lens(view.lens());
+        let record = record.with_camera_estimate(view.estimate());
         let unfamiliar = self.unfamiliar(size_of(image), view.camera());
         RangedImage { view, objects, record, unfamiliar, times }
     }
@@ -87,5 +88,5 @@ fn size_of(image: &LoadedImage) -> [usize; 2] {
 
 /// How an image was taken.
 fn seen_by(name: &Path, image: &LoadedImage, views: &ViewSource) -> Result<View, CameraSourceError> {
-    views.view(name, size_of(image), &image.exif)
+    views.view(name, &image.pixels, &image.exif)
 }

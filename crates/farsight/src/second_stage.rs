@@ -1,8 +1,9 @@
-//! Opening what looks at found objects again: the refiner and the plate reader.
+//! Opening what runs beside the detector: refiner, plate reader, camera estimator.
 
 use std::path::Path;
 
 use farsight_graph::model::{Model, ModelError, NetworkConfig};
+use farsight_methods::camera_estimator::{CameraEstimator, CameraEstimatorModel};
 use farsight_methods::plate_reader::{PlateReader, PlateReaderModel};
 use farsight_methods::refiner::{Refiner, RefinerModel};
 use farsight_onnx::OnnxModel;
@@ -48,4 +49,12 @@ pub fn refiner(model: &RefinerModel, engine: &EngineOptions) -> Result<Refiner, 
 /// When the engine cannot run it.
 pub fn plate_reader(model: &PlateReaderModel, engine: &EngineOptions) -> Result<PlateReader, Error> {
     Ok(PlateReader::new(engine.start_second_stage(model)?, model.config.clone()))
+}
+
+/// A camera estimator on `engine`.
+///
+/// # Errors
+/// When the engine cannot run it.
+pub fn camera_estimator(model: &CameraEstimatorModel, engine: &EngineOptions) -> Result<CameraEstimator, Error> {
+    Ok(CameraEstimator::new(engine.start_small(model)?, model.config.clone()))
 }

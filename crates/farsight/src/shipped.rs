@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use farsight_files::{WriteError, write_quickly};
 use farsight_graph::model::ModelError;
+use farsight_methods::camera_estimator::CameraEstimatorModel;
 use farsight_methods::plate_reader::PlateReaderModel;
 use farsight_methods::refiner::RefinerModel;
 use farsight_methods::smoke::SmokeModel;
@@ -56,6 +57,11 @@ const SMALL_REFINER: &[u8] = farsight_weights_n::REFINER;
 pub const PLATES_NAME: &str = "farsight-plates";
 
 const PLATES: &[u8] = farsight_weights_stages::PLATES;
+
+/// Name of the camera estimator; its page is `docs/cameras.md`.
+pub const CAMERA_NAME: &str = "farsight-camera";
+
+const CAMERA: &[u8] = farsight_weights_camera::ESTIMATOR;
 
 /// One scene's name, image and calibration.
 macro_rules! scene {
@@ -129,6 +135,14 @@ pub fn refiner(family: Family) -> Result<RefinerModel, ModelError> {
 /// Never of a library that was built whole.
 pub fn plates() -> Result<PlateReaderModel, ModelError> {
     PlateReaderModel::from_safetensors(PLATES, Path::new(PLATES_NAME))
+}
+
+/// The camera estimator that comes with the library.
+///
+/// # Errors
+/// Never of a library that was built whole.
+pub fn camera_estimator() -> Result<CameraEstimatorModel, ModelError> {
+    CameraEstimatorModel::from_safetensors(CAMERA, Path::new(CAMERA_NAME))
 }
 
 /// Writes the scenes to `folder` in KITTI's layout and returns the folder of the images.

@@ -3,7 +3,7 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
-use farsight_core::road::{HeightConflict, Road, RoadPlane, SURE_SCORE, fit_to_road};
+use farsight_core::road::{HeightConflict, Road, SURE_SCORE, fit_to_road};
 use farsight_core::{Camera, Detection, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
@@ -13,6 +13,7 @@ use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 
 use crate::object::RangeKind;
+use crate::view::View;
 
 /// What is asked of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,10 +33,11 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    /// These for an image over a road that is known.
-    pub(crate) fn over(&self, road: Option<RoadPlane>) -> Self {
-        let road = road.filter(|_| !self.is_road_chosen).map_or(self.road, Road::Known);
-        Self { road, ..*self }
+    /// These for an image of which more is known: the road under it, or how sure its focal length is. By as much as
+    /// that is wrong all its distances are.
+    pub(crate) fn of_view(&self, view: &View) -> Self {
+        let road = view.road().filter(|_| !self.is_road_chosen).map_or(self.road, Road::Known);
+        Self { road, scale: self.scale.widened(view.focal_log_sigma()), ..*self }
     }
 }
 

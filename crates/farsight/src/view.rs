@@ -8,9 +8,11 @@ use farsight_core::road::RoadPlane;
 use farsight_core::{Box2d, Camera, Lens};
 use farsight_data::{Dataset, DatasetError, Exif, Undistorter};
 use farsight_methods::DetectError;
+use farsight_methods::camera_estimator::CameraEstimate;
 use image::RgbImage;
 
-use crate::camera_source::{CameraSource, CameraSourceError};
+use crate::camera_estimates::CameraEstimates;
+use crate::camera_source::{CameraOrigin, CameraSource, CameraSourceError};
 use farsight_core::lens::LensError;
 
 /// What is known of how an image was taken.
@@ -19,12 +21,13 @@ pub struct View {
     camera: Camera,
     road: Option<RoadPlane>,
     undistorter: Option<Arc<Undistorter>>,
+    estimate: Option<CameraEstimate>,
 }
 
 impl From<Camera> for View {
     /// A pinhole, and nothing known of its road.
     fn from(camera: Camera) -> Self {
-        Self { camera, road: None, undistorter: None }
+        Self { camera, road: None, undistorter: None, estimate: None }
     }
 }
 
@@ -45,6 +48,26 @@ impl View {
     /// The road under a camera that was calibrated.
     pub fn road(&self) -> Option<RoadPlane> {
         self.road
+    }
+
+    /// What the image says of its camera, where nothing else is known of it.
+    pub fn estimate(&self) -> Option<CameraEstimate> {
+        self.estimate
+    }
+
+    /// What its camera is known from, which is one of `cameras` and took the image at `path`.
+    pub(crate) fn origin(&self, cameras: &CameraSource, path: &Path) -> CameraOrigin {
+        match cameras.origin(path) {
+            // Only what says nothing itself is estimated.
+            CameraOrigin::Estimated if self.estimate.is_none() => CameraOrigin::Exif,
+            origin => origin,
+        }
+    }
+
+    /// Standard deviation of the logarithm of the focal length: of one that is estimated. All distances are wrong by as
+    /// much as it is.
+    pub fn focal_log_sigma(&self) -> f64 {
+        self.estimate.map_or(0.0, |estimate| estimate.focal_log_sigma)
     }
 
     /// What distorts the image.
@@ -77,11 +100,12 @@ pub struct ViewSource {
     lens: Option<Lens>,
     /// Of the latest camera with a lens: the images of one camera share it.
     latest: Arc<Mutex<Option<Arc<Undistorter>>>>,
+    estimates: CameraEstimates,
 }
 
 impl From<CameraSource> for ViewSource {
     fn from(cameras: CameraSource) -> Self {
-        Self { cameras, lens: None, latest: Arc::default() }
+        Self { cameras, lens: None, latest: Arc::default(), estimates: CameraEstimates::default() }
     }
 }
 
@@ -90,6 +114,12 @@ impl ViewSource {
     #[must_use]
     pub fn with_lens(self, lens: Option<Lens>) -> Self {
         Self { lens, ..self }
+    }
+
+    /// As it is, with another network to estimate cameras ([`CameraSource::Estimated`]).
+    #[must_use]
+    pub fn with_estimates(self, estimates: CameraEstimates) -> Self {
+        Self { estimates, ..self }
     }
 
     /// Where the cameras come from.
@@ -102,15 +132,24 @@ impl ViewSource {
         self.lens
     }
 
-    /// How the image at `path` was taken, which has `size` (width and height, pixels) and `exif` data.
+    /// How `image` was taken, which is at `path` and has these `exif` data.
     ///
     /// # Errors
     /// When its camera is not known, or the lens folds its image.
-    pub fn view(&self, path: &Path, size: [usize; 2], exif: &Exif) -> Result<View, CameraSourceError> {
-        let (camera, road) = self.cameras.known(path, size, exif)?;
+    pub fn view(&self, path: &Path, image: &RgbImage, exif: &Exif) -> Result<View, CameraSourceError> {
+        let size = [image.width() as usize, image.height() as usize];
+        let (camera, road, estimate) = match self.cameras.known(path, size, exif) {
+            Ok((camera, road)) => (camera, road, None),
+            Err(CameraSourceError::Unseen(_)) => {
+                let failed = |source| CameraSourceError::Estimate { image: path.to_owned(), source: Box::new(source) };
+                let estimate = self.estimates.estimate(image).map_err(failed)?;
+                (estimate.camera(size)?, None, Some(estimate))
+            }
+            Err(error) => return Err(error),
+        };
         let undistorter = self.lens.map(|lens| self.undistorter(&camera, lens, size.map(|side| side as u32)));
         let folds = |source| CameraSourceError::Lens { image: path.to_owned(), source };
-        Ok(View { camera, road, undistorter: undistorter.transpose().map_err(folds)? })
+        Ok(View { camera, road, undistorter: undistorter.transpose().map_err(folds)?, estimate })
     }
 
     fn undistorter(&self, camera: &Camera, lens: Lens, size: [u32; 2]) -> Result<Arc<Undistorter>, LensError> {

@@ -32,24 +32,28 @@ def columns(rows: list[Any], width: int) -> Floats:
     return np.array(rows, np.float64).reshape(len(rows), width)
 
 
-View = tuple[float | list[list[float]] | str | None, str | None]
+View = tuple[float | bool | list[list[float]] | str | None, str | None]
 """Camera (field of view, matrix or calibration file) and lens, where they are given."""
 
 
 def view_argument(
-    hfov: float | None, K: Any, P: Any, calib: str | os.PathLike[str] | None, lens: str | None
+    hfov: float | str | None, K: Any, P: Any, calib: str | os.PathLike[str] | None, lens: str | None
 ) -> View:
     """The one camera that was given, if one was, and the lens."""
     return _camera(hfov, K, P, calib), lens
 
 
 def _camera(
-    hfov: float | None, K: Any, P: Any, calib: str | os.PathLike[str] | None
-) -> float | list[list[float]] | str | None:
+    hfov: float | str | None, K: Any, P: Any, calib: str | os.PathLike[str] | None
+) -> float | bool | list[list[float]] | str | None:
     ways = (("hfov", hfov), ("K", K), ("P", P), ("calib", calib))
     given = [name for name, value in ways if value is not None]
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} are given; expected one of hfov, K, P and calib")
+    if hfov == "auto":
+        return True
+    if isinstance(hfov, str):
+        raise ValueError(f'hfov is {hfov!r}; expected degrees or "auto"')
     if hfov is not None:
         return float(hfov)
     if calib is not None:

@@ -10,7 +10,7 @@ __version__: str
 
 _Path = str | os.PathLike[str]
 # Camera (field of view, K, P or calibration) and lens, where they are given.
-_View = tuple[float | Sequence[Sequence[float]] | str | None, str | None]
+_View = tuple[float | bool | Sequence[Sequence[float]] | str | None, str | None]
 # The JSON of `farsight track`, pixels, width and height, projection.
 _Followed = tuple[str, bytes, list[int], list[list[float]]]
 # The JSON of `farsight range`, the upright pixels, warnings.

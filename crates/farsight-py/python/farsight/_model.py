@@ -86,7 +86,7 @@ class Model:
         self,
         image: Image,
         *,
-        hfov: float | None = ...,
+        hfov: float | str | None = ...,
         K: npt.ArrayLike | None = ...,
         P: npt.ArrayLike | None = ...,
         calib: str | os.PathLike[str] | None = ...,
@@ -98,7 +98,7 @@ class Model:
         self,
         image: list[Image] | tuple[Image, ...],
         *,
-        hfov: float | None = ...,
+        hfov: float | str | None = ...,
         K: npt.ArrayLike | None = ...,
         P: npt.ArrayLike | None = ...,
         calib: str | os.PathLike[str] | None = ...,
@@ -109,7 +109,7 @@ class Model:
         self,
         image: Image | list[Image] | tuple[Image, ...],
         *,
-        hfov: float | None = None,
+        hfov: float | str | None = None,
         K: npt.ArrayLike | None = None,
         P: npt.ArrayLike | None = None,
         calib: str | os.PathLike[str] | None = None,
@@ -121,7 +121,8 @@ class Model:
             image: A path, the bytes of an image file, an array of shape (H, W, 3), uint8, red, green, blue (OpenCV's
                 are blue, green, red: `image[..., ::-1]`), a PIL image, or a list of these. The camera is that of the
                 upright image.
-            hfov: Horizontal field of view of the whole image, degrees.
+            hfov: Horizontal field of view of the whole image, degrees; "auto" estimates it from an image that does not
+                tell.
             K: Intrinsic matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], shape (3, 3), pixels.
             P: Projection from camera coordinates (metres) to homogeneous pixels, shape (3, 4), as KITTI's P2.
             calib: Calibration in KITTI's format, with its road where `farsight calibrate` wrote it, or a folder with
@@ -170,7 +171,7 @@ class Model:
         self,
         source: str | os.PathLike[str] | list[str | os.PathLike[str]],
         *,
-        hfov: float | None = None,
+        hfov: float | str | None = None,
         K: npt.ArrayLike | None = None,
         P: npt.ArrayLike | None = None,
         calib: str | os.PathLike[str] | None = None,
@@ -189,7 +190,8 @@ class Model:
         Args:
             source: A film, an address (rtsp, http) or a camera device, which the program ffmpeg reads; a folder of
                 images; or a list of images.
-            hfov: Horizontal field of view of the whole image, degrees.
+            hfov: Horizontal field of view of the whole image, degrees; "auto" estimates it from an image that does not
+                tell.
             K: Intrinsic matrix, shape (3, 3), pixels.
             P: Projection, shape (3, 4).
             calib: Calibration in KITTI's format, as for `range`.

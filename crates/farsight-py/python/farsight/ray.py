@@ -36,7 +36,7 @@ _WAITING = 2
 def map(
     dataset: ray.data.Dataset,
     *,
-    hfov: float | None = None,
+    hfov: float | str | None = None,
     K: npt.ArrayLike | None = None,
     P: npt.ArrayLike | None = None,
     calib: str | os.PathLike[str] | None = None,
@@ -56,8 +56,9 @@ def map(
         dataset: Rows with one of these columns: "bytes" (an image file in memory, as `ray.data.read_binary_files`
             gives), "image" (an array of shape (H, W, 3), uint8, red, green, blue, as `ray.data.read_images` gives), or
             "path" alone (a file that all workers can read). A path beside an image is its name.
-        hfov: Horizontal field of view of the whole image, degrees. Without a camera, a column "hfov" tells it image by
-            image, or files tell it themselves, as for `farsight.Model.range`.
+        hfov: Horizontal field of view of the whole image, degrees; "auto" estimates it from an image that does not
+            tell. Without a camera, a column "hfov" tells it image by image, or files tell it themselves, as for
+            `farsight.Model.range`.
         K: Intrinsic matrix, shape (3, 3), pixels.
         P: Projection, shape (3, 4).
         calib: Calibration in KITTI's format, as for `farsight.Model.range`; a file that all workers can read.

@@ -158,7 +158,10 @@ fn tell(stand: &Stand, seen: &str, printer: &mut Printer) {
 fn known_view(path: &Path, views: &ViewSource, first: Option<&(View, [u32; 2])>) -> Result<(View, [u32; 2])> {
     let loaded = load_image(path, ImageLimits::default())?;
     let size = [loaded.pixels.width(), loaded.pixels.height()];
-    let view = views.view(path, size.map(|side| side as usize), &loaded.exif).map_err(with_hint)?;
+    if let Some((first, _)) = first.filter(|(first, its_size)| first.estimate().is_some() && *its_size == size) {
+        return Ok((first.clone(), size));
+    }
+    let view = views.view(path, &loaded.pixels, &loaded.exif).map_err(with_hint)?;
     ensure!(
         first.is_none_or(|(first, its_size)| (first.camera(), its_size) == (view.camera(), &size)),
         "{}: another camera or size than the images before; expected images of one camera",

@@ -12,6 +12,7 @@ use farsight::detector::has_libtorch;
 use farsight::libraries::data_folder;
 use farsight_graph::model::{METHOD_KEY, NetworkConfig};
 use farsight_graph::weights::Weights;
+use farsight_methods::camera_estimator::CameraEstimatorConfig;
 use farsight_methods::description::Description;
 use farsight_methods::plate_reader::PlateReaderConfig;
 use farsight_methods::refiner::RefinerConfig;
@@ -68,6 +69,7 @@ enum ModelKind {
     Detector,
     Refiner,
     PlateReader,
+    CameraEstimator,
 }
 
 /// Runs the command.
@@ -110,6 +112,7 @@ fn print(diagnosis: &Diagnosis, printer: &mut Printer) {
             ModelKind::Detector => "",
             ModelKind::Refiner => " (a refiner)",
             ModelKind::PlateReader => " (a plate reader)",
+            ModelKind::CameraEstimator => " (a camera estimator)",
         };
         printer.line(&format!("  {path}{kind}{}", problem.as_ref().map_or_else(String::new, |p| format!(": {p}"))));
     }
@@ -176,6 +179,7 @@ fn model_state(path: &Path) -> Option<ModelState> {
     let kind = match method {
         Some(RefinerConfig::METHOD) => ModelKind::Refiner,
         Some(PlateReaderConfig::METHOD) => ModelKind::PlateReader,
+        Some(CameraEstimatorConfig::METHOD) => ModelKind::CameraEstimator,
         _ => ModelKind::Detector,
     };
     let read = if path.extension().is_some_and(|extension| extension == "onnx") {

@@ -1,5 +1,6 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
+mod camera;
 pub(super) mod fit;
 mod int8;
 mod plates;
@@ -37,9 +38,9 @@ pub(super) const TOLERANCE: f32 = 1e-4;
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
     /// Model that `farsight train` or `farsight import` wrote, "farsight-w", "farsight-s" or "farsight-n" for those
-    /// that come with the program; or a refiner or a plate reader ("farsight-w-refiner", "farsight-s-refiner",
-    /// "farsight-n-refiner", "shipped-plates"), of
-    /// which --half --fit-on makes one that fits the model that comes with the program
+    /// that come with the program; or a refiner, a plate reader or a camera estimator ("farsight-w-refiner",
+    /// "farsight-s-refiner", "farsight-n-refiner", "shipped-plates", "shipped-camera"), of which --half --fit-on makes
+    /// one that is fitted on labelled frames
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The file to write

@@ -95,11 +95,12 @@ fn deadline(text: &str) -> Result<u64, String> {
 }
 
 fn camera(text: &str) -> Result<(String, CameraSource), String> {
-    let (name, value) = text.split_once('=').ok_or("expected NAME=HFOV or NAME=FILE")?;
+    let (name, value) = text.split_once('=').ok_or("expected NAME=HFOV, NAME=auto or NAME=FILE")?;
     if name.is_empty() {
         return Err("expected a name before the =".to_owned());
     }
     let source = match value.parse::<f64>() {
+        Err(_) if value == "auto" => CameraSource::Estimated,
         Ok(degrees) if degrees > 0.0 && degrees < 180.0 => CameraSource::FieldOfView(degrees),
         Ok(_) => return Err("expected a field of view of more than 0 and less than 180 degrees".to_owned()),
         // Names of uploads say nothing about cameras.

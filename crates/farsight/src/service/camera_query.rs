@@ -1,9 +1,11 @@
 //! The camera of an image, as a request says it.
 
+use std::fmt;
 use std::path::Path;
 
 use farsight_data::kitti::Calibration;
-use serde::Deserialize;
+use serde::de::{self, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use super::Config;
@@ -16,8 +18,8 @@ use crate::{CameraSource, Lens, ViewSource};
 pub(super) struct CameraQuery {
     /// The name of one that is stored.
     camera: Option<String>,
-    /// Degrees.
-    hfov: Option<f64>,
+    /// Degrees, or auto.
+    hfov: Option<FieldOfView>,
     /// Pixels, as are the next three.
     fx: Option<f64>,
     fy: Option<f64>,
@@ -29,6 +31,49 @@ pub(super) struct CameraQuery {
     road: Option<String>,
     /// What distorts the image, as `--lens` has it.
     lens: Option<String>,
+}
+
+/// What `hfov=` takes: a number, as a number or as text, or auto.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum FieldOfView {
+    Degrees(f64),
+    Estimated,
+}
+
+impl<'de> Deserialize<'de> for FieldOfView {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text;
+
+        impl Visitor<'_> for Text {
+            type Value = FieldOfView;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number of degrees or auto")
+            }
+
+            fn visit_f64<E: de::Error>(self, degrees: f64) -> Result<FieldOfView, E> {
+                Ok(FieldOfView::Degrees(degrees))
+            }
+
+            fn visit_u64<E: de::Error>(self, degrees: u64) -> Result<FieldOfView, E> {
+                Ok(FieldOfView::Degrees(degrees as f64))
+            }
+
+            fn visit_i64<E: de::Error>(self, degrees: i64) -> Result<FieldOfView, E> {
+                Ok(FieldOfView::Degrees(degrees as f64))
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<FieldOfView, E> {
+                if text == "auto" {
+                    return Ok(FieldOfView::Estimated);
+                }
+                let wrong = || E::invalid_value(Unexpected::Str(text), &self);
+                text.parse().map(FieldOfView::Degrees).map_err(|_| wrong())
+            }
+        }
+
+        deserializer.deserialize_any(Text)
+    }
 }
 
 impl CameraQuery {
@@ -61,7 +106,8 @@ impl CameraQuery {
         let cameras = match (projection, *fx, *hfov) {
             (Some(projection), ..) => calibrated(projection, road.as_deref())?,
             (None, Some(fx), _) => CameraSource::Intrinsics { fx, fy: fy.unwrap_or(fx), cx: *cx, cy: *cy },
-            (None, None, Some(degrees)) => CameraSource::FieldOfView(degrees),
+            (None, None, Some(FieldOfView::Degrees(degrees))) => CameraSource::FieldOfView(degrees),
+            (None, None, Some(FieldOfView::Estimated)) => CameraSource::Estimated,
             (None, None, None) => CameraSource::Exif,
         };
         let lens = lens.as_deref().map(str::parse::<Lens>).transpose();

@@ -1,6 +1,7 @@
 //! From frames to tracks: pipeline, cameras, scene cuts, ego motion and tracker together.
 
 use std::fmt;
+use std::sync::OnceLock;
 
 use farsight_core::Detection;
 use farsight_track::{Frame, Track, Tracker, TrackerOptions};
@@ -32,6 +33,8 @@ pub fn low_score(birth_score: f64) -> f64 {
 pub struct VideoTracker {
     pipeline: Pipeline,
     views: ViewSource,
+    /// The camera that was estimated from the first frame, and the size of that, pixels.
+    estimated: OnceLock<([usize; 2], View)>,
     ego: Option<EgoFile>,
     tracker: Tracker,
     scene_cut: SceneCut,
@@ -110,6 +113,7 @@ impl VideoTracker {
         Self {
             pipeline,
             views: views.into(),
+            estimated: OnceLock::new(),
             ego: None,
             tracker: Tracker::new(options),
             scene_cut: SceneCut::default(),
@@ -150,12 +154,19 @@ impl VideoTracker {
         self.update_with(frame, view, &objects)
     }
 
-    /// How a frame was taken.
+    /// How a frame was taken. A camera that is estimated is that of the first frame: one film has one.
     ///
     /// # Errors
     /// When its camera is not known, or the lens folds it.
     pub fn view(&self, frame: &VideoFrame) -> Result<View, VideoError> {
-        Ok(self.views.view(&frame.path, size(&frame.image), &frame.exif)?)
+        if let Some((_, view)) = self.estimated.get().filter(|(known, _)| *known == size(&frame.image)) {
+            return Ok(view.clone());
+        }
+        let view = self.views.view(&frame.path, &frame.image, &frame.exif)?;
+        if view.estimate().is_some() {
+            self.estimated.get_or_init(|| (size(&frame.image), view.clone()));
+        }
+        Ok(view)
     }
 
     /// As [`VideoTracker::update`], for a frame in which these objects were found already; their boxes are those that

@@ -115,7 +115,7 @@ fn images_that_are_not_there() {
 #[test]
 fn no_camera() {
     let expected = "\
-error: no camera: distances need its focal length; give one of --calib FILE, --fx PIXELS or --hfov DEGREES (photos with EXIF data and images in KITTI's layout bring their own)
+error: no camera: distances need its focal length; give one of --calib FILE, --fx PIXELS, --hfov DEGREES or --hfov auto (photos with EXIF data and images in KITTI's layout bring their own)
 ";
     assert_eq!(refusal(&["range", "a.png", "--model", "model"]), expected);
 }
@@ -127,7 +127,7 @@ fn numbers_that_no_camera_has() {
             ["--hfov", "200"],
             "invalid value '200' for '--hfov <DEG>': horizontal field of view is 200 degrees; expected more than 0 and less than 180",
         ),
-        (["--hfov", "wide"], "invalid value 'wide' for '--hfov <DEG>': expected a number"),
+        (["--hfov", "wide"], "invalid value 'wide' for '--hfov <DEG>': expected a number or auto"),
         (["--fx", "-700"], "invalid value '-700' for '--fx <F>': expected a positive number of pixels"),
         (["--min-score", "1.5"], "invalid value '1.5' for '--min-score <SCORE>': expected at least 0 and less than 1"),
         (
@@ -281,7 +281,7 @@ fn a_photo_brings_its_focal_length() {
     assert_eq!(status, 2);
     assert!(err.starts_with("error: no camera: distances need its focal length; give one of "), "{err}");
     let expected = "error: absurd.jpg: no camera: its EXIF data are not to be believed: 35 mm equivalent of 60000 mm; give one of \
-                    --calib FILE, --fx PIXELS or --hfov DEGREES\n";
+                    --calib FILE, --fx PIXELS, --hfov DEGREES or --hfov auto\n";
     let (status, _, err) = told("absurd.jpg");
     assert_eq!((status, err.as_str()), (2, expected));
     // One photo without makes the others no worse.

@@ -7,6 +7,7 @@
     reason = "the helpers of a test may panic and say that they were skipped"
 )]
 
+mod auto_camera;
 mod calibrate;
 mod cli;
 mod demo;

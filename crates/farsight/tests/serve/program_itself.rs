@@ -73,6 +73,8 @@ fn the_program_answers_as_range_does_and_ends_when_it_is_asked_to() {
     let line = program::done(&images, &asked).trim_end().replace("\"image\":\"000000.jpg\"", "\"image\":\"image\"");
     assert!(line.contains(&format!("\"lens\":\"{lens}\"")), "{line}");
     assert_eq!(post(service.address, "?camera=bent", &image).body, line);
+    let estimated = post(service.address, "?hfov=auto", &image);
+    assert_eq!(estimated.json()["camera"]["origin"], "estimated", "{estimated:?}");
     let folds = post(service.address, "?hfov=81.4&lens=brown:-0.9,0,0,0", &image);
     assert_eq!((folds.status, folds.error().0.as_str()), (400, "bad_lens"), "{folds:?}");
     let unknown = post(service.address, "", &image);

@@ -283,7 +283,7 @@ fn wrong_requests_are_told_what_was_expected() {
     let stage = Stage::new(Config { cameras, ..Config::default() });
     let address = stage.server.address();
     for (query, status, told) in [
-        ("?hfov=wide", 400, "hfov"),
+        ("?hfov=wide", 400, "expected a number of degrees or auto"),
         ("?fov=65", 400, "unknown field `fov`, expected one of `camera`, `hfov`"),
         ("?hfov=65&fx=700", 400, "expected one of camera=, hfov=, fx= and projection="),
         ("?cx=700", 400, "need fx="),
@@ -334,7 +334,7 @@ struct Calibrated;
 
 impl Infer for Calibrated {
     fn infer(&self, _: &[u8], name: &Path, views: &ViewSource) -> Result<Inference, RangeError> {
-        let camera = views.view(name, [640, 480], &farsight_data::Exif::default())?;
+        let camera = views.view(name, &image::RgbImage::new(640, 480), &farsight_data::Exif::default())?;
         panic!("there is no such camera: {camera:?}");
     }
 

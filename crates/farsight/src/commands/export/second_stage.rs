@@ -1,12 +1,14 @@
-//! `farsight export` of a refiner or a plate reader: an ONNX file, or a model file fitted to the shipped detector.
+//! `farsight export` of what is no detector: an ONNX file, or a model file that is fitted on labelled frames.
 
 use std::path::Path;
 
 use anyhow::Result;
-use farsight::model_file::{SHIPPED_PLATES, shipped_refiner};
+use farsight::model_file::{SHIPPED_CAMERA, SHIPPED_PLATES, shipped_refiner};
 use farsight::shipped;
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
+use farsight_methods::camera_estimator::geometry::{INPUT_CHANNELS, INPUT_SIZE};
+use farsight_methods::camera_estimator::{CameraEstimatorConfig, CameraEstimatorModel};
 use farsight_methods::plate_reader::{self, PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{self, RefinerConfig, RefinerModel};
 use farsight_methods::roi::runner;
@@ -16,10 +18,11 @@ use farsight_runtime::probe;
 use super::{ExportArgs, Outcome, answer, keep, reference_engine};
 use crate::printer::Printer;
 
-/// A model of a stage after the detector.
+/// A model of a stage after the detector, or of what estimates cameras.
 pub(super) enum SecondStageModel {
     Refiner(RefinerModel),
     PlateReader(PlateReaderModel),
+    CameraEstimator(CameraEstimatorModel),
 }
 
 impl SecondStageModel {
@@ -29,10 +32,14 @@ impl SecondStageModel {
             Some(Self::Refiner(shipped::refiner(family)?))
         } else if path == Path::new(SHIPPED_PLATES) {
             Some(Self::PlateReader(shipped::plates()?))
+        } else if path == Path::new(SHIPPED_CAMERA) {
+            Some(Self::CameraEstimator(shipped::camera_estimator()?))
         } else if RefinerModel::is_one(path) {
             Some(Self::Refiner(RefinerModel::read(path)?))
         } else if PlateReaderModel::is_one(path) {
             Some(Self::PlateReader(PlateReaderModel::read(path)?))
+        } else if CameraEstimatorModel::is_one(path) {
+            Some(Self::CameraEstimator(CameraEstimatorModel::read(path)?))
         } else {
             None
         })
@@ -43,11 +50,17 @@ impl SecondStageModel {
         match self {
             Self::Refiner(model) => match args.second_stage_data(RefinerConfig::NAME)? {
                 Some(data) => super::refiner::run(model, args, data, printer),
-                None => onnx(&model, refiner::geometry::INPUT_CHANNELS, model.config.side, target, args, printer),
+                None => onnx(&model, refiner::geometry::INPUT_CHANNELS, [model.config.side; 2], target, args, printer),
             },
             Self::PlateReader(model) => match args.second_stage_data(PlateReaderConfig::NAME)? {
                 Some(data) => super::plates::run(model, args, data, printer),
-                None => onnx(&model, plate_reader::geometry::INPUT_CHANNELS, model.config.side, target, args, printer),
+                None => {
+                    onnx(&model, plate_reader::geometry::INPUT_CHANNELS, [model.config.side; 2], target, args, printer)
+                }
+            },
+            Self::CameraEstimator(model) => match args.second_stage_data(CameraEstimatorConfig::NAME)? {
+                Some(data) => super::camera::run(model, args, data, printer),
+                None => onnx(&model, INPUT_CHANNELS, INPUT_SIZE, target, args, printer),
             },
         }
     }
@@ -57,13 +70,13 @@ impl SecondStageModel {
 fn onnx<C: NetworkConfig>(
     model: &Model<C>,
     channels: usize,
-    side: usize,
+    size: [usize; 2],
     target: Target,
     args: &ExportArgs,
     printer: &mut Printer,
 ) -> Result<Outcome> {
     let file = runner::onnx(model, target, &args.out)?;
-    let input = probe::tensor(channels, [side, side]);
+    let input = probe::tensor(channels, size);
     let engine = reference_engine(&file);
     let source = Path::new("the untransformed network");
     let whole =

@@ -289,7 +289,10 @@ impl<'a> Job<'a> {
         let RangedImage { view, objects, record, unfamiliar, .. } = ranged;
         let (mut notes, mut unwritten) = (Vec::new(), Vec::new());
         let size = [image.width() as usize, image.height() as usize];
-        if let Some(Ok(found)) = self.views.cameras().from_exif(path, size, &loaded.exif) {
+        if let Some(estimate) = view.estimate() {
+            let ([narrow, wide], hfov_deg) = (estimate.hfov_interval_deg(size[0]), estimate.hfov_deg(size[0]));
+            notes.push(format!("camera estimated from the image: --hfov {hfov_deg:.0} ({narrow:.0} to {wide:.0})"));
+        } else if let Some(Ok(found)) = self.views.cameras().from_exif(path, size, &loaded.exif) {
             notes.push(format!("camera from EXIF data ({}): --hfov {:.1}", found.how, found.hfov_deg));
         }
         if let Some(target) = self.picture_path(name) {
