@@ -154,7 +154,7 @@ pub fn encode(camera: &Camera) -> Option<[f64; NUMBERS]> {
     let horizon_px = middle[1] - focal[1] * down[2] / level;
     let [width, height] = INPUT_SIZE.map(|side| side as f64);
     let [_, roll] = attitude(camera);
-    let numbers = [(focal[0] / width).ln(), ((height - 1.0) / 2.0 - horizon_px) / height, roll];
+    let numbers = [(focal[0] / width).ln(), (height / 2.0 - horizon_px) / height, roll];
     let answer = std::array::from_fn(|i| (numbers[i] - MIDDLE[i]) / UNITS[i]);
     answer.iter().all(|number: &f64| number.is_finite()).then_some(answer)
 }
@@ -274,7 +274,8 @@ mod tests {
             for corner in [[0.0, 0.0], size.map(|side| side as f64 - 1.0)] {
                 let seen = window.apply(corner);
                 for axis in 0..2 {
-                    assert!((-0.5..=INPUT_SIZE[axis] as f64 - 0.5).contains(&seen[axis]), "{size:?}: {seen:?}");
+                    // The middle of the image comes to the middle of the input, to half a pixel.
+                    assert!((-0.5..=INPUT_SIZE[axis] as f64).contains(&seen[axis]), "{size:?}: {seen:?}");
                 }
             }
         }

@@ -48,8 +48,8 @@ pub(crate) struct ServeArgs {
     /// FILE with the word that requests must bring (Authorization: Bearer TOKEN) [default: what `FARSIGHT_TOKEN` says]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// A camera that requests may name: its horizontal field of view in degrees, or its calibration file, with
-    /// its road where `farsight calibrate` wrote it
+    /// A camera that requests may name: its horizontal field of view in degrees, "auto" to estimate that, or its
+    /// calibration file, with its road where `farsight calibrate` wrote it
     #[arg(long = "camera", value_name = "NAME=HFOV|FILE", value_parser = camera)]
     cameras: Vec<(String, CameraSource)>,
     /// The lens of a camera, as `farsight range --lens` takes it

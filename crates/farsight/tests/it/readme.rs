@@ -1,7 +1,7 @@
 //! What the README promises a newcomer is there.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::program::{farsight, root};
 
@@ -141,7 +141,7 @@ fn from_real_frames_to_metres() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let text = |path: &std::path::Path| path.to_str().unwrap().to_owned();
     let [config, run, pictures, rows] =
         ["config.toml", "run", "pictures", "rows"].map(|name| text(&folder.path().join(name)));
     let json = text(&folder.path().join("answer.json"));

@@ -174,7 +174,7 @@ fn the_program_listens_elsewhere_with_a_token_only() {
         (vec!["--tls-cert", "short"], "--tls-key"),
         (vec!["--token-file", "short"], "short: the token is no such word; expected at least 16"),
         (vec!["--token-file", "none"], "none: cannot be read"),
-        (vec!["--camera", "front"], "expected NAME=HFOV or NAME=FILE"),
+        (vec!["--camera", "front"], "expected NAME=HFOV, NAME=auto or NAME=FILE"),
         (vec!["--camera", "front=180"], "less than 180 degrees"),
         (vec!["--camera", "front=."], "a folder; expected a calibration file"),
         (vec!["--camera", "front=none.txt"], "none.txt: cannot be read"),
