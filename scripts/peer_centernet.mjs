@@ -1,6 +1,7 @@
 // CenterNet-MobileNetV3 (COCO) of the npm package `@vladmandic/human`, run by TensorFlow.js on WebAssembly for
 // compare_peers.py: node peer_centernet.mjs MODELS NODE_MODULES THREADS. On standard input come images of 512 x 512 x 3
-// bytes; for each a line of JSON goes to standard output: milliseconds, and the detections [x1, y1, x2, y2, score, class].
+// bytes; for each a line of JSON goes to standard output: milliseconds, and the detections [x1, y1, x2, y2, score,
+// class].
 import fs from "node:fs";
 import path from "node:path";
 import { createRequire } from "node:module";

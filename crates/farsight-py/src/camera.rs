@@ -19,7 +19,7 @@ pub(crate) fn views(
     let cameras = match camera {
         None => otherwise().map_err(|error| errors::camera(&error))?,
         // A calibration beside the image is no estimate.
-        Some(CameraArgument::Estimated(_)) => {
+        Some(CameraArgument::Estimated(true)) => {
             otherwise().ok().filter(|known| *known == CameraSource::Kitti).unwrap_or(CameraSource::Estimated)
         }
         Some(given) => given.source()?,

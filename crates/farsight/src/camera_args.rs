@@ -31,8 +31,8 @@ pub(crate) struct CameraArgs {
     /// Row of the principal point, pixels [default: the middle of the image]
     #[arg(long, value_name = "Y", requires = "fx", conflicts_with_all = NO_INTRINSICS, value_parser = finite, allow_negative_numbers = true)]
     pub(crate) cy: Option<f64>,
-    /// Horizontal field of view of the whole image, degrees; "auto" estimates it from each image that does not tell, with
-    /// an error bar that goes into the distances'
+    /// Horizontal field of view of the whole image, degrees; "auto" estimates it from each image that does not tell,
+    /// with an error bar that goes into the distances'
     #[arg(long, value_name = "DEG", value_parser = field_of_view, allow_negative_numbers = true)]
     pub(crate) hfov: Option<FieldOfView>,
 }

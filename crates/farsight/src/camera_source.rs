@@ -243,8 +243,8 @@ impl CameraSource {
         }
     }
 
-    /// What the camera of the image at `path` is known from, if it is known; of one that is estimated if nothing else is
-    /// known, the latter.
+    /// What the camera of the image at `path` is known from, if it is known; of one that is estimated if nothing else
+    /// is known, the latter.
     pub fn origin(&self, path: &Path) -> CameraOrigin {
         match self {
             Self::Kitti if in_layout(path).is_none() => CameraOrigin::Exif,

@@ -39,8 +39,8 @@ pub const MAX_ERROR_LOG: f64 = 4.0;
 /// No field of view is larger than this, degrees.
 const WIDEST_DEG: f64 = 150.0;
 
-/// What cameras are like of which nothing is known: 70 degrees along the longer side of the image (telephones have 65 to
-/// 75, dash cameras 60 to 120), and the standard deviation of the logarithm of the focal length.
+/// What cameras are like of which nothing is known: 70 degrees along the longer side of the image (telephones have 65
+/// to 75, dash cameras 60 to 120), and the standard deviation of the logarithm of the focal length.
 const USUAL_DEG: f64 = 70.0;
 const USUAL_LOG_SIGMA: f64 = 0.35;
 

@@ -43,6 +43,15 @@ pub struct SceneConfig {
     pub left_hand_share: f64,
     /// Share of scenes whose surfaces carry patterns that they do not have in life: blotches, stripes, tiles.
     pub textured_share: f64,
+    /// Of sequences: from the exposure of a picture's first row to that of its last one, seconds (rolling shutter); 0
+    /// exposes all rows at once. A single picture knows no motion.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub readout_s: f64,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Relative frequencies of the places.
@@ -234,6 +243,7 @@ impl Default for SceneConfig {
             clutter: 0.0,
             left_hand_share: 0.08,
             textured_share: 0.0,
+            readout_s: 0.0,
         }
     }
 }
@@ -298,6 +308,11 @@ impl SceneConfig {
             .or_else(|| share("distractor_share", self.distractor_share))
             .or_else(|| share("left_hand_share", self.left_hand_share))
             .or_else(|| share("textured_share", self.textured_share))
+            .or_else(|| {
+                let readout_s = self.readout_s;
+                (!(0.0..=0.1).contains(&readout_s))
+                    .then(|| format!("readout_s is {readout_s}; expected seconds from 0 to 0.1"))
+            })
     }
 }
 

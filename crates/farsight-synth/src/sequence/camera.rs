@@ -34,6 +34,8 @@ pub(super) struct EgoStep {
     /// Downwards, radians: body and slope of the road against that of the first frame.
     pub(super) pitch: f64,
     pub(super) roll: f64,
+    /// Of pitch and roll, rad/s.
+    pub(super) nod_rates: [f64; 2],
 }
 
 /// Pitch and roll of the body.
@@ -80,6 +82,7 @@ pub(super) fn ego_step(path: &Path, s: f64, speed: f64, acceleration: f64, body:
         let [back, front] = [-CAR_M / 2.0, CAR_M / 2.0].map(|off| ground.y(path.at(s + off).point));
         (front - back) / CAR_M
     };
+    let steeper = (slope(s + SHORT_M) - slope(s - SHORT_M)) / (2.0 * SHORT_M);
     EgoStep {
         point: node.point,
         heading: heading_at(path, s),
@@ -89,5 +92,6 @@ pub(super) fn ego_step(path: &Path, s: f64, speed: f64, acceleration: f64, body:
         acceleration_mps2: acceleration,
         pitch: body.pitch[0] + libm::atan(slope(s) - slope(0.0)),
         roll: body.roll[0],
+        nod_rates: [body.pitch[1] + steeper * speed, body.roll[1]],
     }
 }

@@ -3,6 +3,7 @@
 use farsight_core::{Box3d, Label, ObjectClass};
 
 use super::mover::Moment;
+use super::readout::Readout;
 use super::{Sequence, SequenceFrame, Step, TrackTruth};
 use crate::generator::builder::{SceneBuilder, add_contact_shadow, has_contact_shadow, headlights};
 use crate::generator::mirror::mirror;
@@ -13,7 +14,7 @@ use crate::objects::{self, Detail, ObjectState, STRIDE};
 use crate::region::Participant;
 use crate::render::render;
 use crate::rng::SceneRng;
-use crate::scene::{LabelledObject, LabelledScene, MaterialId, Mesh, Object, Vec3};
+use crate::scene::{LabelledObject, LabelledScene, MaterialId, Mesh, Object, Vec3, Vertex};
 
 /// Two steps of someone who is 1.7 m tall, metres.
 const STRIDE_M: f64 = 1.45;
@@ -169,7 +170,8 @@ impl Sequence {
 
     /// The scene of a frame, and of each object its velocity in the camera's level axes and its speed over the ground.
     ///
-    /// Objects are in the same order in all frames: who is not there is far behind the camera.
+    /// Objects are in the same order in all frames: who is not there is far behind the camera. Boxes are those of the
+    /// middle row's time; the meshes are where each row sees them.
     fn scene(&self, step: &Step) -> (LabelledScene, Vec<[Vec3d; 2]>) {
         let placement = self.placement(step);
         let mut labelled = self.street.clone();
@@ -189,6 +191,19 @@ impl Sequence {
         let mut velocities: Vec<[Vec3d; 2]> =
             objects.iter().map(|object| relative(step, &placement, &object.box3d, [0.0; 2])).collect();
         let mut shadows = MeshBuilder::default();
+        let own = self.over_ground(step.ego.velocity, step.ego.point);
+        let drift = |velocity: Vec3d| placement.direction([0, 1, 2].map(|axis| velocity[axis] - own[axis]));
+        scene.camera = tilted(&scene.camera, step.ego.pitch, step.ego.roll);
+        let [pitch_rate, roll_rate] = step.ego.nod_rates;
+        let rates = [step.ego.yaw_rate, pitch_rate, roll_rate];
+        let readout = Readout::new(&scene.camera, scene.image_size[1], self.readout_s, rates);
+        let expose = |vertices: &mut [Vertex], velocity: Vec3d| {
+            if let Some(readout) = &readout {
+                let drift = drift(velocity);
+                vertices.iter_mut().for_each(|vertex| vertex.position = readout.moved(vertex.position, drift));
+            }
+        };
+        scene.objects.iter_mut().for_each(|object| expose(&mut object.mesh.vertices, [0.0; 3]));
         for (body, moment) in self.bodies.iter().zip(&step.movers) {
             let instance = objects.len() as u16 + 1;
             let Some(moment) = moment else {
@@ -201,9 +216,15 @@ impl Sequence {
                 continue;
             };
             let box3d = placement.box3d(&moment.box3d);
-            scene.objects.push(objects::placed(body.mesh(moment), &box3d, instance));
+            let [x, _, z] = moment.box3d.location;
+            let velocity = self.over_ground(moment.velocity, [x, z]);
+            let mut object = objects::placed(body.mesh(moment), &box3d, instance);
+            expose(&mut object.mesh.vertices, velocity);
+            scene.objects.push(object);
             if has_contact_shadow(&body.class) {
+                let first = shadows.mesh.vertices.len();
                 add_contact_shadow(&mut shadows, &box3d, body.contact_shadow);
+                expose(&mut shadows.mesh.vertices[first..], velocity);
                 if body.lights_on {
                     scene.lamps.extend(headlights(&box3d));
                 }
@@ -212,7 +233,6 @@ impl Sequence {
             objects.push(LabelledObject { class: body.class.clone(), box3d, instance, plate: body.plate });
         }
         scene.objects.push(Object { mesh: shadows.mesh, instance: 0, casts_shadow: false });
-        scene.camera = tilted(&scene.camera, step.ego.pitch, step.ego.roll);
         if self.is_mirrored {
             mirror(&mut labelled);
             for [velocity, _] in &mut velocities {
@@ -220,6 +240,16 @@ impl Sequence {
             }
         }
         (labelled, velocities)
+    }
+}
+
+impl Sequence {
+    /// A velocity over the ground, x and z, with the change of height that it brings at this point; m/s in the street's
+    /// coordinates.
+    fn over_ground(&self, [vx, vz]: [f64; 2], [x, z]: [f64; 2]) -> Vec3d {
+        const INSTANT_S: f64 = 1e-2;
+        let y = |time_s: f64| self.ground.y([x + time_s * vx, z + time_s * vz]);
+        [vx, (y(INSTANT_S) - y(-INSTANT_S)) / (2.0 * INSTANT_S), vz]
     }
 }
 
@@ -244,9 +274,95 @@ fn tilted_label(mut label: Label, pitch: f64, roll: f64) -> Label {
 
 #[cfg(test)]
 mod tests {
-    use farsight_core::{Box3d, Dimensions};
+    use farsight_core::{Box3d, Dimensions, Label, ObjectClass};
 
-    use super::Placement;
+    use super::{Placement, render};
+    use crate::generator::SceneConfig;
+    use crate::sequence::{Sequence, SequenceLayout, sequence_from_labels};
+
+    const READOUT_S: f64 = 0.03;
+    const FOCAL: f64 = 360.0;
+    const HEIGHT: usize = 188;
+
+    /// A tall van across the way, which goes so fast to the right, m/s, 12 m before a camera that moves so (speed and
+    /// yaw rate); in frame 1 of 3.
+    fn van(aside_mps: f64, motion: [f64; 2], readout_s: f64) -> Sequence {
+        let fps = 10.0;
+        let label = |frame: f64| {
+            let dimensions = Dimensions { height: 4.0, width: 1.8, length: 3.0 };
+            // Labels turn with the camera.
+            let yaw = motion[1] * (frame - 1.0) / fps;
+            let (x, (sin, cos)) = (aside_mps * (frame - 1.0) / fps, yaw.sin_cos());
+            let location = [x * cos + 12.0 * sin, 1.65, 12.0 * cos - x * sin];
+            let box3d = Box3d { dimensions, location, yaw };
+            let (class, box2d) = (ObjectClass::Van, farsight_core::Box2d::new(0.0, 0.0, 1.0, 1.0));
+            vec![(3, Label { class, truncation: 0.0, occlusion: 0, alpha: box3d.alpha(), box2d, box3d })]
+        };
+        let camera = farsight_core::Camera::from_intrinsics(FOCAL, FOCAL, 310.0, 90.0).unwrap();
+        let frames = [0.0, 1.0, 2.0].map(label).to_vec();
+        let layout = SequenceLayout { frames, motion: vec![motion; 3], fps, camera, image_size: [620, HEIGHT] };
+        sequence_from_labels(&SceneConfig { readout_s, ..SceneConfig::default() }, &layout, 5)
+    }
+
+    /// By how many pixels a row sees the van's left edge farther right with a rolling exposure, in the rows of its
+    /// upper and of its lower part.
+    fn sheared(aside_mps: f64, motion: [f64; 2]) -> [f64; 2] {
+        let edges = [0.0, READOUT_S].map(|readout_s| {
+            let sequence = van(aside_mps, motion, readout_s);
+            let (labelled, _) = sequence.scene(&sequence.steps[1]);
+            let rendered = render(&labelled.scene);
+            let instance = labelled.objects.last().unwrap().instance;
+            move |row: usize| {
+                let line = &rendered.instance[row * 620..][..620];
+                line.iter().position(|one| *one == instance).unwrap() as f64
+            }
+        });
+        // The van fills rows 21 to 139.
+        [40..60, 120..136].map(|rows: std::ops::Range<usize>| {
+            let count = rows.len() as f64;
+            rows.map(|row| edges[1](row) - edges[0](row)).sum::<f64>() / count
+        })
+    }
+
+    /// Where a row in the middle of those is on the way from the first row's time to the last one's, against the
+    /// middle.
+    fn time_s(row: f64) -> f64 {
+        READOUT_S * (row / (HEIGHT - 1) as f64 - 0.5)
+    }
+
+    /// Edges are found to whole pixels.
+    const EDGE_PX: f64 = 0.75;
+
+    #[test]
+    fn a_rolling_exposure_of_what_stands_still_changes_nothing() {
+        let pictures = [0.0, READOUT_S].map(|readout_s| van(0.0, [0.0, 0.0], readout_s).frame(1));
+        assert_eq!(pictures[0], pictures[1]);
+        let pictures = [0.0, READOUT_S].map(|readout_s| van(0.0, [8.0, 0.0], readout_s).frame(1).image);
+        assert_ne!(pictures[0], pictures[1]);
+    }
+
+    #[test]
+    fn a_camera_that_turns_shears_upright_edges() {
+        // To the left: what stands goes to the right, and lower rows are later.
+        let yaw_rate = 1.2;
+        let found = sheared(0.0, [0.0, yaw_rate]);
+        for (found, row) in found.into_iter().zip([49.5, 127.5]) {
+            // The edge is 1.5 m left of the axis, at the near side 11.1 m away.
+            let tangent = 1.5 / 11.1_f64;
+            let expected = FOCAL * (1.0 + tangent * tangent) * yaw_rate * time_s(row);
+            assert!((found - expected).abs() < EDGE_PX, "row {row}: {found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn what_passes_leans() {
+        // To the right: lower rows see it farther right.
+        let found = sheared(20.0, [0.0, 0.0]);
+        for (found, row) in found.into_iter().zip([49.5, 127.5]) {
+            let expected = FOCAL / 11.1 * 20.0 * time_s(row);
+            assert!((found - expected).abs() < EDGE_PX, "row {row}: {found} for {expected}");
+        }
+    }
 
     #[test]
     fn the_way_to_the_street_is_the_way_back() {

@@ -101,7 +101,17 @@ pub(super) fn sequence_from_labels(config: &SceneConfig, layout: &SequenceLayout
         .enumerate()
         .map(|(frame, (ego, _))| Step { ego, movers: tracks.values().map(|track| track.moments[frame]).collect() })
         .collect();
-    Sequence { street, ground, bodies, ids, steps, sensor, fps: layout.fps, is_mirrored: false }
+    Sequence {
+        street,
+        ground,
+        bodies,
+        ids,
+        steps,
+        sensor,
+        fps: layout.fps,
+        readout_s: config.readout_s,
+        is_mirrored: false,
+    }
 }
 
 fn is_object(label: &Label) -> bool {
@@ -136,6 +146,7 @@ fn ego_steps(layout: &SequenceLayout) -> Vec<EgoStep> {
                 acceleration_mps2: (next - speed_mps) / dt_s,
                 pitch: 0.0,
                 roll: 0.0,
+                nod_rates: [0.0; 2],
             }
         })
         .collect()

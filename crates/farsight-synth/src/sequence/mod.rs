@@ -13,12 +13,14 @@
 //! | `camera` | the camera's car: way, pitch, roll |
 //! | `layout` | label files of KITTI's tracking benchmark rebuilt |
 //! | `frame` | a scene seen from where the camera is |
+//! | `readout` | rows that are exposed one after the other |
 
 mod camera;
 mod follow;
 mod frame;
 mod layout;
 mod mover;
+mod readout;
 mod traffic;
 
 use std::f64::consts::FRAC_PI_2;
@@ -70,6 +72,8 @@ pub struct Sequence {
     steps: Vec<Step>,
     sensor: SensorModel,
     fps: f64,
+    /// From the first row's exposure to the last one's, seconds.
+    readout_s: f64,
     is_mirrored: bool,
 }
 
@@ -84,7 +88,8 @@ struct Step {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SequenceFrame {
-    /// Its time, seconds; the first has 0.
+    /// Its time, seconds; the first has 0. Where rows are exposed one after the other, all that is told is so at the
+    /// middle row's time.
     pub time_s: f64,
     /// The picture.
     pub image: RgbImage,
@@ -194,7 +199,7 @@ impl SequenceStream {
         // Its path during the exposure would be another in each frame.
         sensor.motion_px = [0.0; 2];
         let ids = (0..(street.objects.len() + bodies.len()) as u32).collect();
-        Sequence { street, ground, bodies, ids, steps, sensor, fps: self.fps, is_mirrored }
+        Sequence { street, ground, bodies, ids, steps, sensor, fps: self.fps, readout_s: config.readout_s, is_mirrored }
     }
 }
 
@@ -207,6 +212,11 @@ impl Sequence {
     /// Whether it has none.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
+    }
+
+    /// The height of the camera above the road at the first frame, metres.
+    pub fn camera_height_m(&self) -> f64 {
+        self.ground.at_camera
     }
 
     /// The camera's motion in a frame.

@@ -5,14 +5,14 @@ mod part;
 mod sinks;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Error, Result, bail, ensure};
 use clap::Args;
 use farsight::video::{
     EgoFile, TrackingResult, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score,
 };
-use farsight::{Pipeline, TrackerOptions};
+use farsight::{CameraSource, Pipeline, Road, TrackerOptions};
 use indicatif::ProgressBar;
 
 use super::Outcome;
@@ -61,8 +61,9 @@ pub(crate) struct TrackArgs {
     encoder: Option<String>,
     /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame),
     /// poses of KITTI's odometry (12 numbers a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s,
-    /// to the left)
-    #[arg(long, value_name = "FILE|DIR")]
+    /// to the left); or "auto" to estimate it from the frames, which needs the camera's height (--above-road METRES, or
+    /// a calibration with its road)
+    #[arg(long, value_name = "FILE|DIR|auto")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between
     #[arg(long, conflicts_with = "shard")]
@@ -106,6 +107,29 @@ fn score(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected more than 0 and less than 1".to_owned())
 }
 
+/// Said where ego motion is to be estimated and nothing tells its scale.
+const NO_HEIGHT: &str = "--ego auto: pictures have no scale without the camera's height, so speeds are relative; \
+                         expected --above-road METRES, or a calibration with its road";
+
+impl TrackArgs {
+    fn is_ego_auto(&self) -> bool {
+        self.ego.as_deref().is_some_and(|ego| ego == Path::new("auto"))
+    }
+
+    /// The file or folder that tells how the camera moves.
+    fn ego_file(&self) -> Option<&Path> {
+        self.ego.as_deref().filter(|_| !self.is_ego_auto())
+    }
+
+    /// What is said of the camera's height, metres.
+    fn height_m(&self) -> Option<f64> {
+        match self.pipeline.road.above_road() {
+            Some(Road::BelowBy(height_m)) => Some(height_m),
+            _ => None,
+        }
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
     if args.shard.asked().is_some() {
@@ -124,27 +148,33 @@ fn open(args: &TrackArgs, printer: &mut Printer) -> Result<Pipeline> {
 fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) -> Result<Outcome> {
     let source = source(args, printer)?;
     let views = args.view.source(source.images())?;
-    let ego = args.ego.as_deref().map(EgoFile::read).transpose()?;
+    let ego = args.ego_file().map(EgoFile::read).transpose()?;
+    let (is_auto, height_m) = (args.is_ego_auto(), args.height_m());
+    let has_height = height_m.is_some() || matches!(views.cameras(), CameraSource::OverRoad(..));
     let mut sinks = Sinks::check(args, &source)?;
     let pipeline = pipeline.map_or_else(|| open(args, printer), |pipeline| Ok(pipeline.clone()))?;
     let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
     let birth_score = args.min_score.unwrap_or_else(|| pipeline.default_min_score());
     let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
-    if ego.is_none() {
+    if is_auto && !has_height {
+        printer.note(NO_HEIGHT);
+    } else if ego.is_none() && !is_auto {
         printer.note("speeds are relative to the camera; --ego FILE gives those over the ground");
     }
     let tracker = VideoTracker::new(pipeline, views).with_options(options);
-    let mut tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
+    let tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
+    let mut tracker = if is_auto { tracker.with_visual_ego(height_m) } else { tracker };
     let reading = VideoOptions { ffmpeg: args.ffmpeg.clone(), realtime: args.realtime, ..VideoOptions::default() };
     let mut frames = source.frames(&reading)?;
     let bar = frames.count_known().map_or_else(ProgressBar::hidden, progress_bar);
-    let (mut done, mut failed) = (0_u64, 0_u64);
+    let (mut done, mut failed, mut with_ego) = (0_u64, 0_u64, 0_u64);
     while let Some(frame) = frames.next() {
         let followed = look(&mut tracker, frame);
         bar.inc(1);
         match followed {
             Ok((frame, followed)) => {
                 done += 1;
+                with_ego += u64::from(followed.ego.is_some());
                 bar.suspend(|| {
                     followed.warnings.iter().for_each(|warning| printer.warning(&warning.to_string()));
                     sinks.add(&frame, &followed, frames.fps(), printer)
@@ -162,6 +192,9 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
     bar.finish_and_clear();
     ensure!(done > 0, "nothing was done: {} failed", counted(failed as usize, "frame"));
     let tracks = sinks.finish(printer)?;
+    if is_auto && has_height {
+        printer.note(&format!("ego motion estimated in {with_ego} of {}", counted(done as usize, "frame")));
+    }
     let dropped = frames.dropped();
     if dropped > 0 {
         printer.note(&format!("{} left out to keep up (--realtime)", counted(dropped as usize, "frame")));

@@ -29,6 +29,7 @@ mod scene_cut;
 mod source;
 mod stream;
 mod tracker;
+mod visual_ego;
 
 pub use ego::{EgoError, EgoFile};
 pub use error::VideoError;

@@ -3,14 +3,15 @@
 use std::fmt;
 use std::sync::OnceLock;
 
-use farsight_core::Detection;
-use farsight_track::{Frame, Track, Tracker, TrackerOptions};
+use farsight_core::{Box2d, Detection};
+use farsight_track::{EgoMotion, Frame, Track, Tracker, TrackerOptions};
 use image::RgbImage;
 
 use super::ego::EgoFile;
 use super::error::VideoError;
 use super::scene_cut::SceneCut;
 use super::source::VideoFrame;
+use super::visual_ego::VisualEgo;
 use crate::camera_source::CameraSource;
 use crate::json::FrameRecord;
 use crate::object::{DetectedObject, detections};
@@ -35,11 +36,17 @@ pub struct VideoTracker {
     views: ViewSource,
     /// The camera that was estimated from the first frame, and the size of that, pixels.
     estimated: OnceLock<([usize; 2], View)>,
-    ego: Option<EgoFile>,
+    ego: Option<Ego>,
     tracker: Tracker,
     scene_cut: SceneCut,
     image_size: Option<[usize; 2]>,
     told_ego: bool,
+}
+
+/// Where the camera's own motion comes from.
+enum Ego {
+    File(EgoFile),
+    Pictures(VisualEgo),
 }
 
 /// What is known after a frame.
@@ -50,6 +57,8 @@ pub struct TrackingResult {
     pub record: FrameRecord,
     /// The tracks of the record, in its order.
     pub tracks: Vec<Track>,
+    /// How the camera moves, where that is known.
+    pub ego: Option<EgoMotion>,
     /// How the frame was taken.
     pub view: View,
     /// What the user should hear.
@@ -132,7 +141,16 @@ impl VideoTracker {
     /// As it is, with the camera's own motion, which gives speeds over the ground.
     #[must_use]
     pub fn with_ego(mut self, ego: EgoFile) -> Self {
-        self.ego = Some(ego);
+        self.ego = Some(Ego::File(ego));
+        self
+    }
+
+    /// As it is, with the camera's own motion estimated from what it sees: the road and the standing world. Scale comes
+    /// from the camera's height above the road: that of a calibration with its road ([`View::road`]), or `height_m`.
+    /// Without one, as in frames that do not tell, speeds are relative.
+    #[must_use]
+    pub fn with_visual_ego(mut self, height_m: Option<f64>) -> Self {
+        self.ego = Some(Ego::Pictures(VisualEgo::new(height_m)));
         self
     }
 
@@ -190,7 +208,14 @@ impl VideoTracker {
         let mut detections = detections(objects);
         // What is all outside the image has no box in it.
         detections.retain(|one| one.box2d.width() > 0.0 && one.box2d.height() > 0.0 && one.box3d.depth_m() > 0.0);
-        let motion = self.ego.as_ref().and_then(|ego| ego.motion(*number, *time_s));
+        let motion = match &mut self.ego {
+            None => None,
+            Some(Ego::File(file)) => file.motion(*number, *time_s),
+            Some(Ego::Pictures(pictures)) => {
+                let boxes: Vec<Box2d> = detections.iter().map(|one| one.box2d).collect();
+                pictures.motion(frame, &view, &boxes, looks_cut)
+            }
+        };
         let (camera, detections) = (view.camera(), &detections);
         let seen = Frame { time_s: *time_s, image_size, camera, detections, ego: motion, looks_cut };
         let tracks = self.tracker.update(&seen);
@@ -198,12 +223,12 @@ impl VideoTracker {
         for track in &mut tracks {
             track.box2d = view.shown(&track.box2d);
         }
-        if self.ego.is_some() && motion.is_none() && !self.told_ego {
+        if matches!(self.ego, Some(Ego::File(_))) && motion.is_none() && !self.told_ego {
             self.told_ego = true;
             warnings.push(FrameWarning::NoEgo { place: frame.place(), time_s: *time_s });
         }
         let record = FrameRecord::new(*number, *time_s, &tracks, motion.as_ref());
-        Ok(TrackingResult { record, tracks, view, warnings })
+        Ok(TrackingResult { record, tracks, ego: motion, view, warnings })
     }
 }
 

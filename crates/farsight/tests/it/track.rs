@@ -81,6 +81,29 @@ fn in_a_still_scene_everything_stands_still() {
 }
 
 #[test]
+fn a_camera_that_sees_nothing_move_stands_still() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    still_scene(folder, 5);
+    let track = |more: &[&str]| {
+        let common = ["track", "frames", "--fps", "10", "--calib", "calib.txt", "--json", "-", "--ego", "auto"];
+        let output = farsight(folder, &[&common[..], more].concat());
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{told}");
+        (records(&String::from_utf8(output.stdout).unwrap()), told)
+    };
+    let (found, told) = track(&["--above-road", "1.65"]);
+    assert!(told.contains("ego motion estimated in 4 of 5 frames"), "{told}");
+    let speeds: Vec<[f64; 2]> =
+        found[4].tracks.iter().filter_map(|track| Some([track.speed_mps??, track.speed_sigma_mps??])).collect();
+    assert!(!speeds.is_empty() && speeds.iter().all(|[speed, sigma]| *speed < 2.0 * sigma), "{speeds:?}");
+    // A picture knows no metres.
+    let (found, told) = track(&[]);
+    assert!(told.contains("expected --above-road METRES, or a calibration with its road"), "{told}");
+    assert!(found.iter().flat_map(|frame| &frame.tracks).all(|track| track.speed_mps.flatten().is_none()));
+}
+
+#[test]
 fn what_cannot_be_done_is_told_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -1,7 +1,7 @@
 //! `farsight track --shard`: some of several videos, each followed by itself.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use farsight::json::ModelRecord;
@@ -36,7 +36,8 @@ pub(super) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
     outputs.iter().try_for_each(|(option, path)| check_relative(option, path))?;
     let pipeline = open(args, printer)?;
     let items: Vec<String> = inputs.iter().map(|input| input.to_string_lossy().into_owned()).collect();
-    let shared: Vec<PathBuf> = args.view.camera.calib.iter().chain(&args.ego).cloned().collect();
+    let shared: Vec<PathBuf> =
+        args.view.camera.calib.iter().cloned().chain(args.ego_file().map(Path::to_owned)).collect();
     let run = Run::new(&items, &shared, Some(ModelRecord::from(pipeline.info())), shard.count);
     let Some(part) = Part::begin(asked, run, &items, |item| vec![inputs[item].clone()])? else {
         printer.note(&format!("part {shard} is there already"));

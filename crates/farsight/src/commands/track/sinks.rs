@@ -65,7 +65,7 @@ impl Sinks {
     pub(super) fn check(args: &TrackArgs, source: &VideoSource) -> Result<Self> {
         let TrackArgs { json, events, ttc_limit, tracks, kitti_tracking, out, ffmpeg, encoder, .. } = args;
         let inputs = || {
-            let camera = args.view.camera.calib.iter().chain(&args.ego).cloned();
+            let camera = args.view.camera.calib.iter().cloned().chain(args.ego_file().map(Path::to_owned));
             source.files().iter().cloned().chain(camera).chain(args.pipeline.files())
         };
         let prints_json = json.as_deref() == Some(Path::new("-"));
