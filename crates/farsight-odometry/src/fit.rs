@@ -127,7 +127,9 @@ impl Problem<'_> {
         // What the flows say counts less, what was known before does not.
         for (k, row) in curvature.iter_mut().enumerate() {
             row[k] -= self.prior.precision(k);
-            row.iter_mut().for_each(|value| *value /= ALIKE * misfit);
+            for value in row.iter_mut() {
+                *value /= ALIKE * misfit;
+            }
             row[k] += self.prior.precision(k);
         }
         let variance = |matrix: Matrix, k: usize| {

@@ -111,7 +111,7 @@ fn half_of_the_picture_may_be_wrong() {
     let wrong = |number: usize| {
         let moved = number as f64;
         let board = |k: usize| {
-            let from = -8.0 + 3.2 * k as f64 + 0.12 * moved * if k % 2 == 0 { 1.0 } else { -1.0 };
+            let from = -8.0 + 3.2 * k as f64 + 0.12 * moved * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
             let z = poses[number].z + 9.0 - 0.1 * moved;
             Board { x: [from, from + 1.6], height_m: 4.0, z, seed: 500 + 10 * k as u32 }
         };

@@ -200,7 +200,9 @@ impl Sequence {
         let expose = |vertices: &mut [Vertex], velocity: Vec3d| {
             if let Some(readout) = &readout {
                 let drift = drift(velocity);
-                vertices.iter_mut().for_each(|vertex| vertex.position = readout.moved(vertex.position, drift));
+                for vertex in vertices {
+                    vertex.position = readout.moved(vertex.position, drift);
+                }
             }
         };
         scene.objects.iter_mut().for_each(|object| expose(&mut object.mesh.vertices, [0.0; 3]));

@@ -24,7 +24,7 @@ const NEAR_M: f64 = 0.2;
 /// What the rows of one picture see.
 pub(super) struct Readout {
     /// From the first row to the last one, seconds.
-    readout_s: f64,
+    duration_s: f64,
     middle_row: f64,
     rows: f64,
     projection: [[f64; 4]; 3],
@@ -60,7 +60,7 @@ impl Readout {
         let columns = [column(0)?, column(1)?, column(2)?];
         let inverse = [0, 1, 2].map(|i| [0, 1, 2].map(|j| columns[j][i]));
         let rows = (height - 1) as f64;
-        Some(Self { readout_s, middle_row: rows / 2.0, rows, projection, change, inverse, yaw_rate })
+        Some(Self { duration_s: readout_s, middle_row: rows / 2.0, rows, projection, change, inverse, yaw_rate })
     }
 
     /// Where a point of the camera's level axes is to be drawn that is at `position` at the middle row's time and moves
@@ -91,6 +91,6 @@ impl Readout {
     fn time_s(&self, [_, v, w]: [f64; 3]) -> f64 {
         let below = v - self.middle_row * w;
         let share = if w > NEAR_M { below / (w * self.rows) } else { below.signum() * MOST };
-        self.readout_s * share.clamp(-MOST, MOST)
+        self.duration_s * share.clamp(-MOST, MOST)
     }
 }

@@ -46,7 +46,7 @@ pub struct VideoTracker {
 /// Where the camera's own motion comes from.
 enum Ego {
     File(EgoFile),
-    Pictures(VisualEgo),
+    Pictures(Box<VisualEgo>),
 }
 
 /// What is known after a frame.
@@ -150,7 +150,7 @@ impl VideoTracker {
     /// Without one, as in frames that do not tell, speeds are relative.
     #[must_use]
     pub fn with_visual_ego(mut self, height_m: Option<f64>) -> Self {
-        self.ego = Some(Ego::Pictures(VisualEgo::new(height_m)));
+        self.ego = Some(Ego::Pictures(Box::new(VisualEgo::new(height_m))));
         self
     }
 
