@@ -14,7 +14,8 @@ fn alone(folder: &Path) -> &'static str {
 }
 
 fn answer(folder: &Path, words: &[&str]) -> Value {
-    let words: Vec<&str> = ["range", "--format", "json"].iter().chain(words).copied().collect();
+    let words: Vec<&str> =
+        ["range", "--format", "json", "--model", "farsight-n"].iter().chain(words).copied().collect();
     let told: Value = serde_json::from_str(&program::done(folder, &words)).unwrap();
     told[0].clone()
 }

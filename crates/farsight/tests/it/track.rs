@@ -86,7 +86,20 @@ fn a_camera_that_sees_nothing_move_stands_still() {
     let folder = folder.path();
     still_scene(folder, 5);
     let track = |more: &[&str]| {
-        let common = ["track", "frames", "--fps", "10", "--calib", "calib.txt", "--json", "-", "--ego", "auto"];
+        let common = [
+            "track",
+            "frames",
+            "--fps",
+            "10",
+            "--calib",
+            "calib.txt",
+            "--json",
+            "-",
+            "--ego",
+            "auto",
+            "--model",
+            "farsight-n",
+        ];
         let output = farsight(folder, &[&common[..], more].concat());
         let told = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "{told}");
