@@ -1,6 +1,6 @@
 //! Measures odometry against rendered sequences, whose motion is known, and against real ones:
-//! `cargo run --release -p farsight-odometry --example measure_odometry -- [--table FILE] [--sequences N] [--seed N]
-//! [--readout S] [NAME=FOLDER:HEIGHT_M:FPS ...]`.
+//! `cargo run --release -p farsight-odometry --example measure_odometry -- [--table FILE] [--sequences N] [--seed N
+//! ...] [--readout S] [NAME=FOLDER:HEIGHT_M:FPS ...]`.
 //!
 //! A FOLDER holds `image_02`, `calib/000000.txt` and, where speeds are to be judged, `label_02.txt` (KITTI's tracking
 //! labels): the camera's speed is then that at which most labelled objects come nearer, as they are parked. Boxes of
@@ -57,14 +57,14 @@ struct Figures {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let (mut table, mut count, mut seed, mut readout_s, mut real) = (None, 8, 200, 0.0, Vec::new());
+    let (mut table, mut count, mut seeds, mut readout_s, mut real) = (None, 8, Vec::new(), 0.0, Vec::new());
     let mut rest = words.iter();
     while let Some(word) = rest.next() {
         let mut value = || rest.next().expect("a value");
         match word.as_str() {
             "--table" => table = Some(PathBuf::from(value())),
             "--sequences" => count = value().parse()?,
-            "--seed" => seed = value().parse()?,
+            "--seed" => seeds.push(value().parse()?),
             "--readout" => readout_s = value().parse()?,
             _ => real.push(word.split(['=', ':']).map(str::to_owned).collect::<Vec<_>>()),
         }
@@ -75,9 +75,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("{what}: {figure}");
         rows.put([what, figure]);
     };
-    let [masked, bare] = rendered(count, seed, readout_s);
-    masked.tell("", &mut tell);
-    tell("speed, boxes of traffic not left out: MAE".to_owned(), bare.speed());
+    for seed in seeds {
+        let [masked, bare] = rendered(count, seed, readout_s);
+        masked.tell(&format!("seed {seed}, "), &mut tell);
+        tell(format!("seed {seed}, speed, boxes of traffic not left out: MAE"), bare.speed());
+    }
     for one in real {
         let [name, folder, height_m, fps] = &one[..] else { return Err("expected NAME=FOLDER:HEIGHT_M:FPS".into()) };
         video(Path::new(folder), height_m.parse()?, fps.parse()?)?.tell(&format!("{name}, "), &mut tell);

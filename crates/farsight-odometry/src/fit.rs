@@ -60,8 +60,8 @@ pub(crate) struct Fit {
 
 /// What a flow of the road is worth beside its likelihood, where all of its region fit: only the road tells a speed. So
 /// many are enough: what lies still in the picture, as dirt and the blocks of compression do, has many.
-const ROAD_WORTH: f64 = 30.0;
-const ENOUGH_ON_ROAD: f64 = 15.0;
+const ROAD_WORTH: f64 = 20.0;
+const ENOUGH_ON_ROAD: f64 = 10.0;
 
 impl Fit {
     /// How much speaks for its speed, against fits to other flows.

@@ -13,10 +13,10 @@ use crate::tracking::Seen;
 const LEAST_ON_ROAD: f64 = 5.0;
 const LEAST: f64 = 16.0;
 
-/// Nor do they where a smaller share of the flows fits, of those in the road's region to the road, and of all: a wrong
-/// speed finds a few patches on a road that has little texture.
+/// Nor do they where a smaller share of the flows fits, of those in the road's region to the road, and of the others: a
+/// wrong speed finds a few patches on a road that has little texture, and none many that lie still in the picture.
 const LEAST_ROAD_SHARE: f64 = 0.4;
-const LEAST_SHARE: f64 = 0.3;
+const LEAST_STANDING_SHARE: f64 = 0.5;
 
 /// A speed is told where two pictures alone make it surer than this, m/s and as a share.
 const MAX_SIGMA_MPS: f64 = 0.7;
@@ -159,7 +159,8 @@ impl Odometry {
         let Fit { motion, sigma, own_ahead_sigma, on_road, standing, low, .. } = *fit;
         let speed = motion[AHEAD] / dt_s;
         let fits = on_road >= LEAST_ON_ROAD.max(LEAST_ROAD_SHARE * low as f64)
-            && on_road + standing >= LEAST.max(LEAST_SHARE * count as f64)
+            && on_road + standing >= LEAST
+            && standing >= LEAST_STANDING_SHARE * (count - low) as f64
             && own_ahead_sigma / dt_s < MAX_SIGMA_MPS.max(MAX_SIGMA_SHARE * speed.abs());
         if !fits {
             return None;
