@@ -63,6 +63,15 @@ pub enum Road {
 }
 
 impl Road {
+    /// Lowest and highest camera, metres: they are neither in the road nor on satellites.
+    pub const HEIGHTS_M: [f64; 2] = [0.2, 50.0];
+
+    /// A camera so high above the road, metres; none outside [`Road::HEIGHTS_M`].
+    pub fn below_by(height_m: f64) -> Option<Self> {
+        let [lowest_m, highest_m] = Self::HEIGHTS_M;
+        (lowest_m..=highest_m).contains(&height_m).then_some(Self::BelowBy(height_m))
+    }
+
     /// Height of the camera and its standard deviation, metres.
     fn height(self) -> Option<[f64; 2]> {
         match self {

@@ -7,6 +7,7 @@ use farsight::{
     PipelineBuilder, Precision, ViewSource, load_image, model_file,
 };
 use farsight_core::Region;
+use farsight_core::road::Road;
 use farsight_data::decode_image;
 use image::RgbImage;
 use pyo3::exceptions::PyValueError;
@@ -31,11 +32,19 @@ pub(crate) struct Pipeline {
     /// What there is to tell of the model.
     notes: Vec<String>,
     builder: PipelineBuilder,
+    /// Height of the camera above the road, metres, where it is known.
+    above_road: Option<f64>,
+}
+
+fn no_height(height_m: f64) -> PyErr {
+    let [lowest_m, highest_m] = Road::HEIGHTS_M;
+    PyValueError::new_err(format!("above_road is {height_m}; expected metres, from {lowest_m} to {highest_m}"))
 }
 
 #[pymethods]
 impl Pipeline {
     #[new]
+    #[allow(clippy::too_many_arguments, reason = "those of Python's class")]
     fn new(
         py: Python<'_>,
         model: PathBuf,
@@ -44,6 +53,7 @@ impl Pipeline {
         precision: &str,
         threads: Option<usize>,
         region: &str,
+        above_road: Option<f64>,
     ) -> PyResult<Self> {
         let options = EngineOptions {
             kind: kind(engine)?,
@@ -57,12 +67,14 @@ impl Pipeline {
         }
         let region: Region =
             region.parse().map_err(|expected| PyValueError::new_err(format!("region {region:?}: {expected}")))?;
+        let road =
+            above_road.map(|height_m| Road::below_by(height_m).ok_or_else(|| no_height(height_m))).transpose()?;
         let unhashed = model_file::hash_note(&model);
         let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
-        let builder = builder.region(region);
+        let builder = road.into_iter().fold(builder.region(region), PipelineBuilder::road);
         let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
         let notes = unhashed.into_iter().chain(inner.disabled_stages_note()).collect();
-        Ok(Self { inner, notes, builder })
+        Ok(Self { inner, notes, builder, above_road })
     }
 
     /// Begins to follow what is in a video, or in images.
@@ -78,7 +90,8 @@ impl Pipeline {
         realtime: bool,
         ffmpeg: PathBuf,
     ) -> PyResult<Video> {
-        let wanted = Wanted { source, fps, view, ego, min_score, realtime, ffmpeg };
+        let height_m = self.above_road;
+        let wanted = Wanted { source, fps, view, ego, height_m, min_score, realtime, ffmpeg };
         py.detach(|| Video::open(&self.builder, wanted))
     }
 

@@ -1,6 +1,6 @@
 //! Videos, followed frame by frame.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use farsight::video::{EgoFile, VideoError, VideoFrames, VideoOptions, VideoSource, VideoTracker, low_score};
@@ -37,7 +37,10 @@ pub(crate) struct Wanted {
     pub(crate) source: Vec<PathBuf>,
     pub(crate) fps: Option<f64>,
     pub(crate) view: ViewArgument,
+    /// A file, or "auto".
     pub(crate) ego: Option<PathBuf>,
+    /// Of the camera above the road, metres.
+    pub(crate) height_m: Option<f64>,
     pub(crate) min_score: Option<f64>,
     pub(crate) realtime: bool,
     pub(crate) ffmpeg: PathBuf,
@@ -46,10 +49,11 @@ pub(crate) struct Wanted {
 impl Video {
     /// Begins to follow, with a pipeline of its own: it tells lower scores, which continue tracks.
     pub(crate) fn open(builder: &PipelineBuilder, wanted: Wanted) -> PyResult<Self> {
-        let Wanted { source, fps, view, ego, min_score, realtime, ffmpeg } = wanted;
+        let Wanted { source, fps, view, ego, height_m, min_score, realtime, ffmpeg } = wanted;
         let source = source_of(source, fps)?;
         let views = views(view, || CameraSource::of_images(source.images()))?;
-        let ego = ego.as_deref().map(EgoFile::read).transpose();
+        let is_auto = ego.as_deref() == Some(Path::new("auto"));
+        let ego = ego.as_deref().filter(|_| !is_auto).map(EgoFile::read).transpose();
         let ego = ego.map_err(|error| PyValueError::new_err(error.to_string()))?;
         let low = low_score(min_score.unwrap_or(USUAL_MIN_SCORE));
         let pipeline = builder.clone().min_score(low).open().map_err(|error| errors::pipeline(&error))?;
@@ -57,6 +61,7 @@ impl Video {
         let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
         let tracker = VideoTracker::new(pipeline, views).with_options(options);
         let tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
+        let tracker = if is_auto { tracker.with_visual_ego(height_m) } else { tracker };
         let frames = source
             .frames(&VideoOptions { ffmpeg, realtime, ..VideoOptions::default() })
             .map_err(|error| video_error(&error))?;

@@ -58,6 +58,9 @@ def test_other_models_and_engines_are_those_of_the_program(photo, jsonl):
         assert other.range(photo).to_dict() == jsonl(photo, "--model", name, "--threads", "1")[0]
     japan = farsight.Model(region="japan", threads=1)
     assert japan.range(photo).to_dict() == jsonl(photo, "--region", "japan", "--threads", "1")[0]
+    high = farsight.Model(model="farsight-n", above_road=1.65, threads=1)
+    options = ["--model", "farsight-n", "--above-road", "1.65", "--threads", "1"]
+    assert high.range(photo).to_dict() == jsonl(photo, *options)[0]
 
 
 def test_what_is_to_be_told_of_a_model_is_a_warning(tmp_path):
@@ -197,6 +200,7 @@ def test_wrong_models_say_what_was_expected(tmp_path):
         ({"precision": "f16"}, "expected f32, bf16 or int8"),
         ({"precision": "bf16"}, "expected openvino"),
         ({"threads": 0}, "expected a number from 1 to 1024"),
+        ({"above_road": 0}, "above_road is 0; expected metres, from 0.2 to 50"),
         ({"region": "texas"}, "expected world, europe, north-america"),
         ({"model": tmp_path / "none.safetensors"}, "no such file; expected a model"),
     ]:

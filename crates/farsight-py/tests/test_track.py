@@ -4,6 +4,7 @@ import pickle
 import shutil
 import subprocess
 
+import farsight
 import numpy as np
 import pytest
 
@@ -35,6 +36,17 @@ def test_lens_and_calibration_are_those_of_the_program(model, program, frames, c
     printed = program("track", frames, "--fps", 10, "--calib", calibrated, "--lens", lens, "--json", "-")
     followed = model.track(frames, fps=10, calib=calibrated, lens=lens)
     assert [frame.to_json() for frame in followed] == printed.splitlines()
+
+
+def test_ego_motion_from_the_frames_is_that_of_the_program(program, frames):
+    model = farsight.Model(model="farsight-n", above_road=1.65)
+    options = ["--fps", 10, "--hfov", 81.4, "--ego", "auto", "--above-road", 1.65, "--model", "farsight-n"]
+    printed = program("track", frames, *options, "--json", "-")
+    followed = list(model.track(frames, fps=10, hfov=81.4, ego="auto"))
+    assert [frame.to_json() for frame in followed] == printed.splitlines()
+    assert followed[0].ego is None
+    # One scene again and again: the camera stands.
+    assert abs(followed[-1].ego["speed_mps"]) < 0.5 and followed[-1].ego["speed_sigma_mps"] > 0
 
 
 def test_fields_have_their_shapes(followed, photo):

@@ -56,7 +56,7 @@ impl LabelRules {
         labels.collect()
     }
 
-    fn label(&self, object: &LabelledObject, box2d: Box2d, truncation: f64, visible: f64) -> Option<Label> {
+    pub(crate) fn label(&self, object: &LabelledObject, box2d: Box2d, truncation: f64, visible: f64) -> Option<Label> {
         if box2d.height() < self.min_dont_care_px {
             return None;
         }

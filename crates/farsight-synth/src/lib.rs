@@ -46,5 +46,5 @@ pub use generator::{CameraRanges, MAX_IMAGE_PX, PlaceWeights, SceneConfig, Weath
 pub use layout::scene_from_labels;
 pub use region::RegionWeights;
 pub use scene::LabelledScene;
-pub use sequence::{EgoTruth, Sequence, SequenceFrame, SequenceLayout, SequenceStream, TrackTruth};
+pub use sequence::{EgoTruth, Sequence, SequenceFrame, SequenceLayout, SequenceStream, TrackTruth, UnrenderedFrame};
 pub use stream::{SceneStream, frame_from_labels};

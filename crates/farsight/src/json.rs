@@ -210,8 +210,32 @@ pub struct FrameRecord {
     pub frame: u64,
     /// Its time, seconds.
     pub time_s: f64,
+    /// How the camera moves, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ego: Option<EgoRecord>,
     /// The tracks by their identities, those that coast included.
     pub tracks: Vec<TrackRecord>,
+}
+
+/// How the camera moves over the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct EgoRecord {
+    /// Ahead, m/s.
+    pub speed_mps: f64,
+    /// Its standard deviation.
+    pub speed_sigma_mps: f64,
+    /// To the left, rad/s.
+    pub yaw_rate: f64,
+    /// Its standard deviation.
+    pub yaw_rate_sigma: f64,
+}
+
+impl From<&EgoMotion> for EgoRecord {
+    fn from(ego: &EgoMotion) -> Self {
+        let EgoMotion { speed_mps, speed_sigma_mps, yaw_rate, yaw_rate_sigma } = *ego;
+        Self { speed_mps, speed_sigma_mps, yaw_rate, yaw_rate_sigma }
+    }
 }
 
 /// One track in one frame; pixels, metres, radians, seconds. Velocities are relative to the camera, in its coordinates;
@@ -277,7 +301,8 @@ pub struct TrackRecord {
 impl FrameRecord {
     /// These tracks in the frame of this number and time, with speeds over the ground if the camera's motion is known.
     pub fn new(frame: u64, time_s: f64, tracks: &[Track], ego: Option<&EgoMotion>) -> Self {
-        Self { frame, time_s, tracks: tracks.iter().map(|track| TrackRecord::new(track, ego)).collect() }
+        let records = tracks.iter().map(|track| TrackRecord::new(track, ego)).collect();
+        Self { frame, time_s, ego: ego.map(EgoRecord::from), tracks: records }
     }
 }
 

@@ -205,16 +205,14 @@ impl RoadArgs {
     }
 }
 
-/// Cameras are neither in the road nor on satellites.
-const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.2..=50.0;
-
 fn road(text: &str) -> Result<Road, String> {
-    let height_m = || text.parse().ok().filter(|height_m| HEIGHTS_M.contains(height_m));
-    let expected = || format!("expected metres, from {} to {}, any or none", HEIGHTS_M.start(), HEIGHTS_M.end());
+    let height_m = || text.parse().ok().and_then(Road::below_by);
+    let [lowest_m, highest_m] = Road::HEIGHTS_M;
+    let expected = || format!("expected metres, from {lowest_m} to {highest_m}, any or none");
     match text {
         "none" => Ok(Road::Ignored),
         "any" => Ok(Road::Below),
-        _ => height_m().map(Road::BelowBy).ok_or_else(expected),
+        _ => height_m().ok_or_else(expected),
     }
 }
 

@@ -39,7 +39,8 @@ impl NetworkConfig for PlateReaderConfig {
     fn problem(&self) -> Option<String> {
         let Self { side, channels, hidden, depths } = self;
         let unusable = || format!("model.depths is {depths:?}; expected the numbers of a fit");
-        problem_of_sizes("model", *side, channels, *hidden).or_else(|| (!depths.is_usable()).then(unusable))
+        problem_of_sizes("model", *side, 1 << channels.len(), channels, *hidden)
+            .or_else(|| (!depths.is_usable()).then(unusable))
     }
 
     /// # Shapes

@@ -8,15 +8,18 @@ use serde::{Deserialize, Serialize};
 use super::geometry::{INPUT_CHANNELS, KINDS, PLACE_CHANNELS, StageFusion};
 use crate::method::Method;
 use crate::roi::ANSWER;
-use crate::roi::network::{features, problem_of_sizes};
+use crate::roi::network::{RoiBackbone, features, mobilenet_features, problem_of_sizes};
 
 /// A refining network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RefinerConfig {
-    /// Pixels a side of the cut-out; a multiple of 16.
+    /// Pixels a side of the cut-out; a multiple of 16, of 32 for `MobileNetV2`.
     pub side: usize,
-    /// Channels of the four levels.
+    /// What makes the features.
+    #[serde(skip_serializing_if = "is_residual")]
+    pub backbone: RoiBackbone,
+    /// Channels of the four residual levels.
     pub channels: [usize; 4],
     /// Channels between the last map and the answer.
     pub hidden: usize,
@@ -27,8 +30,15 @@ pub struct RefinerConfig {
 
 impl Default for RefinerConfig {
     fn default() -> Self {
-        Self { side: 96, channels: [24, 48, 96, 160], hidden: 192, fusion: StageFusion::default() }
+        let (backbone, channels) = (RoiBackbone::default(), [24, 48, 96, 160]);
+        Self { side: 96, backbone, channels, hidden: 192, fusion: StageFusion::default() }
     }
+}
+
+/// Files of before there was a choice do not name it.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_residual(backbone: &RoiBackbone) -> bool {
+    *backbone == RoiBackbone::Residual
 }
 
 impl NetworkConfig for RefinerConfig {
@@ -37,9 +47,10 @@ impl NetworkConfig for RefinerConfig {
     const OUTPUTS: &'static [&'static str] = &[ANSWER];
 
     fn problem(&self) -> Option<String> {
-        let Self { side, channels, hidden, fusion } = self;
+        let Self { side, backbone, channels, hidden, fusion } = self;
+        let multiple = backbone.stride(channels.len());
         let unusable = || format!("model.fusion is {fusion:?}; expected the numbers of a fit");
-        problem_of_sizes("model", *side, channels, *hidden).or_else(|| (!fusion.is_usable()).then(unusable))
+        problem_of_sizes("model", *side, multiple, channels, *hidden).or_else(|| (!fusion.is_usable()).then(unusable))
     }
 
     /// # Shapes
@@ -48,7 +59,10 @@ impl NetworkConfig for RefinerConfig {
         let mut b = Builder::new(NormKind::Batch);
         let input = b.input(INPUT_CHANNELS);
         b.stage("refiner");
-        let x = features(&mut b, input, self.side, &self.channels, self.hidden);
+        let x = match self.backbone {
+            RoiBackbone::Residual => features(&mut b, input, self.side, &self.channels, self.hidden),
+            RoiBackbone::MobilenetV2 => mobilenet_features(&mut b, input, self.side, self.hidden),
+        };
         let place = b.conv_with_bias(x, "answer", PLACE_CHANNELS, 1, None);
         let kinds = b.conv_with_bias(x, "kinds", KINDS, 1, None);
         let answer = b.concat(&[place, kinds]);
@@ -63,10 +77,14 @@ impl Method for RefinerConfig {
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {
-        let Self { side, channels, fusion, .. } = self;
+        let Self { side, backbone, channels, fusion, .. } = self;
+        let backbone = match backbone {
+            RoiBackbone::Residual => format!("{}, channels {channels:?}", backbone.name()),
+            RoiBackbone::MobilenetV2 => backbone.name().to_owned(),
+        };
         vec![
             ("refiner", format!("refines each object, cut out at {side} x {side} pixels")),
-            ("channels", format!("{channels:?}")),
+            ("backbone", backbone),
             ("detector and refiner", format!("errors correlated by {:.2}", fusion.depths.correlation)),
         ]
     }

@@ -6,5 +6,5 @@ pub mod runner;
 #[cfg(feature = "train")]
 pub mod train;
 
-pub use network::ANSWER;
+pub use network::{ANSWER, RoiBackbone};
 pub use runner::RoiRunner;

@@ -1,19 +1,28 @@
 //! The refining network and its file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use farsight_core::{DepthFusion, ObjectClass};
+use farsight_graph::graph::Graph;
 use farsight_graph::init::initial_weights;
+use farsight_graph::layers::NormKind;
 use farsight_graph::model::{ModelError, NetworkConfig};
 use farsight_methods::refiner::geometry::{
     Evidence, FusedScoreExample, FusedScores, INPUT_CHANNELS, OUTPUT_CHANNELS, StageFusion,
 };
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
-use farsight_methods::roi::ANSWER;
+use farsight_methods::roi::{ANSWER, RoiBackbone};
+use farsight_methods::smoke::SmokeConfig;
+use farsight_methods::smoke::network::Backbone;
 
 fn small() -> RefinerConfig {
     RefinerConfig { side: 32, channels: [8; 4], hidden: 16, ..RefinerConfig::default() }
+}
+
+fn mobilenet() -> RefinerConfig {
+    RefinerConfig { backbone: RoiBackbone::MobilenetV2, ..small() }
 }
 
 fn model(config: RefinerConfig) -> RefinerModel {
@@ -40,6 +49,40 @@ fn one_answer_comes_out_of_a_cut_out_of_any_size_that_is_allowed() {
         let shapes = graph.shapes(side, side).unwrap();
         assert_eq!(shapes[graph.tap(ANSWER).unwrap()], [OUTPUT_CHANNELS, 1, 1], "{side} pixels");
     }
+}
+
+#[test]
+fn a_mobilenet_reads_crops_of_multiples_of_its_stride() {
+    for side in [32, 96, 128] {
+        let config = RefinerConfig { side, ..mobilenet() };
+        assert_eq!(config.problem(), None);
+        let graph = config.graph();
+        assert_eq!(graph.nodes[0].channels, INPUT_CHANNELS);
+        let shapes = graph.shapes(side, side).unwrap();
+        assert_eq!(shapes[graph.tap(ANSWER).unwrap()], [OUTPUT_CHANNELS, 1, 1], "{side} pixels");
+    }
+    let problem = RefinerConfig { side: 48, ..mobilenet() }.problem().unwrap();
+    assert!(problem.contains("model.side is 48; expected a multiple of 32"), "{problem}");
+}
+
+/// Weights of ImageNet go into a refiner by their names.
+#[test]
+fn a_mobilenet_has_the_names_of_the_backbone_of_detectors() {
+    let detector = SmokeConfig { backbone: Backbone::MobilenetV2, norm: NormKind::Batch, ..SmokeConfig::default() };
+    let body = |graph: &Graph| -> BTreeMap<String, Vec<usize>> {
+        let named = graph.parameters.iter().map(|parameter| (parameter.name.clone(), parameter.shape.clone()));
+        named.filter(|(name, _)| name.starts_with("backbone.body.")).collect()
+    };
+    let (of_refiner, of_detector) = (body(&mobilenet().graph()), body(&detector.graph()));
+    assert!(!of_refiner.is_empty());
+    assert_eq!(of_refiner, of_detector);
+}
+
+/// The header of a file without the choice is that of before, so its seal still holds.
+#[test]
+fn a_residual_backbone_is_not_named() {
+    assert!(!serde_json::to_string(&small()).unwrap().contains("backbone"));
+    assert!(serde_json::to_string(&mobilenet()).unwrap().contains("\"backbone\":\"mobilenet_v2\""));
 }
 
 #[test]

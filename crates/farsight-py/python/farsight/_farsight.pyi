@@ -19,7 +19,14 @@ _Answer = tuple[str, bytes, list[str]]
 @final
 class Pipeline:
     def __new__(
-        cls, model: _Path, engine: str, engine_path: _Path | None, precision: str, threads: int | None, region: str
+        cls,
+        model: _Path,
+        engine: str,
+        engine_path: _Path | None,
+        precision: str,
+        threads: int | None,
+        region: str,
+        above_road: float | None,
     ) -> Pipeline: ...
     @property
     def name(self) -> str: ...

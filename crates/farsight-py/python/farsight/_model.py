@@ -42,6 +42,7 @@ class Model:
         threads: Threads of each network; one for each core by default.
         region: Part of the world that the images are from, by the sizes of its vehicles: "world", "europe",
             "north-america", "china", "japan" or "india"; for farsight-w.
+        above_road: Height of the camera above the road, metres, where it is known: all distances become surer.
         model: "farsight-w", which "shipped" stands for, "farsight-s", "farsight-n", or a file that `farsight train`,
             `farsight import` or `farsight export` wrote.
 
@@ -57,6 +58,7 @@ class Model:
         precision: str = "f32",
         threads: int | None = None,
         region: str = "world",
+        above_road: float | None = None,
         model: str | os.PathLike[str] = "shipped",
     ) -> None:
         _check_process()
@@ -65,9 +67,11 @@ class Model:
             "precision": precision,
             "threads": threads,
             "region": region,
+            "above_road": above_road,
             "model": os.fspath(model),
         }
-        self._pipeline = Pipeline(os.fspath(model), engine, _engine_path(engine), precision, threads, region)
+        library = _engine_path(engine)
+        self._pipeline = Pipeline(os.fspath(model), engine, library, precision, threads, region, above_road)
         for text in self._pipeline.notes:
             warnings.warn(text, stacklevel=2)
 
@@ -197,8 +201,9 @@ class Model:
             calib: Calibration in KITTI's format, as for `range`.
             lens: What distorts the frames, as for `range`.
             fps: Frames a second, of images only.
-            ego: A file or folder that says how the camera moves, as for `farsight track --ego`; without one speeds are
-                relative to the camera.
+            ego: A file or folder that says how the camera moves, as for `farsight track --ego`; "auto" estimates it
+                from the frames, with the model's `above_road` or a calibration with its road. Without it, and in
+                frames that do not tell, speeds are relative to the camera.
             min_score: A detection of this score begins a track; lower ones may continue one.
             realtime: Look at the latest frame only, and leave out those that came in between.
             ffmpeg: The ffmpeg program.

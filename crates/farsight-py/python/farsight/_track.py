@@ -39,6 +39,13 @@ class Frame(Objects):
         return float(self._record["time_s"])
 
     @property
+    def ego(self) -> dict[str, float] | None:
+        """How the camera moves, where that is known: `speed_mps`, `speed_sigma_mps`, `yaw_rate` (rad/s, to the left)
+        and `yaw_rate_sigma`."""
+        motion: dict[str, float] | None = self.to_dict().get("ego")
+        return motion
+
+    @property
     def tracks(self) -> list[dict[str, Any]]:
         """The tracks one by one, with the fields that `farsight track --json` writes."""
         tracks: list[dict[str, Any]] = self.to_dict()["tracks"]

@@ -70,6 +70,10 @@ impl Body {
         Self { class: class.clone(), meshes, braking, plate, contact_shadow: builder.contact_shadow(), lights_on }
     }
 
+    pub(super) fn class(&self) -> &ObjectClass {
+        &self.class
+    }
+
     /// The mesh of a moment.
     fn mesh(&self, moment: &Moment) -> &Mesh {
         if let (true, Some(mesh)) = (moment.is_braking, &self.braking) {
@@ -115,7 +119,7 @@ impl Placement {
         [x * self.cos - z * self.sin, y, x * self.sin + z * self.cos]
     }
 
-    fn box3d(&self, box3d: &Box3d) -> Box3d {
+    pub(super) fn box3d(&self, box3d: &Box3d) -> Box3d {
         let yaw = farsight_core::wrapped_angle(box3d.yaw - self.heading);
         Box3d { location: self.point(box3d.location), yaw, ..*box3d }
     }
@@ -130,7 +134,7 @@ impl Placement {
 }
 
 impl Sequence {
-    fn placement(&self, step: &Step) -> Placement {
+    pub(super) fn placement(&self, step: &Step) -> Placement {
         let rise = self.ground.y(step.ego.point) - self.ground.at_camera;
         Placement::new(step.ego.point, rise, step.ego.heading)
     }
@@ -256,7 +260,7 @@ impl Sequence {
 }
 
 /// The velocity of something in the camera's axes, and its speed over the ground (in the first place).
-fn relative(step: &Step, placement: &Placement, box3d: &Box3d, velocity: [f64; 2]) -> [Vec3d; 2] {
+pub(super) fn relative(step: &Step, placement: &Placement, box3d: &Box3d, velocity: [f64; 2]) -> [Vec3d; 2] {
     let (own, yaw_rate) = (step.ego.velocity, step.ego.yaw_rate);
     let [x, _, z] = box3d.location;
     let [vx, _, vz] = placement.direction([velocity[0] - own[0], 0.0, velocity[1] - own[1]]);
@@ -266,7 +270,7 @@ fn relative(step: &Step, placement: &Placement, box3d: &Box3d, velocity: [f64; 2
 }
 
 /// A label in the coordinates of a camera that has pitched and rolled.
-fn tilted_label(mut label: Label, pitch: f64, roll: f64) -> Label {
+pub(super) fn tilted_label(mut label: Label, pitch: f64, roll: f64) -> Label {
     let rotation = turn(pitch, roll);
     let point = label.box3d.location;
     label.box3d.location = rotation.map(|row| (0..3).map(|axis| row[axis] * point[axis]).sum());

@@ -14,6 +14,7 @@
 //! | `layout` | label files of KITTI's tracking benchmark rebuilt |
 //! | `frame` | a scene seen from where the camera is |
 //! | `readout` | rows that are exposed one after the other |
+//! | `unrendered` | the same without a picture |
 
 mod camera;
 mod follow;
@@ -22,6 +23,7 @@ mod layout;
 mod mover;
 mod readout;
 mod traffic;
+mod unrendered;
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -44,6 +46,7 @@ use layout::sequence_from_labels;
 use traffic::Simulation;
 
 pub use layout::SequenceLayout;
+pub use unrendered::UnrenderedFrame;
 
 /// The stream of draws of sequences; scenes, layouts, sensors and light have 0 to 3.
 const SEQUENCE_STREAM: u64 = 4;

@@ -6,38 +6,22 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::format_push_string, reason = "an example")]
 
 mod baselines;
+mod data;
 
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-use farsight::json::ImageRecord;
-use farsight::video::EgoFile;
-use farsight::{Box2d, Box3d, Camera, Detection, Frame, ObjectClass, Track, Tracker, TrackerOptions};
-use farsight_core::Dimensions;
-use farsight_eval::tracks::{
-    GroundTruthFrame, JudgedSequence, PredictedFrame, PredictedTrack, Sample, TracksReport, judge, read_sequence, text,
-};
+use farsight::{Detection, ObjectClass, Tracker, TrackerOptions};
+use farsight_eval::tracks::{JudgedSequence, PredictedFrame, PredictedTrack, Sample, TracksReport, text};
 
 use baselines::{Baseline, Kind};
-
-/// One sequence with its detections.
-struct Sequence {
-    name: String,
-    truth: Vec<GroundTruthFrame>,
-    camera: Camera,
-    image_size: [usize; 2],
-    detections: Vec<Vec<Detection>>,
-    ego: EgoFile,
-    fps: f64,
-}
-
-const BIRTH: f64 = 0.5;
+use data::{BIRTH, Sequence, judged, options, sequences, told, update};
 
 fn main() -> std::io::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (data, folder) = arguments.next().zip(arguments.next()).expect("expected DATA DETECTIONS");
-    let mut options = TrackerOptions { birth_score: BIRTH, low_score: 0.2, ..TrackerOptions::default() };
+    let mut options = options();
     arguments.for_each(|setting| set(&mut options, &setting));
     let sequences = sequences(Path::new(&data), Path::new(&folder))?;
     let ours: Vec<JudgedSequence> = sequences.iter().map(|one| judged(one, &tracked(one, &options, true))).collect();
@@ -97,76 +81,14 @@ fn set(options: &mut TrackerOptions, setting: &str) {
     *place = value;
 }
 
-fn sequences(data: &Path, folder: &Path) -> std::io::Result<Vec<Sequence>> {
-    let plan: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(data.join("synth.json"))?).unwrap();
-    let fps = plan["source"]["fps"].as_f64().unwrap();
-    let root = data.join("training");
-    let mut names: Vec<String> = std::fs::read_dir(root.join("label_02"))?
-        .map(|entry| Path::new(&entry.unwrap().file_name()).file_stem().unwrap().to_string_lossy().into_owned())
-        .collect();
-    names.sort();
-    names.retain(|name| folder.join(format!("{name}.json")).is_file());
-    let sequence = |name: &String| {
-        let velocities = root.join(format!("velocity_02/{name}.csv"));
-        let truth = read_sequence(&root.join(format!("label_02/{name}.txt")), Some(&velocities)).unwrap();
-        let answers = std::fs::read_to_string(folder.join(format!("{name}.json")))?;
-        let records: Vec<ImageRecord> = serde_json::from_str(&answers).unwrap();
-        let camera = Camera { projection: records[0].camera.as_ref().unwrap().projection };
-        let image_size = [records[0].width, records[0].height].map(|side| side as usize);
-        let detections = records.iter().map(detections).collect();
-        let ego = EgoFile::read(&root.join(format!("oxts/{name}.txt"))).unwrap();
-        Ok(Sequence { name: name.clone(), truth, camera, image_size, detections, ego, fps })
-    };
-    names.iter().map(sequence).collect()
-}
-
-fn detections(record: &ImageRecord) -> Vec<Detection> {
-    let detection = |one: &farsight::json::DetectionRecord| {
-        let [x1, y1, x2, y2] = one.box2d;
-        let [height, width, length] = one.dimensions_hwl;
-        let box3d =
-            Box3d { dimensions: Dimensions { height, width, length }, location: one.location, yaw: one.rotation_y };
-        Detection {
-            class: ObjectClass::from_name(&one.class),
-            score: one.score,
-            box2d: Box2d::new(x1, y1, x2, y2),
-            box3d,
-            range_sigma_m: one.range_sigma_m,
-        }
-    };
-    let is_whole = |one: &Detection| one.box2d.width() > 0.0 && one.box2d.height() > 0.0 && one.box3d.depth_m() > 0.0;
-    record.detections.iter().map(detection).filter(is_whole).collect()
-}
-
-fn judged(sequence: &Sequence, told: &[Option<PredictedFrame>]) -> JudgedSequence {
-    judge(&sequence.name, &ObjectClass::Car, &sequence.truth, told)
-}
-
 fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<Option<PredictedFrame>> {
     let mut tracker = Tracker::new(options.clone());
-    let frame = |(number, detections): (usize, &Vec<Detection>)| {
-        let time_s = number as f64 / sequence.fps;
-        let (camera, image_size) = (&sequence.camera, sequence.image_size);
-        let ego = sequence.ego.motion(number as u64, time_s);
-        let frame = Frame { time_s, image_size, camera, detections, ego, looks_cut: false };
-        let tracks = tracker.update(&frame).unwrap();
-        let told = |track: &Track| PredictedTrack {
-            id: track.id,
-            class: track.class.clone(),
-            box2d: track.box2d,
-            box3d: track.box3d,
-            range_sigma_m: Some(track.range_sigma_m),
-            closing_mps: track.closing.map(|closing| [closing.mps, closing.sigma_mps]),
-            ttc_s: track.closing.and_then(|closing| closing.ttc_s),
-            ttc_interval_s: track.closing.and_then(|closing| closing.ttc_interval_s),
-            speed_mps: ego.and_then(|ego| track.speed_mps(&ego)),
-        };
-        Some(PredictedFrame {
-            time_s,
-            tracks: tracks.iter().filter(|track| coasts || !track.coasting).map(told).collect(),
-        })
+    let frame = |number: usize| {
+        let mut tracks = update(&mut tracker, sequence, number);
+        tracks.retain(|track| coasts || !track.coasting);
+        Some(told(sequence, number, &tracks))
     };
-    sequence.detections.iter().enumerate().map(frame).collect()
+    (0..sequence.detections.len()).map(frame).collect()
 }
 
 /// Each detection a track of its own.
@@ -203,6 +125,16 @@ fn baseline(sequence: &Sequence, kind: Kind) -> Vec<Option<PredictedFrame>> {
 
 /// Distances of tracks and of single images, of the same objects in the same frames.
 fn against_single(tracked: &[JudgedSequence], single: &[JudgedSequence]) -> String {
+    let [ours, theirs] = distances(tracked, single);
+    format!(
+        "\nsame objects in the same frames: distance MAE {ours:.3} m, single images {theirs:.3} m ({:+.1}%)\n",
+        100.0 * (ours / theirs - 1.0)
+    )
+}
+
+/// Mean absolute errors of the distances of tracks and of single images, metres, of the same objects in the same
+/// frames.
+fn distances(tracked: &[JudgedSequence], single: &[JudgedSequence]) -> [f64; 2] {
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for (a, b) in tracked.iter().zip(single) {
         let key = |one: &Sample| (one.frame, one.ids[0]);
@@ -215,9 +147,5 @@ fn against_single(tracked: &[JudgedSequence], single: &[JudgedSequence]) -> Stri
         }
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let (ours, theirs) = (mean(&ours), mean(&theirs));
-    format!(
-        "\nsame objects in the same frames: distance MAE {ours:.3} m, single images {theirs:.3} m ({:+.1}%)\n",
-        100.0 * (ours / theirs - 1.0)
-    )
+    [mean(&ours), mean(&theirs)]
 }
