@@ -6,6 +6,7 @@
     reason = "a test that cannot go on stops, and says so when it was skipped"
 )]
 
+mod camera_estimator;
 mod centernet3d;
 mod checkpoints;
 mod configs;

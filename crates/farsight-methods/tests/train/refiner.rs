@@ -16,7 +16,7 @@ use farsight_methods::refiner::train::{RefinerRun, RefinerTask, RefinerTaskConfi
 use farsight_methods::refiner::{Flip, Refiner};
 use farsight_methods::refiner::{RefinerConfig, RefinerModel};
 use farsight_methods::roi::runner::onnx;
-use farsight_methods::roi::{ANSWER, RoiRunner};
+use farsight_methods::roi::{ANSWER, RoiBackbone, RoiRunner};
 use farsight_methods::training::{TAGS, train};
 use farsight_onnx::Target;
 use farsight_runtime::RtenRunner;
@@ -170,6 +170,33 @@ fn a_run_starts_from_another_refiner() {
     Weights { tensors: [("elsewhere".to_owned(), tensor)].into(), ..Weights::default() }.write(&other).unwrap();
     let nothing_fits = started(Some(other), "fourth").unwrap_err().to_string();
     assert!(nothing_fits.contains("other.safetensors: train.start_from: none of its tensors"), "{nothing_fits}");
+}
+
+/// As weights of ImageNet begin a refiner: its backbone comes from a file that has nothing else, and stays as it is.
+#[test]
+fn a_backbone_that_has_seen_photographs_begins_a_refiner() {
+    const BODY: &str = "backbone.body.";
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.model = RefinerConfig { backbone: RoiBackbone::MobilenetV2, ..small() };
+    let mut weights = initial_weights(&run.model.graph(), 7);
+    weights.tensors.retain(|name, _| name.starts_with(BODY));
+    let start = folder.path().join("backbone.safetensors");
+    weights.write(&start).unwrap();
+    run.train.epochs = 150;
+    run.train.start_from = Some(start);
+    run.train.start_without =
+        Some(["fine8.", "fine16.", "whole.", "hidden.", "answer.", "kinds."].map(Into::into).into());
+    run.train.freeze = vec![BODY.to_owned()];
+    let out = folder.path().join("run");
+    let (_, kept) = trained(&run, &out, false).unwrap();
+    let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
+    for (name, tensor) in &weights.tensors {
+        assert_eq!(&model.weights.tensors[name], tensor, "{name}");
+    }
+    let loss = |records: &[StepSummary]| records.iter().map(|record| record.loss).sum::<f64>() / records.len() as f64;
+    let (first, last) = (loss(&kept.records[..3]), loss(&kept.records[kept.records.len() - 5..]));
+    assert!(last < 0.6 * first, "a loss of {first} became {last}");
 }
 
 #[test]

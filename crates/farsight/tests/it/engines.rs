@@ -370,7 +370,8 @@ fn kinds() -> Vec<EngineKind> {
     EngineKind::ALL.into_iter().filter(is_here).collect()
 }
 
-/// Detector, refiner and road of farsight-w and of farsight-n; detector, refiner, plate reader and road of farsight-s.
+/// Detector, refiner and road of farsight-w and of farsight-n, which is the quickest, in mixtures and threads, too;
+/// detector, refiner, plate reader and road of farsight-s.
 #[test]
 fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
     let kinds = kinds();
@@ -392,6 +393,9 @@ fn the_whole_pipeline_runs_on_every_engine_in_mixtures_and_in_threads() {
             let whole = builder().engine(kind).open().unwrap();
             assert_eq!(whole.engine(), kind.name());
             assert_same_objects(&what, &sure(&whole, scene), &expected);
+            if family != Family::FarsightN {
+                continue;
+            }
             let second = builder().second_stage_engine(kind).open().unwrap();
             assert_eq!(second.engine(), "rten");
             assert_same_objects(&format!("{}, rten, then {kind}", family.name()), &sure(&second, scene), &expected);

@@ -155,8 +155,10 @@ fn what_cannot_be_quantised_is_told() {
     }
 }
 
+/// By farsight-n, the quickest.
 #[test]
 fn the_whole_pipeline_in_8_bits() {
+    const MODEL: [&str; 2] = ["--model", "farsight-n"];
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let scenes = path("assets/scenes/image_2");
@@ -165,19 +167,19 @@ fn the_whole_pipeline_in_8_bits() {
 
     // Ranges are added, and nothing else changes: the weights are still those that come with the program.
     let file = ["--calibration", &scenes, "--out", "refiner.safetensors"];
-    let told = done(folder, &[&["export", "--int8", "--half", "--model", "farsight-w-refiner"], &file[..]].concat());
+    let told = done(folder, &[&["export", "--int8", "--half", "--model", "farsight-n-refiner"], &file[..]].concat());
     assert!(told.contains("ranges for 8 bits of") && told.contains("from 4 images (mse)"), "{told}");
-    let (own, float) = (detections(folder, &["--refiner", "refiner.safetensors"]), detections(folder, &[]));
-    assert_eq!(own, float);
+    let float = detections(folder, &MODEL);
+    assert_eq!(detections(folder, &[&MODEL[..], &["--refiner", "refiner.safetensors"]].concat()), float);
 
     for name in &engines(folder) {
-        let int8 = detections(folder, &["--engine", name, "--precision", "int8"]);
+        let int8 = detections(folder, &[&MODEL[..], &["--engine", name, "--precision", "int8"]].concat());
         assert_ne!(int8, float, "{name}: these are other numbers");
         assert_twins(name, &int8, &float);
         // Whoever trains a refiner measures its ranges before it can be used so.
         let image = path("assets/scenes/image_2/000000.jpg");
         let common = ["range", &image, "--engine", name, "--precision", "int8"];
-        done(folder, &[&common[..], &["--refiner", "refiner.safetensors"]].concat());
+        done(folder, &[&common[..], &MODEL, &["--refiner", "refiner.safetensors"]].concat());
         let shipped = path("models/farsight-s.safetensors");
         done(folder, &["export", "--half", "--model", &shipped, "--out", "copy.safetensors"]);
         let output = farsight(folder, &[&common[..], &["--model", "copy.safetensors"]].concat());
