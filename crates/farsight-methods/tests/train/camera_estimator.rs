@@ -29,7 +29,8 @@ impl Callback for FocalErrors {
     }
 }
 
-/// Four images of noise by cameras of four focal lengths, told apart by what a backbone that stays as it is makes of them.
+/// Four images of noise by cameras of four focal lengths, told apart by what a backbone that stays as it is makes of
+/// them.
 #[test]
 fn focal_lengths_of_a_small_set_are_learnt() {
     let folder = data_set(4);
