@@ -60,6 +60,15 @@ pub struct DepthFusion {
     pub joint_error_factor: f64,
     /// Half the width of the intervals that hold half of the truths and 90% of them, joint error bars.
     pub interval_sigmas: [f64; 2],
+    /// The first one has no say: it measures nothing.
+    #[serde(skip_serializing_if = "is_false")]
+    pub is_second_alone: bool,
+}
+
+/// Files of before there was a choice do not name it.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 impl Default for DepthFusion {
@@ -71,20 +80,21 @@ impl Default for DepthFusion {
             correlation: 0.5,
             joint_error_factor: 1.0,
             interval_sigmas: NORMAL_INTERVAL_SIGMAS,
+            is_second_alone: false,
         }
     }
 }
 
 impl DepthFusion {
     /// What makes the second depths of `pairs` right in the median and all error bars hold two thirds of them; none
-    /// when they are fewer than [`MIN_EXAMPLES`].
-    pub fn fit(pairs: &[DepthPair]) -> Option<Self> {
+    /// when they are fewer than [`MIN_EXAMPLES`]. The first depths have a say unless `is_second_alone`.
+    pub fn fit(pairs: &[DepthPair], is_second_alone: bool) -> Option<Self> {
         if pairs.len() < MIN_EXAMPLES {
             return None;
         }
         let log_off = |pair: &DepthPair| (pair.second.depth_m / pair.true_m).ln();
-        let unfitted =
-            Self { depth_factor: (-quantile(&sorted(pairs.iter().map(log_off)), 0.5)).exp(), ..Self::default() };
+        let depth_factor = (-quantile(&sorted(pairs.iter().map(log_off)), 0.5)).exp();
+        let unfitted = Self { depth_factor, is_second_alone, ..Self::default() };
         let second = |fitted: &Self, pair: &DepthPair| fitted.corrected(pair.second).off(pair.true_m);
         let fitted = Self { error_factor: one_sigma(pairs.iter().map(|pair| second(&unfitted, pair))), ..unfitted };
         let offs =
@@ -134,6 +144,13 @@ impl DepthFusion {
         if fitted.is_usable() { fitted } else { self }
     }
 
+    /// By what the joint error bars of `pairs` are to be multiplied, so that they hold two thirds of the errors; none when
+    /// they are fewer than [`MIN_EXAMPLES`].
+    pub fn missing_error_factor(&self, pairs: &[DepthPair]) -> Option<f64> {
+        let joint = |pair: &DepthPair| self.joint(Some(pair.first), pair.second).off(pair.true_m);
+        (pairs.len() >= MIN_EXAMPLES).then(|| one_sigma(pairs.iter().map(joint)))
+    }
+
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
         let factors = [self.depth_factor, self.error_factor, self.joint_error_factor];
@@ -143,9 +160,10 @@ impl DepthFusion {
         are_factors && are_intervals && (-0.99..=0.99).contains(&self.correlation)
     }
 
-    /// The best linear combination of both measurements, of which the first may be missing.
+    /// The best linear combination of both measurements, of which the first may be missing or have no say.
     pub fn joint(&self, first: Option<MeasuredDepth>, second: MeasuredDepth) -> MeasuredDepth {
         let second = self.corrected(second);
+        let first = first.filter(|_| !self.is_second_alone);
         let MeasuredDepth { depth_m, log_sigma } =
             first.map_or(second, |first| combined(first, second, self.correlation));
         MeasuredDepth { depth_m, log_sigma: log_sigma * self.joint_error_factor }
@@ -224,12 +242,33 @@ mod tests {
                 DepthPair { true_m, first, second: MeasuredDepth { depth_m: second_m, log_sigma: 0.02 } }
             })
             .collect();
-        let found = DepthFusion::fit(&pairs).expect("enough pairs");
+        let found = DepthFusion::fit(&pairs, false).expect("enough pairs");
         assert!((found.depth_factor - truth.depth_factor).abs() < 0.003, "{found:?}");
         assert!((found.error_factor - truth.error_factor).abs() < 0.08, "{found:?}");
         assert!((found.correlation - truth.correlation).abs() < 0.04, "{found:?}");
         assert!((found.joint_error_factor - 1.0).abs() < 0.05, "{found:?}");
-        assert_eq!(DepthFusion::fit(&pairs[..3]), None);
+        assert!(!found.is_second_alone);
+        assert_eq!(DepthFusion::fit(&pairs[..3], false), None);
+    }
+
+    #[test]
+    fn a_first_one_without_a_say_changes_nothing() {
+        let pair = |k: u32| {
+            let true_m = 5.0 + f64::from(k % 60);
+            let [_, a, b] = normals(k);
+            let first = MeasuredDepth { depth_m: 0.4 * true_m * (0.15 * a).exp(), log_sigma: 0.15 };
+            let second = MeasuredDepth { depth_m: true_m * (0.08 * b).exp(), log_sigma: 0.04 };
+            DepthPair { true_m, first, second }
+        };
+        let pairs: Vec<DepthPair> = (0..2000).map(pair).collect();
+        let found = DepthFusion::fit(&pairs, true).expect("enough pairs");
+        let DepthPair { first, second, .. } = pairs[0];
+        assert_eq!(found.joint(Some(first), second), found.joint(None, second));
+        assert!((found.error_factor - 2.0).abs() < 0.1 && (found.joint_error_factor - 1.0).abs() < 0.01, "{found:?}");
+        let narrow = DepthFusion { joint_error_factor: found.joint_error_factor / 3.0, ..found };
+        let missing = narrow.missing_error_factor(&pairs).expect("enough pairs");
+        assert!((missing - 3.0).abs() < 1e-9, "{missing}");
+        assert_eq!(narrow.missing_error_factor(&pairs[..3]), None);
     }
 
     #[test]
@@ -244,7 +283,7 @@ mod tests {
                 DepthPair { true_m, first, second }
             })
             .collect();
-        let fitted = DepthFusion::fit(&pairs).expect("enough pairs");
+        let fitted = DepthFusion::fit(&pairs, false).expect("enough pairs");
         let sigma = |fusion: &DepthFusion| fusion.joint(Some(pairs[0].first), pairs[0].second).log_sigma;
         assert!((sigma(&fitted) - 0.06_f64.hypot(0.05)).abs() < 0.003, "{fitted:?}");
         let own = fitted.with_shared_error(&pairs, &vec![0.06; pairs.len()]);

@@ -20,6 +20,11 @@ pub trait Detector: Send {
     /// Whether what it finds has error bars.
     fn has_error_bars(&self) -> bool;
 
+    /// Whether it measures distances; one that finds boxes in the image alone guesses them by the usual size of a class.
+    fn measures_distances(&self) -> bool {
+        true
+    }
+
     /// Width and height, pixels, of the network's input for an image of `image_size` taken by `camera`.
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2];
 

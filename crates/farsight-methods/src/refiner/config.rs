@@ -82,10 +82,15 @@ impl Method for RefinerConfig {
             RoiBackbone::Residual => format!("{}, channels {channels:?}", backbone.name()),
             RoiBackbone::MobilenetV2 => backbone.name().to_owned(),
         };
+        let depths = if fusion.depths.is_second_alone {
+            "distances are the refiner's alone".to_owned()
+        } else {
+            format!("errors correlated by {:.2}", fusion.depths.correlation)
+        };
         vec![
             ("refiner", format!("refines each object, cut out at {side} x {side} pixels")),
             ("backbone", backbone),
-            ("detector and refiner", format!("errors correlated by {:.2}", fusion.depths.correlation)),
+            ("detector and refiner", depths),
         ]
     }
 }

@@ -95,6 +95,11 @@ impl Detector for SsdDetector {
         true
     }
 
+    /// What a refiner finds to be a lorry stands at a third of its distance here.
+    fn measures_distances(&self) -> bool {
+        false
+    }
+
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
         let first = self.config.views.first().and_then(|view| window(view, image_size, camera));
         first.map_or([0, 0], |window| window.size)

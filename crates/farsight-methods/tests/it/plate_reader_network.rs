@@ -43,6 +43,7 @@ fn a_file_gives_back_what_was_written_and_is_no_refiner() {
         correlation: 0.1,
         joint_error_factor: 0.9,
         interval_sigmas: [0.6, 1.8],
+        ..DepthFusion::default()
     };
     let config = PlateReaderConfig { side: 16, channels: [8; 3], hidden: 16, depths };
     let written = PlateReaderModel::new(config.clone(), initial_weights(&config.graph(), 1)).unwrap();

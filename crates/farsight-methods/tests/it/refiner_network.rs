@@ -80,8 +80,9 @@ fn a_mobilenet_has_the_names_of_the_backbone_of_detectors() {
 
 /// The header of a file without the choice is that of before, so its seal still holds.
 #[test]
-fn a_residual_backbone_is_not_named() {
-    assert!(!serde_json::to_string(&small()).unwrap().contains("backbone"));
+fn what_was_no_choice_before_is_not_named() {
+    let written = serde_json::to_string(&small()).unwrap();
+    assert!(!written.contains("backbone") && !written.contains("alone") && !written.contains("people"), "{written}");
     assert!(serde_json::to_string(&mobilenet()).unwrap().contains("\"backbone\":\"mobilenet_v2\""));
 }
 
@@ -111,8 +112,9 @@ fn a_file_gives_back_what_was_written() {
         correlation: 0.4,
         joint_error_factor: 0.9,
         interval_sigmas: [0.6, 1.8],
+        is_second_alone: true,
     };
-    let fusion = StageFusion { depths, scores: scores(), ..StageFusion::default() };
+    let fusion = StageFusion { depths, people_error_factor: 1.7, scores: scores(), ..StageFusion::default() };
     let written = model(RefinerConfig { fusion, ..small() });
     written.write_half(&path).unwrap();
     assert!(RefinerModel::is_one(&path));

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::kinds::{likeliest, log_odds};
 use super::{Evidence, FusedScores, Refinement, kind_of};
 use farsight_core::overlap::iou_2d;
+use farsight_core::scale::is_scaled;
 use farsight_core::score::SCORE_LIMITS;
 use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, Region, ScalePrior};
 
@@ -14,11 +15,14 @@ use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, Region, Scale
 const MIN_OVERLAP: f64 = 0.3;
 
 /// How the two stages go together, fitted on labelled frames.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StageFusion {
     /// One depth from both. Neither stage knows how large a car is, so they err alike.
     pub depths: DepthFusion,
+    /// Factor on the error bars of people and cyclists, whose heights spread otherwise than those of vehicles.
+    #[serde(skip_serializing_if = "is_one")]
+    pub people_error_factor: f64,
     /// How likely a detection is right after both; unfitted, the detector's scores stay.
     pub scores: FusedScores,
     /// What the distances of an image's vehicles have in common, by region; empty where that was not fitted.
@@ -26,10 +30,30 @@ pub struct StageFusion {
     pub scales: BTreeMap<Region, ScalePrior>,
 }
 
+impl Default for StageFusion {
+    /// Unfitted.
+    fn default() -> Self {
+        let (depths, scores) = (DepthFusion::default(), FusedScores::default());
+        Self { depths, people_error_factor: 1.0, scores, scales: BTreeMap::new() }
+    }
+}
+
+/// Files of before there was such a factor do not name it.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_one(factor: &f64) -> bool {
+    factor.to_bits() == 1.0_f64.to_bits()
+}
+
 impl StageFusion {
+    /// The factors that people's error bars may have.
+    pub const PEOPLE_ERROR_FACTORS: [f64; 2] = [0.1, 10.0];
+
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
-        self.depths.is_usable() && self.scores.is_usable() && self.scales.values().all(ScalePrior::is_usable)
+        let [least, most] = Self::PEOPLE_ERROR_FACTORS;
+        let are_people = (least..=most).contains(&self.people_error_factor);
+        let are_scales = self.scales.values().all(ScalePrior::is_usable);
+        are_people && are_scales && self.depths.is_usable() && self.scores.is_usable()
     }
 
     /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it,
@@ -67,6 +91,13 @@ impl StageFusion {
         evidence(first, second, self.placed(first, second, camera, image_size).as_ref())
     }
 
+    /// The depth of `first` by both stages.
+    pub fn depth(&self, first: &Detection, second: MeasuredDepth) -> MeasuredDepth {
+        let MeasuredDepth { depth_m, log_sigma } = self.depths.joint(MeasuredDepth::of(first), second);
+        let factor = if is_scaled(&first.class) { 1.0 } else { self.people_error_factor };
+        MeasuredDepth { depth_m, log_sigma: factor * log_sigma }
+    }
+
     /// `first` where the refiner has it, at the depth of both; none when that is not in front of the camera.
     fn placed(
         &self,
@@ -75,7 +106,7 @@ impl StageFusion {
         camera: &Camera,
         image_size: [usize; 2],
     ) -> Option<Detection> {
-        let MeasuredDepth { depth_m, log_sigma } = self.depths.joint(MeasuredDepth::of(first), second.depth());
+        let MeasuredDepth { depth_m, log_sigma } = self.depth(first, second.depth());
         let box3d = second.box3d.scaled(depth_m / second.box3d.depth_m());
         let [width, height] = image_size.map(|side| side as f64);
         let box2d = box3d.projected(camera)?.clamped(width, height);
@@ -130,6 +161,18 @@ mod tests {
         let unsure = detection(first.box3d, None);
         let alone = fusion.fused(&unsure, Some(&second), &camera(), IMAGE);
         assert!((alone.box3d.depth_m() - 22.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn error_bars_of_people_have_a_factor_of_their_own() {
+        let car = detection(car([2.0, 1.6, 20.0], 0.4), Some(1.0));
+        let cyclist = Detection { class: ObjectClass::Cyclist, ..car.clone() };
+        let second = MeasuredDepth { depth_m: 22.0, log_sigma: 0.05 };
+        let fusion = StageFusion { people_error_factor: 1.5, ..StageFusion::default() };
+        let [plain, wider] = [&car, &cyclist].map(|first| fusion.depth(first, second));
+        assert_eq!(plain, StageFusion::default().depth(&car, second));
+        assert!((wider.log_sigma - 1.5 * plain.log_sigma).abs() < 1e-12 && wider.depth_m.to_bits() == plain.depth_m.to_bits());
+        assert!(!StageFusion { people_error_factor: f64::NAN, ..fusion }.is_usable());
     }
 
     #[test]

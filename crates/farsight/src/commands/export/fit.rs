@@ -173,17 +173,24 @@ pub(super) fn detected(
 }
 
 /// How the depths of two measurements go together; `second` is what messages call the one that is corrected.
-pub(super) fn fitted_depths(pairs: &[DepthPair], second: &str, printer: &mut Printer) -> Result<DepthFusion> {
-    let Some(depths) = DepthFusion::fit(pairs) else {
+pub(super) fn fitted_depths(
+    pairs: &[DepthPair],
+    second: &str,
+    is_second_alone: bool,
+    printer: &mut Printer,
+) -> Result<DepthFusion> {
+    let Some(depths) = DepthFusion::fit(pairs, is_second_alone) else {
         bail!("{} objects found; expected at least {MIN_EXAMPLES}", pairs.len());
     };
     printer.status(&format!(
-        "fitted on {} objects: {second}'s distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, error bars of both times {:.2}",
+        "fitted on {} objects: {second}'s distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, \
+         error bars of both times {:.2}{}",
         pairs.len(),
         depths.depth_factor,
         depths.error_factor,
         depths.correlation,
-        depths.joint_error_factor
+        depths.joint_error_factor,
+        if depths.is_second_alone { "; the detector's distances have no say" } else { "" }
     ));
     Ok(depths)
 }

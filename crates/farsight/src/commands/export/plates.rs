@@ -28,7 +28,8 @@ pub(super) fn run(
     printer: &mut Printer,
 ) -> Result<Outcome> {
     let pairs = depth_pairs(&model, &args.detector, data)?;
-    model.config.depths = fitted_depths(&pairs, "plate reader", printer).with_context(|| data.display().to_string())?;
+    model.config.depths =
+        fitted_depths(&pairs, "plate reader", false, printer).with_context(|| data.display().to_string())?;
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)

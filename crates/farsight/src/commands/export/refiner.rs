@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use farsight::ModelSource;
 use farsight::detector::open_detector;
 use farsight::second_stage::refiner;
-use farsight::{EngineOptions, ModelSource};
 use farsight_core::depth_fusion::DepthPair;
 use farsight_core::detection::DecodeOptions;
 use farsight_core::scale::is_scaled;
@@ -32,17 +32,41 @@ pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, data: &Path, print
         let of_another = || format!("{}: the weights of another network than {}", path.display(), args.model.display());
         model.weights = mean.with_context(of_another)?;
     }
-    let (seen, classes) = two_stage_frames(&model, &args.detector, data)?;
+    let engine = args.int8.engine.options()?;
+    let mut detector = open_detector(&ModelSource::from_word(&args.detector), &engine)?;
+    ensure!(
+        detector.has_error_bars(),
+        "the detector has no error bars; expected a model after `farsight export --fit-on`"
+    );
+    let is_second_alone = !detector.measures_distances();
+    // Where an object is looked at again follows from this.
+    model.config.fusion.depths.is_second_alone = is_second_alone;
+    let mut refiner = refiner(&model, &engine)?;
+    let seen = two_stage_frames(&mut *detector, &mut refiner, data)?;
+    let classes: Vec<ObjectClass> = detector.classes().iter().map(|class| class.class.clone()).collect();
     let pairs: Vec<Vec<ClassifiedPair>> = seen.iter().map(TwoStageFrame::depth_pairs).collect();
     let flat: Vec<DepthPair> = pairs.iter().flatten().map(|classified| classified.pair).collect();
-    let depths = fitted_depths(&flat, "refiner", printer).with_context(|| data.display().to_string())?;
+    let depths =
+        fitted_depths(&flat, "refiner", is_second_alone, printer).with_context(|| data.display().to_string())?;
     let (depths, scales) = fitted_scales(depths, &pairs, &seen, printer);
-    model.config.fusion = StageFusion { depths, scales, ..StageFusion::default() };
+    let people_error_factor = fitted_people(&depths, &pairs, printer);
+    model.config.fusion = StageFusion { depths, people_error_factor, scales, ..StageFusion::default() };
     let scores = fitted_scores(&model.config.fusion, &seen, &classes, printer);
     model.config.fusion.scores = scores.with_context(|| data.display().to_string())?;
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
+}
+
+/// What makes the error bars of people hold two thirds of them; 1 where they are too few.
+fn fitted_people(depths: &DepthFusion, pairs: &[Vec<ClassifiedPair>], printer: &mut Printer) -> f64 {
+    let people = pairs.iter().flatten().filter(|classified| !classified.is_scaled);
+    let people: Vec<DepthPair> = people.map(|classified| classified.pair).collect();
+    let [least, most] = StageFusion::PEOPLE_ERROR_FACTORS;
+    let Some(factor) = depths.missing_error_factor(&people) else { return 1.0 };
+    let factor = factor.clamp(least, most);
+    printer.status(&format!("error bars of people: {factor:.2} times, fitted on {} of them", people.len()));
+    factor
 }
 
 fn fitted_scores(
@@ -86,10 +110,9 @@ fn fitted_scales(
     let Some(world) = ScalePrior::fit(&errors_of(None)).filter(|_| is_regional) else {
         return (depths, BTreeMap::new());
     };
-    let shared = |pair: &ClassifiedPair| if pair.is_scaled { world.log_sigma } else { 0.0 };
-    let flat: Vec<DepthPair> = pairs.iter().flatten().map(|classified| classified.pair).collect();
-    let shared: Vec<f64> = pairs.iter().flatten().map(shared).collect();
-    let fitted = depths.with_shared_error(&flat, &shared);
+    let vehicles = pairs.iter().flatten().filter(|classified| classified.is_scaled);
+    let vehicles: Vec<DepthPair> = vehicles.map(|classified| classified.pair).collect();
+    let fitted = depths.with_shared_error(&vehicles, &vec![world.log_sigma; vehicles.len()]);
     let world = ScalePrior { factor: 1.0, ..world };
     let regional = Region::ALL.into_iter().filter(|region| *region != Region::World);
     let found = regional.filter_map(|region| Some((region, ScalePrior::fit(&errors_of(Some(region)))?)));
@@ -124,7 +147,7 @@ struct TwoStageFrame {
 }
 
 impl TwoStageFrame {
-    /// What both stages say of the Moderate objects that the first one finds.
+    /// What both stages say of the Moderate objects that the first one finds, whatever it takes them for.
     fn depth_pairs(&self) -> Vec<ClassifiedPair> {
         let example = |(place, target): (usize, Option<Target>)| {
             let target = target.filter(is_plain)?;
@@ -132,7 +155,13 @@ impl TwoStageFrame {
             let pair = DepthPair { true_m: target.depth_m, first, second: self.second[place].as_ref()?.depth() };
             Some(ClassifiedPair { pair, is_scaled: is_scaled(&self.first[place].class) })
         };
-        told(&self.judged_by(&self.first)).filter_map(example).collect()
+        let fusion = StageFusion::default();
+        let named = |(first, second): (&Detection, &Option<Refinement>)| {
+            let class = fusion.fused(first, second.as_ref(), &self.camera, self.image_size).class;
+            Detection { class, ..first.clone() }
+        };
+        let named: Vec<Detection> = self.first.iter().zip(&self.second).map(named).collect();
+        told(&self.judged_by(&named)).filter_map(example).collect()
     }
 
     /// What speaks for each detection after both stages, and whether it is right where they place it.
@@ -156,33 +185,21 @@ impl TwoStageFrame {
     }
 }
 
-/// All frames of `data` as the detector and the refiner see them, and the detector's classes.
-fn two_stage_frames(
-    model: &RefinerModel,
-    detector: &Path,
-    data: &Path,
-) -> Result<(Vec<TwoStageFrame>, Vec<ObjectClass>)> {
+/// All frames of `data` as the detector and the refiner see them.
+fn two_stage_frames(detector: &mut dyn Detector, refiner: &mut Refiner, data: &Path) -> Result<Vec<TwoStageFrame>> {
     let dataset = open_labelled(data, None)?;
     let options = DecodeOptions { min_score: Some(MIN_PEAK), ..DecodeOptions::default() };
-    let engine = EngineOptions::default();
-    let mut detector = open_detector(&ModelSource::from_word(detector), &engine)?;
-    ensure!(
-        detector.has_error_bars(),
-        "the detector has no error bars; expected a model after `farsight export --fit-on`"
-    );
-    let classes = detector.classes().iter().map(|class| class.class.clone()).collect();
-    let mut refiner = refiner(model, &engine)?;
     let bar = progress_bar(dataset.len());
     let regions = regions(data)?;
     let mut seen = Vec::with_capacity(dataset.len());
     for index in 0..dataset.len() {
-        let mut frame = two_stage_frame(&mut *detector, &options, &mut refiner, &*dataset, index)?;
+        let mut frame = two_stage_frame(detector, &options, refiner, &*dataset, index)?;
         frame.region = regions.get(&dataset.id(index)).copied();
         seen.push(frame);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok((seen, classes))
+    Ok(seen)
 }
 
 /// The regions of the frames of `data`, where its splits tell: `farsight synth --scene-config` writes one for each
