@@ -144,8 +144,8 @@ impl DepthFusion {
         if fitted.is_usable() { fitted } else { self }
     }
 
-    /// By what the joint error bars of `pairs` are to be multiplied, so that they hold two thirds of the errors; none when
-    /// they are fewer than [`MIN_EXAMPLES`].
+    /// By what the joint error bars of `pairs` are to be multiplied, so that they hold two thirds of the errors; none
+    /// when they are fewer than [`MIN_EXAMPLES`].
     pub fn missing_error_factor(&self, pairs: &[DepthPair]) -> Option<f64> {
         let joint = |pair: &DepthPair| self.joint(Some(pair.first), pair.second).off(pair.true_m);
         (pairs.len() >= MIN_EXAMPLES).then(|| one_sigma(pairs.iter().map(joint)))

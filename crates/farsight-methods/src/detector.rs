@@ -20,7 +20,8 @@ pub trait Detector: Send {
     /// Whether what it finds has error bars.
     fn has_error_bars(&self) -> bool;
 
-    /// Whether it measures distances; one that finds boxes in the image alone guesses them by the usual size of a class.
+    /// Whether it measures distances; one that finds boxes in the image alone guesses them by the usual size of a
+    /// class.
     fn measures_distances(&self) -> bool {
         true
     }
