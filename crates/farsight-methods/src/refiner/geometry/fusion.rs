@@ -171,7 +171,10 @@ mod tests {
         let fusion = StageFusion { people_error_factor: 1.5, ..StageFusion::default() };
         let [plain, wider] = [&car, &cyclist].map(|first| fusion.depth(first, second));
         assert_eq!(plain, StageFusion::default().depth(&car, second));
-        assert!((wider.log_sigma - 1.5 * plain.log_sigma).abs() < 1e-12 && wider.depth_m.to_bits() == plain.depth_m.to_bits());
+        assert!(
+            (wider.log_sigma - 1.5 * plain.log_sigma).abs() < 1e-12
+                && wider.depth_m.to_bits() == plain.depth_m.to_bits()
+        );
         assert!(!StageFusion { people_error_factor: f64::NAN, ..fusion }.is_usable());
     }
 
