@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use farsight::{
-    CameraSource, CameraSourceError, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource,
+    CameraSource, CameraSourceError, Device, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource,
     PipelineBuilder, Precision, ViewSource, load_image, model_file,
 };
 use farsight_core::Region;
@@ -51,6 +51,7 @@ impl Pipeline {
         engine: &str,
         engine_path: Option<PathBuf>,
         precision: &str,
+        device: &str,
         threads: Option<usize>,
         region: &str,
         above_road: Option<f64>,
@@ -60,6 +61,7 @@ impl Pipeline {
             library: engine_path,
             threads,
             precision: numbers(precision)?,
+            device: place(device)?,
             side_by_side: None,
         };
         if threads.is_some_and(|threads| !(1..=MAX_THREADS).contains(&threads)) {
@@ -180,6 +182,12 @@ impl Pipeline {
 fn kind(name: &str) -> PyResult<EngineKind> {
     EngineKind::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
         PyValueError::new_err(format!("engine: no engine \"{name}\"; expected rten, onnxruntime or openvino"))
+    })
+}
+
+fn place(name: &str) -> PyResult<Device> {
+    Device::ALL.into_iter().find(|device| device.name() == name).ok_or_else(|| {
+        PyValueError::new_err(format!("device: no device \"{name}\"; expected cpu, cuda, tensorrt or gpu"))
     })
 }
 

@@ -27,3 +27,10 @@ def test_answers_are_those_of_the_program_and_close_to_those_of_rten(engine, mod
     # Each engine adds up in its own order: millimetres, and hundredths of a pixel.
     for name in ("boxes3d", "boxes2d", "range_m", "range_sigma_m", "scores"):
         assert np.allclose(getattr(answer, name), getattr(ours, name), rtol=1e-3, atol=1e-2), name
+
+
+def test_a_device_that_is_not_there_is_an_error():
+    with pytest.raises(ValueError, match="no device \"tpu\"; expected cpu, cuda, tensorrt or gpu"):
+        farsight.Model(device="tpu")
+    with pytest.raises(ValueError, match="the engine rten has no device cuda; onnxruntime has"):
+        farsight.Model(device="cuda")

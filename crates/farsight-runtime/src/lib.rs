@@ -12,11 +12,12 @@ pub mod openvino;
 pub mod probe;
 pub mod rten;
 pub mod runner;
+pub mod session_options;
 pub mod timing;
 
 pub use calibration::Calibration;
 pub use finite::FiniteRunner;
-pub use openvino::OpenvinoPrecision;
 pub use rten::RtenRunner;
 pub use runner::{EngineError, Runner, Tensor, TensorView};
+pub use session_options::{Device, SessionOptions};
 pub use timing::StageTimes;

@@ -21,6 +21,7 @@ mod present {
 
     use farsight_onnx::{OnnxModel, TensorInfo};
     use ort::environment::Environment;
+    use ort::ep::{self, ExecutionProvider};
     use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
     use ort::session::{Session, SessionInputValue};
     use ort::value::TensorRef;
@@ -30,6 +31,7 @@ mod present {
     use crate::elf::check_whole;
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
+    use crate::session_options::{Device, SessionOptions};
 
     /// The library and its environment, which a process has once: the first library that was loaded stays.
     static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
@@ -38,7 +40,7 @@ mod present {
     struct Source {
         library: PathBuf,
         model: OnnxModel,
-        threads: Option<usize>,
+        options: SessionOptions,
     }
 
     /// Runs an ONNX model with ONNX Runtime.
@@ -48,13 +50,13 @@ mod present {
         session: Option<Session>,
     }
 
-    /// Loads the shared `library` of ONNX Runtime 1.17 or later and `model`, to be run by so many threads; `None` takes
-    /// one for each core.
+    /// Loads the shared `library` of ONNX Runtime 1.17 or later and `model`.
     ///
     /// # Errors
-    /// When the library cannot be loaded, is too old, or refuses the model.
-    pub fn open(library: &Path, model: OnnxModel, threads: Option<usize>) -> Result<Box<dyn Runner>, EngineError> {
-        let source = Source { library: library.to_owned(), model, threads };
+    /// When the library cannot be loaded, is too old, or refuses the model, and when it or this computer has not got the
+    /// device.
+    pub fn open(library: &Path, model: OnnxModel, options: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
+        let source = Source { library: library.to_owned(), model, options };
         let session = unpanicked(NAME, || source.session())?;
         Ok(Box::new(OrtRunner { source: Arc::new(source), session: Some(session) }))
     }
@@ -76,8 +78,17 @@ mod present {
             let mut builder = Session::builder(environment(&self.library)?)?
                 .with_optimization_level(GraphOptimizationLevel::All)
                 .map_err(plain)?;
-            if let Some(threads) = self.threads {
+            if let Some(threads) = self.options.threads {
                 builder = builder.with_intra_threads(threads).map_err(plain)?;
+            }
+            match self.options.device {
+                Device::Cpu => {}
+                Device::Cuda => register(&ep::CUDA::default(), Device::Cuda, &mut builder)?,
+                Device::TensorRt => {
+                    register(&ep::TensorRT::default(), Device::TensorRt, &mut builder)?;
+                    register(&ep::CUDA::default(), Device::Cuda, &mut builder)?;
+                }
+                Device::Gpu => return Err("it has no device gpu".into()),
             }
             Ok(builder.commit_from_memory(self.model.bytes())?)
         }
@@ -125,6 +136,28 @@ mod present {
         }
     }
 
+    /// Has sessions compute on `device` by `provider`.
+    fn register<P: ExecutionProvider>(
+        provider: &P,
+        device: Device,
+        builder: &mut SessionBuilder,
+    ) -> Result<(), Failure> {
+        if !P::is_available()? {
+            let text = format!(
+                "this build of its library has no {}, so no device {device}; NVIDIA's GPUs need the one in PyPI's \
+                 package onnxruntime-gpu",
+                P::NAME
+            );
+            return Err(text.into());
+        }
+        let unregistered = |error: ort::Error| {
+            format!(
+                "the device {device} cannot be used ({error}); it needs an NVIDIA GPU, its driver and its libraries"
+            )
+        };
+        Ok(provider.register(builder).map_err(unregistered)?)
+    }
+
     /// The error without the builder that it gives back.
     fn plain(error: ort::Error<SessionBuilder>) -> ort::Error {
         error.into()
@@ -147,13 +180,13 @@ mod absent {
     use farsight_onnx::OnnxModel;
 
     use super::NAME;
-    use crate::{EngineError, Runner};
+    use crate::{EngineError, Runner, SessionOptions};
 
     /// The engine is not compiled in.
     ///
     /// # Errors
     /// Always.
-    pub fn open(_: &Path, _: OnnxModel, _: Option<usize>) -> Result<Box<dyn Runner>, EngineError> {
+    pub fn open(_: &Path, _: OnnxModel, _: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
         Err(EngineError::not_built(NAME))
     }
 

@@ -12,16 +12,6 @@ pub use engine::{open, version};
 /// Its name as users write it.
 const NAME: &str = "openvino";
 
-/// In which numbers OpenVINO computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum OpenvinoPrecision {
-    /// Single precision, the same answer as from every engine.
-    #[default]
-    F32,
-    /// bfloat16 where the CPU has it: about half the time, two to three digits.
-    Bf16,
-}
-
 #[cfg(feature = "openvino")]
 mod present {
     use std::path::Path;
@@ -33,45 +23,72 @@ mod present {
         Tensor as OvTensor,
     };
 
-    use super::{NAME, OpenvinoPrecision};
+    use super::NAME;
     use crate::EngineError;
     use crate::elf::check_whole;
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
+    use crate::session_options::{Device, SessionOptions};
 
     /// So many compiled forms of one network are kept: an image of another shape now and then costs no compiling.
     const KEPT: usize = 4;
 
-    /// Loads the shared `library` (`libopenvino_c`, 2025.1 or later) and `model`, to be run by so many threads; `None`
-    /// takes one for each core. So many sharers run at the same time; more wait for each other.
+    /// Loads the shared `library` (`libopenvino_c`, 2025.1 or later) and `model`.
     ///
     /// # Errors
-    /// When the library cannot be loaded, is too old, or refuses the model.
-    pub fn open(
-        library: &Path,
-        model: OnnxModel,
-        threads: Option<usize>,
-        sharers: usize,
-        precision: OpenvinoPrecision,
-    ) -> Result<Box<dyn Runner>, EngineError> {
+    /// When the library cannot be loaded, is too old, or refuses the model, and when it finds no such device.
+    pub fn open(library: &Path, model: OnnxModel, options: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
         unpanicked(NAME, || {
             load(library)?;
             let mut core = Core::new()?;
-            core.set_property(&DeviceType::CPU, &RwPropertyKey::HintInferencePrecision, hint(precision))?;
-            if let Some(threads) = threads {
-                let all = threads * sharers;
-                core.set_property(&DeviceType::CPU, &RwPropertyKey::InferenceNumThreads, &all.to_string())?;
-            }
-            if sharers > 1 {
-                core.set_property(&DeviceType::CPU, &RwPropertyKey::NumStreams, &sharers.to_string())?;
-                // Each network would tie its first stream to the same core, and a network and the one that follows it
-                // would wait for each other while another core has nothing to do.
-                core.set_property(&DeviceType::CPU, &RwPropertyKey::HintEnableCpuPinning, "NO")?;
+            let device = device(options.device, &core)?;
+            let precision = if options.bf16 { "bf16" } else { "f32" };
+            core.set_property(&device, &RwPropertyKey::HintInferencePrecision, precision)?;
+            if device == DeviceType::CPU {
+                share_cores(&mut core, &options)?;
             }
             core.read_model_from_buffer(model.bytes(), None)?;
             let compiler = Mutex::new(Compiler { core, forms: Vec::new() });
-            Ok(Box::new(OpenvinoRunner { network: Arc::new(Network { model, compiler }), request: None }) as _)
+            let network = Network { model, device, compiler };
+            Ok(Box::new(OpenvinoRunner { network: Arc::new(network), request: None }) as _)
         })
+    }
+
+    /// OpenVINO's name of a device that is there.
+    fn device(device: Device, core: &Core) -> Result<DeviceType<'static>, Failure> {
+        match device {
+            Device::Cpu => Ok(DeviceType::CPU),
+            Device::Gpu => {
+                let found = core.available_devices()?;
+                // More than one are GPU.0, GPU.1 and so on; GPU is the first of them.
+                if found.iter().any(|found| found.as_ref().starts_with("GPU")) {
+                    return Ok(DeviceType::GPU);
+                }
+                let found: Vec<&str> = found.iter().map(AsRef::as_ref).collect();
+                let text = format!(
+                    "it finds no device gpu (it finds {}); that needs a GPU of Intel's with its OpenCL driver",
+                    found.join(", ")
+                );
+                Err(text.into())
+            }
+            Device::Cuda | Device::TensorRt => Err(format!("it has no device {device}").into()),
+        }
+    }
+
+    /// Threads and streams of the CPU.
+    fn share_cores(core: &mut Core, options: &SessionOptions) -> Result<(), Failure> {
+        let sharers = options.sharers.max(1);
+        if let Some(threads) = options.threads {
+            let all = threads * sharers;
+            core.set_property(&DeviceType::CPU, &RwPropertyKey::InferenceNumThreads, &all.to_string())?;
+        }
+        if sharers > 1 {
+            core.set_property(&DeviceType::CPU, &RwPropertyKey::NumStreams, &sharers.to_string())?;
+            // Each network would tie its first stream to the same core, and a network and the one that follows it would
+            // wait for each other while another core has nothing to do.
+            core.set_property(&DeviceType::CPU, &RwPropertyKey::HintEnableCpuPinning, "NO")?;
+        }
+        Ok(())
     }
 
     /// Loads the library at `path` and says which version it is.
@@ -85,14 +102,6 @@ mod present {
         })
     }
 
-    /// OpenVINO's word for it.
-    fn hint(precision: OpenvinoPrecision) -> &'static str {
-        match precision {
-            OpenvinoPrecision::F32 => "f32",
-            OpenvinoPrecision::Bf16 => "bf16",
-        }
-    }
-
     /// Loads the library; a process has one, and the first that was loaded stays.
     fn load(library: &Path) -> Result<(), Failure> {
         check_whole(library)?;
@@ -102,6 +111,7 @@ mod present {
     /// A network and its compiled forms, which all sharers run.
     struct Network {
         model: OnnxModel,
+        device: DeviceType<'static>,
         compiler: Mutex<Compiler>,
     }
 
@@ -151,7 +161,7 @@ mod present {
             let mut model = compiler.core.read_model_from_buffer(self.model.bytes(), None)?;
             let sides = PartialShape::new(shape.len() as i64, &takes.dimensions())?;
             model.reshape_input_by_name(&self.model.input().name, &sides)?;
-            let mut form = compiler.core.compile_model(&model, DeviceType::CPU)?;
+            let mut form = compiler.core.compile_model(&model, self.device.clone())?;
             let request = form.create_infer_request()?;
             if let Some(superseded) = before {
                 compiler.forms.remove(superseded);
@@ -163,7 +173,7 @@ mod present {
         }
     }
 
-    /// Runs an ONNX model with OpenVINO on the CPU.
+    /// Runs an ONNX model with OpenVINO.
     struct OpenvinoRunner {
         network: Arc<Network>,
         /// For inputs of the last shape.
@@ -224,20 +234,14 @@ mod absent {
 
     use farsight_onnx::OnnxModel;
 
-    use super::{NAME, OpenvinoPrecision};
-    use crate::{EngineError, Runner};
+    use super::NAME;
+    use crate::{EngineError, Runner, SessionOptions};
 
     /// The engine is not compiled in.
     ///
     /// # Errors
     /// Always.
-    pub fn open(
-        _: &Path,
-        _: OnnxModel,
-        _: Option<usize>,
-        _: usize,
-        _: OpenvinoPrecision,
-    ) -> Result<Box<dyn Runner>, EngineError> {
+    pub fn open(_: &Path, _: OnnxModel, _: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
         Err(EngineError::not_built(NAME))
     }
 

@@ -3,6 +3,7 @@
 #![allow(unsafe_code, reason = "an allocator that counts can only be written with it")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The system's allocator, which counts what is allocated. A test makes it its allocator:
@@ -20,7 +21,13 @@ pub struct Counting;
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
+thread_local! {
+    /// Bytes that this thread has asked for so far.
+    static ASKED: Cell<usize> = const { Cell::new(0) };
+}
+
 fn count(size: usize) {
+    ASKED.set(ASKED.get().wrapping_add(size));
     let now = NOW.fetch_add(size, Ordering::Relaxed) + size;
     PEAK.fetch_max(now, Ordering::Relaxed);
 }
@@ -54,4 +61,12 @@ pub fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
     PEAK.store(before, Ordering::Relaxed);
     let done = work();
     (PEAK.load(Ordering::Relaxed).saturating_sub(before), done)
+}
+
+/// Bytes that this thread asks for in all while it does `work`, freed or not, and what `work` gives. Other threads do not
+/// count, nor does what libraries in other languages allocate.
+pub fn asked<T>(work: impl FnOnce() -> T) -> (usize, T) {
+    let before = ASKED.get();
+    let done = work();
+    (ASKED.get().wrapping_sub(before), done)
 }

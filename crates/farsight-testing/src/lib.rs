@@ -11,7 +11,7 @@ mod golden;
 
 use std::path::{Path, PathBuf};
 
-pub use counting::{Counting, peak};
+pub use counting::{Counting, asked, peak};
 use farsight_files::MeasuredTable;
 pub use golden::{Array, Golden};
 

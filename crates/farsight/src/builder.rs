@@ -14,7 +14,7 @@ use crate::pipeline::{ModelInfo, Pipeline};
 use crate::shipped::Family;
 use crate::source::{ModelSource, StageSource};
 use crate::stages::{Settings, Stages};
-use crate::{EngineKind, EngineOptions, Error, Precision, second_stage, shipped};
+use crate::{Device, EngineKind, EngineOptions, Error, Precision, second_stage, shipped};
 
 /// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
 pub const MAX_OVERLAP: f64 = 0.1;
@@ -279,9 +279,13 @@ impl PipelineBuilder {
     /// The engine of the second stages. A library that is named is that of the detector's engine.
     fn second_engine(&self) -> EngineOptions {
         let engine = match self.second_stage_engine {
-            Some(kind) if kind != self.engine.kind => {
-                EngineOptions { kind, library: None, precision: Precision::F32, ..self.engine.clone() }
-            }
+            Some(kind) if kind != self.engine.kind => EngineOptions {
+                kind,
+                library: None,
+                precision: Precision::F32,
+                device: Device::Cpu,
+                ..self.engine.clone()
+            },
             _ => self.engine.clone(),
         };
         EngineOptions { precision: self.second_stage_precision.unwrap_or(engine.precision), ..engine }

@@ -9,7 +9,7 @@ use farsight_methods::detectors::{self, NetworkForm};
 use farsight_methods::method::Method;
 use farsight_methods::roi::RoiRunner;
 use farsight_onnx::OnnxModel;
-use farsight_runtime::{FiniteRunner, OpenvinoPrecision, RtenRunner, Runner, onnxruntime, openvino};
+use farsight_runtime::{Device, FiniteRunner, RtenRunner, Runner, SessionOptions, onnxruntime, openvino};
 
 use crate::Error;
 use crate::engine_options::{EngineKind, EngineOptions, Precision};
@@ -36,11 +36,38 @@ impl EngineOptions {
         if self.library.is_some() && self.kind.library().is_none() {
             return Err(unused("a library", "onnxruntime or openvino"));
         }
+        self.check_device()?;
         match (self.precision, self.kind) {
             (Precision::F32, _) | (_, EngineKind::OpenVino) | (Precision::Int8, EngineKind::OnnxRuntime) => Ok(()),
             (Precision::Bf16, _) => Err(unused("bfloat16", "openvino")),
             (Precision::Int8, _) => Err(unused("computing in 8 bits", "onnxruntime or openvino")),
         }
+    }
+
+    /// Refuses a device that the engine has not got, and numbers that the device does not compute in.
+    ///
+    /// # Errors
+    /// When there are such.
+    pub fn check_device(&self) -> Result<(), Error> {
+        let (device, precision) = (self.device, self.precision);
+        let expected = match device {
+            Device::Cpu => return Ok(()),
+            Device::Cuda | Device::TensorRt => EngineKind::OnnxRuntime,
+            Device::Gpu => EngineKind::OpenVino,
+        };
+        if self.kind == EngineKind::Libtorch {
+            let expected = "onnxruntime or openvino; libtorch takes the first GPU by itself";
+            return Err(Error::Option { option: "a device", engine: self.kind, expected });
+        }
+        if self.kind != expected {
+            return Err(Error::Device { device, engine: self.kind, expected });
+        }
+        let is_computed = match precision {
+            Precision::F32 => true,
+            Precision::Bf16 => false,
+            Precision::Int8 => device != Device::Cuda,
+        };
+        if is_computed { Ok(()) } else { Err(Error::DevicePrecision { precision, device }) }
     }
 
     /// In which form networks are started.
@@ -82,21 +109,21 @@ impl EngineOptions {
         if network.has_deform_conv() && self.kind != EngineKind::OnnxRuntime {
             return Err(Error::DeformConv(source.to_owned()));
         }
-        let threads = self.usable_threads();
+        let options = SessionOptions {
+            threads: self.usable_threads(),
+            sharers: self.side_by_side.unwrap_or(1),
+            bf16: self.precision == Precision::Bf16,
+            device: self.device,
+        };
         match self.kind {
-            EngineKind::Rten => Ok(Box::new(RtenRunner::new(network, threads)?)),
+            EngineKind::Rten => Ok(Box::new(RtenRunner::new(network, options.threads)?)),
             EngineKind::OnnxRuntime => {
                 let library = Library::OnnxRuntime.find(self.library.as_deref())?.path;
-                onnxruntime::open(&library, network, threads).map_err(|source| Error::EngineLibrary { library, source })
+                onnxruntime::open(&library, network, options).map_err(|source| Error::EngineLibrary { library, source })
             }
             EngineKind::OpenVino => {
                 let library = Library::OpenVino.find(self.library.as_deref())?.path;
-                let precision = match self.precision {
-                    Precision::F32 | Precision::Int8 => OpenvinoPrecision::F32,
-                    Precision::Bf16 => OpenvinoPrecision::Bf16,
-                };
-                openvino::open(&library, network, threads, self.side_by_side.unwrap_or(1), precision)
-                    .map_err(|source| Error::EngineLibrary { library, source })
+                openvino::open(&library, network, options).map_err(|source| Error::EngineLibrary { library, source })
             }
             EngineKind::Libtorch => Err(libtorch::no_onnx().into()),
         }

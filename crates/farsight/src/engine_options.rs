@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 
 use farsight_onnx::Target;
+pub use farsight_runtime::Device;
 
 use crate::libraries::Library;
 
@@ -73,6 +74,16 @@ pub enum Precision {
     Int8,
 }
 
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::F32 => "f32",
+            Self::Bf16 => "bf16",
+            Self::Int8 => "int8",
+        })
+    }
+}
+
 /// Which engine, and how it is to run.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct EngineOptions {
@@ -84,6 +95,8 @@ pub struct EngineOptions {
     pub threads: Option<usize>,
     /// In which numbers it computes.
     pub precision: Precision,
+    /// What it computes on. libtorch takes the first GPU by itself.
+    pub device: Device,
     /// How many threads use the network at the same time, each as a sharer of its own; one by default.
     pub side_by_side: Option<usize>,
 }
@@ -95,13 +108,13 @@ impl EngineOptions {
     /// As these, for so many images: neighbouring ones are looked at side by side, with the threads that are asked for
     /// in each network, or with a share of the cores. Two networks of one thread do more than one of two.
     ///
-    /// libtorch has its threads, or its GPU, in common: there it is one image after the other.
+    /// libtorch has its threads in common, and a GPU all have in common: there it is one image after the other.
     #[must_use]
     pub fn for_images(self, images: usize) -> Self {
         let cores = available_parallelism().map_or(1, NonZero::get);
         let wanted = cores / self.threads.unwrap_or(1).max(1);
         let count = wanted.min(images).clamp(1, MAX_SIDE_BY_SIDE);
-        if count == 1 || self.kind == EngineKind::Libtorch {
+        if count == 1 || self.kind == EngineKind::Libtorch || self.device != Device::Cpu {
             return self;
         }
         Self { threads: self.threads.or(Some(cores / count)), side_by_side: Some(count), ..self }

@@ -9,7 +9,7 @@ use farsight_onnx::OnnxError;
 use farsight_runtime::EngineError;
 use thiserror::Error;
 
-use crate::engine_options::EngineKind;
+use crate::engine_options::{Device, EngineKind, Precision};
 use crate::libraries::LibraryError;
 
 /// A pipeline that cannot be opened.
@@ -66,6 +66,24 @@ pub enum Error {
         engine: EngineKind,
         /// The engines that have it.
         expected: &'static str,
+    },
+    /// A device that the engine has not got.
+    #[error("the engine {engine} has no device {device}; {expected} has")]
+    Device {
+        /// The device.
+        device: Device,
+        /// The engine that was asked for.
+        engine: EngineKind,
+        /// The engine that has it.
+        expected: EngineKind,
+    },
+    /// Numbers that the device does not compute in.
+    #[error("the device {device} does not compute in {precision}; expected f32, or int8 with tensorrt or gpu")]
+    DevicePrecision {
+        /// The numbers.
+        precision: Precision,
+        /// The device.
+        device: Device,
     },
     /// A region, with a refiner that was not fitted by regions.
     #[error("{}: the region {region} is asked for, with a refiner that was not fitted by regions; \"farsight-w\" has one that was", model.display())]

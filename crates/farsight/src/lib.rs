@@ -56,7 +56,7 @@ pub use builder::PipelineBuilder;
 pub use camera_estimates::CameraEstimates;
 pub use camera_source::{CameraSource, CameraSourceError};
 pub use draw::{draw, draw_through_lens};
-pub use engine_options::{EngineKind, EngineOptions, Precision};
+pub use engine_options::{Device, EngineKind, EngineOptions, Precision};
 pub use error::Error;
 pub use farsight_core::camera::CameraError;
 pub use farsight_core::lens::LensError;

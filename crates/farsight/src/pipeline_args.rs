@@ -4,11 +4,11 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use anyhow::{Error, Result, anyhow, ensure};
+use anyhow::{Error, Result, anyhow, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight::{
-    Effort, EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder, Precision, Road,
-    StageSource, model_file,
+    Device, Effort, EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder,
+    Precision, Road, StageSource, model_file,
 };
 use farsight_core::Region;
 
@@ -50,6 +50,31 @@ impl PrecisionName {
     }
 }
 
+/// [`Device`] as it is written on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum DeviceName {
+    /// The processor; with libtorch the first GPU, if there is one
+    #[default]
+    Cpu,
+    /// An NVIDIA GPU; onnxruntime with its CUDA provider
+    Cuda,
+    /// An NVIDIA GPU; onnxruntime with its TensorRT provider
+    Tensorrt,
+    /// Intel's GPU; openvino
+    Gpu,
+}
+
+impl DeviceName {
+    fn device(self) -> Device {
+        match self {
+            Self::Cpu => Device::Cpu,
+            Self::Cuda => Device::Cuda,
+            Self::Tensorrt => Device::TensorRt,
+            Self::Gpu => Device::Gpu,
+        }
+    }
+}
+
 /// [`Effort`] as it is written on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum EffortName {
@@ -87,6 +112,9 @@ pub(crate) struct EngineArgs {
     /// In which numbers the engine computes
     #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
     pub(crate) precision: PrecisionName,
+    /// What the engine computes on
+    #[arg(long, value_enum, default_value_t = DeviceName::Cpu)]
+    pub(crate) device: DeviceName,
 }
 
 impl EngineName {
@@ -118,13 +146,21 @@ impl EngineArgs {
             _ => ["bf16", "openvino"],
         };
         ensure!(has_it, "--precision {word} is for {expected}; expected --engine {expected} beside it");
-        Ok(EngineOptions {
+        let options = EngineOptions {
             kind,
             library: self.engine_path.clone(),
             threads: self.threads,
             precision: self.precision.precision(),
+            device: self.device.device(),
             side_by_side: None,
-        })
+        };
+        match options.check_device() {
+            Err(PipelineError::Device { device, expected, .. }) => {
+                bail!("--device {device} is for {expected}; expected --engine {expected} beside it")
+            }
+            checked => checked?,
+        }
+        Ok(options)
     }
 
     /// Says so when there are more threads than cores: they are not started.

@@ -24,6 +24,7 @@ class Pipeline:
         engine: str,
         engine_path: _Path | None,
         precision: str,
+        device: str,
         threads: int | None,
         region: str,
         above_road: float | None,

@@ -38,7 +38,8 @@ class Model:
     Args:
         engine: What runs the networks: "rten" is built in, "onnxruntime" and "openvino" use the library in the package
             of that name.
-        precision: "f32", or with openvino "bf16".
+        precision: "f32", with onnxruntime and openvino "int8", with openvino "bf16".
+        device: "cpu", with onnxruntime "cuda" or "tensorrt", with openvino "gpu".
         threads: Threads of each network; one for each core by default.
         region: Part of the world that the images are from, by the sizes of its vehicles: "world", "europe",
             "north-america", "china", "japan" or "india"; for farsight-w.
@@ -56,6 +57,7 @@ class Model:
         *,
         engine: str = "rten",
         precision: str = "f32",
+        device: str = "cpu",
         threads: int | None = None,
         region: str = "world",
         above_road: float | None = None,
@@ -65,13 +67,14 @@ class Model:
         self._arguments: dict[str, Any] = {
             "engine": engine,
             "precision": precision,
+            "device": device,
             "threads": threads,
             "region": region,
             "above_road": above_road,
             "model": os.fspath(model),
         }
         library = _engine_path(engine)
-        self._pipeline = Pipeline(os.fspath(model), engine, library, precision, threads, region, above_road)
+        self._pipeline = Pipeline(os.fspath(model), engine, library, precision, device, threads, region, above_road)
         for text in self._pipeline.notes:
             warnings.warn(text, stacklevel=2)
 

@@ -5,14 +5,14 @@ mod part;
 mod sinks;
 mod table;
 
+use std::iter;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Error, Result, bail, ensure};
 use clap::Args;
-use farsight::video::{
-    EgoFile, TrackingResult, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score,
-};
-use farsight::{CameraSource, Pipeline, Road, TrackerOptions};
+use farsight::video::{EgoFile, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score};
+use farsight::{CameraSource, Pipeline, Road, TrackerOptions, View};
 use indicatif::ProgressBar;
 
 use super::Outcome;
@@ -22,6 +22,7 @@ use crate::pipeline_args::{self, PipelineArgs};
 use crate::printer::{Printer, counted, progress_bar};
 use crate::recording_file::RecordingArgs;
 use crate::shard::ShardArgs;
+use crate::side_by_side::in_order;
 use sinks::Sinks;
 
 /// Arguments of `farsight track`.
@@ -138,10 +139,11 @@ pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
     follow(args, None, printer)
 }
 
-/// What looks at the frames.
+/// What looks at the frames: at neighbouring ones side by side, unless each is to be done as soon as it is there.
 fn open(args: &TrackArgs, printer: &mut Printer) -> Result<Pipeline> {
     let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
-    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(low), printer)
+    let images = if args.realtime { 1 } else { usize::MAX };
+    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(low).images(images), printer)
 }
 
 /// Follows what is in one video, with a pipeline that is open or opens now.
@@ -168,16 +170,29 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
     let mut frames = source.frames(&reading)?;
     let bar = frames.count_known().map_or_else(ProgressBar::hidden, progress_bar);
     let (mut done, mut failed, mut with_ego) = (0_u64, 0_u64, 0_u64);
-    while let Some(frame) = frames.next() {
-        let followed = look(&mut tracker, frame);
+    let detector = tracker.detector().clone();
+    // Frames are read one after the other, so that a camera which is estimated is that of the first.
+    let taken = iter::from_fn(|| {
+        let taken = frames.next()?.and_then(|frame| Ok((detector.view(&frame)?, frame)));
+        Some((taken, frames.fps()))
+    });
+    let look = |(taken, fps): (Result<(View, VideoFrame), VideoError>, _)| {
+        let looked = taken.and_then(|(view, frame)| Ok((detector.detect(&frame, &view)?, view, frame)));
+        (looked, fps)
+    };
+    in_order(taken, detector.pipeline().side_by_side(), look, |(looked, fps)| {
+        let followed = looked.and_then(|(objects, view, frame)| {
+            let followed = tracker.update_with(&frame, view, &objects)?;
+            Ok((frame, followed))
+        });
         bar.inc(1);
-        match followed {
+        match followed.map_err(hinted) {
             Ok((frame, followed)) => {
                 done += 1;
                 with_ego += u64::from(followed.ego.is_some());
                 bar.suspend(|| {
                     followed.warnings.iter().for_each(|warning| printer.warning(&warning.to_string()));
-                    sinks.add(&frame, &followed, frames.fps(), printer)
+                    sinks.add(&frame, &followed, fps, printer)
                 })?;
             }
             Err(error) => {
@@ -185,10 +200,9 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
                 failed += 1;
             }
         }
-        if printer.reader_is_gone() && !sinks.write_files() {
-            break;
-        }
-    }
+        let is_in_vain = printer.reader_is_gone() && !sinks.write_files();
+        anyhow::Ok(if is_in_vain { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    })?;
     bar.finish_and_clear();
     ensure!(done > 0, "nothing was done: {} failed", counted(failed as usize, "frame"));
     let tracks = sinks.finish(printer)?;
@@ -204,13 +218,12 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }
 
-fn look(tracker: &mut VideoTracker, frame: Result<VideoFrame, VideoError>) -> Result<(VideoFrame, TrackingResult)> {
-    let frame = frame?;
-    let followed = tracker.update(&frame).map_err(|error| match error {
+/// The error with what would help.
+fn hinted(error: VideoError) -> Error {
+    match error {
         VideoError::CameraSource(error) => with_hint(error),
         error => Error::from(error),
-    })?;
-    Ok((frame, followed))
+    }
 }
 
 /// What the arguments mean.

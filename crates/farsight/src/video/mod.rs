@@ -18,12 +18,14 @@
 //! ```
 //!
 //! Who has frames already makes [`VideoFrame`]s of them and needs no source. Who has detections already hands them to
-//! [`VideoTracker::update_with`].
+//! [`VideoTracker::update_with`]. Who has several cores looks at neighbouring frames side by side with the
+//! [`FrameDetector`] of the tracker, and hands that what it finds, in order.
 
 pub mod ego;
 mod error;
 pub mod events;
 mod ffmpeg;
+mod frame_detector;
 mod live;
 mod scene_cut;
 mod source;
@@ -35,5 +37,6 @@ pub use ego::{EgoError, EgoFile};
 pub use error::VideoError;
 pub use events::{Event, EventFinder, EventKind};
 pub use ffmpeg::{Decoded, FrameStream, unstarted};
+pub use frame_detector::FrameDetector;
 pub use source::{VideoFrame, VideoFrames, VideoOptions, VideoSource, is_video};
 pub use tracker::{DEFAULT_LOW_SCORE, FrameWarning, TrackingResult, VideoTracker, low_score};

@@ -1,14 +1,13 @@
 //! From frames to tracks: pipeline, cameras, scene cuts, ego motion and tracker together.
 
 use std::fmt;
-use std::sync::OnceLock;
 
 use farsight_core::{Box2d, Detection};
 use farsight_track::{EgoMotion, Frame, Track, Tracker, TrackerOptions};
-use image::RgbImage;
 
 use super::ego::EgoFile;
 use super::error::VideoError;
+use super::frame_detector::{FrameDetector, size};
 use super::scene_cut::SceneCut;
 use super::source::VideoFrame;
 use super::visual_ego::VisualEgo;
@@ -32,10 +31,7 @@ pub fn low_score(birth_score: f64) -> f64 {
 
 /// Follows what a pipeline finds in the frames of one video. It knows nothing of files, and keeps no frame.
 pub struct VideoTracker {
-    pipeline: Pipeline,
-    views: ViewSource,
-    /// The camera that was estimated from the first frame, and the size of that, pixels.
-    estimated: OnceLock<([usize; 2], View)>,
+    detector: FrameDetector,
     ego: Option<Ego>,
     tracker: Tracker,
     scene_cut: SceneCut,
@@ -120,9 +116,7 @@ impl VideoTracker {
         let birth_score = pipeline.default_min_score();
         let options = TrackerOptions { birth_score, low_score: low_score(birth_score), ..TrackerOptions::default() };
         Self {
-            pipeline,
-            views: views.into(),
-            estimated: OnceLock::new(),
+            detector: FrameDetector::new(pipeline, views.into()),
             ego: None,
             tracker: Tracker::new(options),
             scene_cut: SceneCut::default(),
@@ -154,37 +148,20 @@ impl VideoTracker {
         self
     }
 
-    /// The pipeline that looks at the frames.
-    pub fn pipeline(&self) -> &Pipeline {
-        &self.pipeline
+    /// What looks at the frames. While one frame is followed, other threads may look at the next ones with it.
+    pub fn detector(&self) -> &FrameDetector {
+        &self.detector
     }
 
-    /// Looks at the next frame.
+    /// Looks at the next frame and follows what is in it.
     ///
     /// # Errors
     /// When its camera is not known, the pipeline fails, or it is not later than the one before. The tracks are then as
     /// before, and the next frame may follow.
     pub fn update(&mut self, frame: &VideoFrame) -> Result<TrackingResult, VideoError> {
-        let view = self.view(frame)?;
-        let objects = self.pipeline.detect_straightened(&frame.image, &view);
-        let (objects, _) =
-            objects.map_err(|source| VideoError::Detect { place: frame.place(), source: Box::new(source) })?;
+        let view = self.detector.view(frame)?;
+        let objects = self.detector.detect(frame, &view)?;
         self.update_with(frame, view, &objects)
-    }
-
-    /// How a frame was taken. A camera that is estimated is that of the first frame: one film has one.
-    ///
-    /// # Errors
-    /// When its camera is not known, or the lens folds it.
-    pub fn view(&self, frame: &VideoFrame) -> Result<View, VideoError> {
-        if let Some((_, view)) = self.estimated.get().filter(|(known, _)| *known == size(&frame.image)) {
-            return Ok(view.clone());
-        }
-        let view = self.views.view(&frame.path, &frame.image, &frame.exif)?;
-        if view.estimate().is_some() {
-            self.estimated.get_or_init(|| (size(&frame.image), view.clone()));
-        }
-        Ok(view)
     }
 
     /// As [`VideoTracker::update`], for a frame in which these objects were found already; their boxes are those that
@@ -201,7 +178,7 @@ impl VideoTracker {
         let VideoFrame { number, time_s, image, .. } = frame;
         let (mut warnings, image_size) = (Vec::new(), size(image));
         if let Some(before) = self.image_size.replace(image_size).filter(|before| *before != image_size) {
-            let same_camera = matches!(self.views.cameras(), CameraSource::Same(_) | CameraSource::OverRoad(..));
+            let same_camera = matches!(self.detector.cameras(), CameraSource::Same(_) | CameraSource::OverRoad(..));
             warnings.push(FrameWarning::Size { place: frame.place(), before, now: image_size, same_camera });
         }
         let looks_cut = self.scene_cut.looks_cut(image);
@@ -230,9 +207,4 @@ impl VideoTracker {
         let record = FrameRecord::new(*number, *time_s, &tracks, motion.as_ref());
         Ok(TrackingResult { record, tracks, ego: motion, view, warnings })
     }
-}
-
-/// Width and height, pixels.
-fn size(image: &RgbImage) -> [usize; 2] {
-    [image.width(), image.height()].map(|side| side as usize)
 }

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use farsight::shipped::Family;
-use farsight::{Camera, EngineKind, EngineOptions, Error, ModelSource, Pipeline, Precision, StageSource, read_image};
+use farsight::{
+    Camera, Device, EngineKind, EngineOptions, Error, ModelSource, Pipeline, Precision, StageSource, read_image,
+};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::{Model, NetworkConfig};
@@ -427,6 +429,47 @@ fn the_second_stages_have_a_precision_of_their_own() {
         };
         assert!(expected.iter().filter(|one| near(one)).count() * 2 > expected.len(), "{kind}: {eight:?}");
     }
+}
+
+/// A device that the engine, its library or this computer has not got is an error that says what is missing; where it is
+/// there, the answers are the CPU's.
+#[test]
+fn a_device_gives_the_same_answers_or_says_what_is_missing() {
+    let opened = |kind, device| {
+        let options = EngineOptions { kind, device, ..EngineOptions::default() };
+        Pipeline::builder().model(ModelSource::from_word(Family::FarsightN.name())).engine_options(options).open()
+    };
+    let none = opened(EngineKind::Rten, Device::Cuda);
+    let none = none.err().map(|error| error.to_string());
+    assert_eq!(none.unwrap(), "the engine rten has no device cuda; onnxruntime has");
+    for kind in kinds() {
+        for device in [Device::Cuda, Device::TensorRt, Device::Gpu] {
+            match opened(kind, device) {
+                Ok(pipeline) => {
+                    let expected = sure(&opened(kind, Device::Cpu).unwrap(), "000000");
+                    assert_same_objects(device.name(), &sure(&pipeline, "000000"), &expected);
+                }
+                Err(Error::Device { engine, expected, .. }) => {
+                    assert_eq!(engine, kind);
+                    assert_ne!(expected, kind);
+                }
+                Err(Error::Option { engine, .. }) => assert_eq!(engine, EngineKind::Libtorch),
+                Err(Error::EngineLibrary { source, .. }) => {
+                    let text = format!("{source} {:?}", std::error::Error::source(&source));
+                    assert!(text.contains(&format!("device {device}")) && text.contains("GPU"), "{text}");
+                    println!("skipped: {kind} on {device}: {text}");
+                }
+                Err(error) => panic!("{kind} on {device}: {error}"),
+            }
+        }
+    }
+    let options = EngineOptions {
+        kind: EngineKind::OnnxRuntime,
+        device: Device::Cuda,
+        precision: Precision::Int8,
+        ..EngineOptions::default()
+    };
+    assert!(matches!(options.check_device(), Err(Error::DevicePrecision { .. })));
 }
 
 /// A small detector with drawn weights, and with these biases of its last convolutions: answers of the size that a

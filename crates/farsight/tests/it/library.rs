@@ -10,10 +10,15 @@ use std::thread;
 use crate::program::{done, root};
 use farsight::json::{DetectionRecord, ImageRecord, SCHEMA_VERSION};
 use farsight::{
-    Camera, CameraSource, EngineKind, Error, Exif, ModelSource, Pipeline, RangeKind, Road, StageSource, read_image,
+    Camera, CameraSource, EngineKind, EngineOptions, Error, Exif, ModelSource, Pipeline, RangeKind, Road, StageSource,
+    read_image,
 };
 use farsight_core::road::RoadPlane;
 use farsight_data::kitti::Calibration;
+use farsight_testing::asked;
+
+/// Bytes that an image of farsight-n may ask for: a tenth of its input's.
+const MOST_OF_AN_IMAGE: usize = 400_000;
 
 fn scene(id: &str) -> PathBuf {
     root().join(format!("assets/scenes/image_2/{id}.jpg"))
@@ -210,4 +215,29 @@ fn the_quickstart_prints_what_is_in_an_image() {
     let refused = Command::new(&example).arg(&path).output().unwrap();
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && told.contains("expected IMAGE --hfov DEGREES"), "{told}");
+}
+
+/// From the third image on, what this thread asks for is the same each time, and little: the buffers of inputs and
+/// cut-outs are kept, and what is left are the maps that an engine gives back. Engines are libraries in C++ here, whose
+/// own memory does not count.
+#[test]
+fn later_images_ask_for_little_memory() {
+    let path = scene("000000");
+    let image = read_image(&path).unwrap();
+    let cameras = CameraSource::of_images(std::slice::from_ref(&path)).unwrap();
+    let size = [image.width(), image.height()].map(|side| side as usize);
+    let camera = cameras.camera(&path, size, &Exif::NONE).unwrap();
+    for kind in [EngineKind::OnnxRuntime, EngineKind::OpenVino] {
+        let options = EngineOptions { kind, threads: Some(1), ..EngineOptions::default() };
+        let Ok(pipeline) =
+            Pipeline::builder().model(ModelSource::from_word("farsight-n")).engine_options(options).open()
+        else {
+            println!("skipped: no {kind}");
+            continue;
+        };
+        let bytes: Vec<usize> = (0..5).map(|_| asked(|| pipeline.detect(&image, &camera).unwrap()).0).collect();
+        println!("{kind}: {bytes:?} bytes an image");
+        assert_eq!(bytes[3], bytes[4], "{kind}: {bytes:?}");
+        assert!(bytes[4] < MOST_OF_AN_IMAGE, "{kind}: {bytes:?}");
+    }
 }

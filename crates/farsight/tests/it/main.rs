@@ -36,3 +36,7 @@ mod shards;
 mod track;
 mod video;
 mod weights;
+
+/// Counts what each thread asks for; tests run side by side.
+#[global_allocator]
+static ALLOCATOR: farsight_testing::Counting = farsight_testing::Counting;

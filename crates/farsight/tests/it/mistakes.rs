@@ -200,6 +200,8 @@ fn numbers_and_options_that_mean_nothing_here_are_refused() {
             "error: --precision bf16 is for openvino; expected --engine openvino beside it\n",
         ),
         (&["bench", "--engine", "onnxruntime"], &["--precision", "bf16"], "error: --precision bf16 is for openvino;"),
+        (&["bench"], &["--device", "cuda"], "error: --device cuda is for onnxruntime; expected --engine onnxruntime"),
+        (&["bench", "--engine", "onnxruntime"], &["--device", "gpu"], "error: --device gpu is for openvino;"),
         (&["bench"], &["--engine-path", "lib"], "error: --engine-path is for onnxruntime and openvino;"),
         (&["bench"], &["--json", "nowhere/a.json"], "nowhere/a.json: no folder nowhere; expected one that is there"),
         (&["parity", "--model", "a", "--golden", "b"], &["--tolerance", "-1"], "expected 0 or a positive number"),

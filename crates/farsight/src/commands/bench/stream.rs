@@ -34,12 +34,12 @@ pub(super) struct Throughput {
 pub(super) fn throughput(path: &Path, images: usize, pipeline: &Pipeline) -> Result<Throughput> {
     let (cpu_before, start) = (cpu_s(), Instant::now());
     let mut failure = None;
-    let look = |(): &()| -> Result<usize> {
+    let look = |_: usize| -> Result<usize> {
         let image = read_image(path)?;
         let camera = super::camera(image.width() as usize, image.height() as usize)?;
         Ok(pipeline.detect(&image, &camera)?.len())
     };
-    let Ok(()) = in_order::<_, _, Infallible>(&vec![(); images], pipeline.side_by_side(), look, |(), found| {
+    let Ok(()) = in_order::<_, _, Infallible>(0..images, pipeline.side_by_side(), look, |found| {
         failure = found.err();
         Ok(if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     });

@@ -148,10 +148,9 @@ pub(in crate::commands) fn write_results_of(
 ) -> Result<Vec<String>> {
     let bar = progress_bar(block.len());
     let (mut done, mut failed, mut unwritten) = (Vec::new(), 0, 0);
-    let frames: Vec<(usize, String)> =
-        dataset.ids().into_iter().enumerate().filter(|(index, _)| block.contains(index)).collect();
-    let look = |(index, _): &(usize, String)| looked_at(pipeline, dataset, *index);
-    in_order(&frames, pipeline.side_by_side(), look, |(_, id), looked| {
+    let frames = dataset.ids().into_iter().enumerate().filter(|(index, _)| block.contains(index));
+    let look = |(index, id): (usize, String)| (id, looked_at(pipeline, dataset, index));
+    in_order(frames, pipeline.side_by_side(), look, |(id, looked)| {
         let path = results.join(format!("{id}.txt"));
         match looked {
             Ok(detections) => match write_results(&path, &detections) {

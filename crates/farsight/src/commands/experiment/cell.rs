@@ -153,11 +153,12 @@ impl CellFolder {
         }
         let pipeline = builder.images(open.len()).open()?;
         let (began, mut done) = (Instant::now(), 0);
-        let look = |(index, _): &(usize, String)| -> Result<Vec<Detection>> {
-            let found = pipeline.detect(&dataset.image(*index)?, &dataset.camera(*index)?);
-            Ok(detections(&found.with_context(|| dataset.origin(*index))?))
+        let detect = |index: usize| -> Result<Vec<Detection>> {
+            let found = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
+            Ok(detections(&found.with_context(|| dataset.origin(index))?))
         };
-        in_order(&open, pipeline.side_by_side(), look, |(_, id), found| {
+        let look = |(index, id): &_| (id, detect(*index));
+        in_order(&open, pipeline.side_by_side(), look, |(id, found)| {
             self.keep(id, found?)?;
             done += 1;
             if done % TOLD_EVERY == 0 {

@@ -157,9 +157,10 @@ impl<'a> Job<'a> {
         let count = todo.iter().filter(|todo| **todo).count();
         let bar = if count < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(count) };
         let mut tally = Tally { skipped, ..Tally::default() };
-        let todo: Vec<_> = self.images.iter().zip(&self.names).zip(&todo).filter(|(_, todo)| **todo).collect();
-        let look = |((image, name), _): &((&PathBuf, &String), _)| self.image(image, name, pipeline);
-        in_order(&todo, pipeline.side_by_side(), look, |((image, name), _), looked| {
+        let named = self.images.iter().zip(&self.names).zip(&todo);
+        let todo = named.filter(|(_, todo)| **todo).map(|(named, _)| named);
+        let look = |(image, name): (_, _)| (image, name, self.image(image, name, pipeline));
+        in_order(todo, pipeline.side_by_side(), look, |(image, name, looked)| {
             bar.suspend(|| match looked {
                 Ok(looked) => {
                     Self::tell(&looked, image, &mut tally, printer);
