@@ -33,6 +33,9 @@ pub const MAX_FILE: u64 = 4 << 30;
 /// The largest header that is read, bytes: many times that of any network here, and read in less than a second.
 const MAX_HEADER: usize = 4 << 20;
 
+/// Values that go into a hash at once.
+const HASHED_AT_ONCE: usize = 4096;
+
 /// Last part of the name of batch norm's step counter, which no forward pass uses.
 pub const STEP_COUNTER: &str = "num_batches_tracked";
 
@@ -322,9 +325,14 @@ impl Weights {
     /// in whatever file they are.
     pub fn sha256(&self) -> String {
         let mut hash = Sha256::new();
+        let mut bytes = Vec::with_capacity(4 * HASHED_AT_ONCE);
         for (name, tensor) in &self.tensors {
             hash.update(format!("{name} {:?}\n", tensor.shape));
-            tensor.values.iter().for_each(|value| hash.update(value.to_le_bytes()));
+            for values in tensor.values.chunks(HASHED_AT_ONCE) {
+                bytes.clear();
+                bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+                hash.update(&bytes);
+            }
         }
         hexadecimal(&hash.finalize())
     }

@@ -41,10 +41,11 @@ mod present {
         unpanicked(NAME, || {
             load(library)?;
             let mut core = Core::new()?;
-            let device = device(options.device, &core)?;
+            let device = options.device;
+            check_device(device, &core)?;
             let precision = if options.bf16 { "bf16" } else { "f32" };
-            core.set_property(&device, &RwPropertyKey::HintInferencePrecision, precision)?;
-            if device == DeviceType::CPU {
+            core.set_property(&named(device), &RwPropertyKey::HintInferencePrecision, precision)?;
+            if device == Device::Cpu {
                 share_cores(&mut core, &options)?;
             }
             core.read_model_from_buffer(model.bytes(), None)?;
@@ -54,17 +55,25 @@ mod present {
         })
     }
 
-    /// OpenVINO's name of a device that is there.
-    fn device(device: Device, core: &Core) -> Result<DeviceType<'static>, Failure> {
+    /// OpenVINO's name of a device that it has.
+    fn named(device: Device) -> DeviceType<'static> {
         match device {
-            Device::Cpu => Ok(DeviceType::CPU),
+            // More than one are GPU.0, GPU.1 and so on; GPU is the first of them.
+            Device::Gpu => DeviceType::GPU,
+            Device::Cpu | Device::Cuda | Device::TensorRt => DeviceType::CPU,
+        }
+    }
+
+    /// Refuses a device that is not there.
+    fn check_device(device: Device, core: &Core) -> Result<(), Failure> {
+        match device {
+            Device::Cpu => Ok(()),
             Device::Gpu => {
                 let found = core.available_devices()?;
-                // More than one are GPU.0, GPU.1 and so on; GPU is the first of them.
-                if found.iter().any(|found| found.as_ref().starts_with("GPU")) {
-                    return Ok(DeviceType::GPU);
-                }
                 let found: Vec<&str> = found.iter().map(AsRef::as_ref).collect();
+                if found.iter().any(|name| name.starts_with("GPU")) {
+                    return Ok(());
+                }
                 let text = format!(
                     "it finds no device gpu (it finds {}); that needs a GPU of Intel's with its OpenCL driver",
                     found.join(", ")
@@ -111,7 +120,7 @@ mod present {
     /// A network and its compiled forms, which all sharers run.
     struct Network {
         model: OnnxModel,
-        device: DeviceType<'static>,
+        device: Device,
         compiler: Mutex<Compiler>,
     }
 
@@ -161,7 +170,7 @@ mod present {
             let mut model = compiler.core.read_model_from_buffer(self.model.bytes(), None)?;
             let sides = PartialShape::new(shape.len() as i64, &takes.dimensions())?;
             model.reshape_input_by_name(&self.model.input().name, &sides)?;
-            let mut form = compiler.core.compile_model(&model, self.device.clone())?;
+            let mut form = compiler.core.compile_model(&model, named(self.device))?;
             let request = form.create_infer_request()?;
             if let Some(superseded) = before {
                 compiler.forms.remove(superseded);

@@ -224,7 +224,7 @@ impl PipelineBuilder {
     }
 
     fn assembled(&self, opened: OpenDetector) -> Result<Pipeline, Error> {
-        let family = opened.family()?;
+        let family = opened.family();
         let is_shipped = family.is_some();
         let second = self.second_engine();
         let refiner =

@@ -33,8 +33,8 @@ pub(crate) struct OpenDetector {
 impl OpenDetector {
     /// The family, if its weights come with the library, in whatever file they are: refiner, plate reader and road are
     /// made for them.
-    pub(crate) fn family(&self) -> Result<Option<Family>, Error> {
-        Ok(self.weights_sha256.as_deref().map_or(Ok(None), shipped::family_of)?)
+    pub(crate) fn family(&self) -> Option<Family> {
+        self.weights_sha256.as_deref().and_then(shipped::family_of)
     }
 }
 

@@ -38,6 +38,15 @@ impl Family {
             Self::FarsightN => "farsight-n",
         }
     }
+
+    /// SHA-256 of the weights of its detector. It is kept, because computing it takes longer than looking at an image.
+    pub const fn weights_sha256(self) -> &'static str {
+        match self {
+            Self::FarsightW => farsight_weights_w::DETECTOR_SHA256,
+            Self::FarsightS => farsight_weights_s::DETECTOR_SHA256,
+            Self::FarsightN => farsight_weights_n::DETECTOR_SHA256,
+        }
+    }
 }
 
 const SSD: &[u8] = farsight_weights_w::DETECTOR;
@@ -101,19 +110,8 @@ pub fn small_smoke() -> Result<SmokeModel, ModelError> {
 }
 
 /// The family of a detector with these weights (SHA-256), if it comes with the library.
-///
-/// # Errors
-/// Never of a library that was built whole.
-pub fn family_of(sha256: &str) -> Result<Option<Family>, ModelError> {
-    Ok(if ssd()?.weights.sha256() == sha256 {
-        Some(Family::FarsightW)
-    } else if smoke()?.weights.sha256() == sha256 {
-        Some(Family::FarsightS)
-    } else if small_smoke()?.weights.sha256() == sha256 {
-        Some(Family::FarsightN)
-    } else {
-        None
-    })
+pub fn family_of(sha256: &str) -> Option<Family> {
+    Family::ALL.into_iter().find(|family| family.weights_sha256() == sha256)
 }
 
 /// The refiner of a family.

@@ -174,7 +174,7 @@ fn numbers_and_options_that_mean_nothing_here_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let range = ["range", "a.png", "--hfov", "80"];
     let eval = ["eval", "--labels", ".", "--results", "."];
-    let table: [(&[&str], &[&str], &str); 22] = [
+    let table: [(&[&str], &[&str], &str); 24] = [
         (&range, &["--cx", "600"], "'--hfov <DEG>' cannot be used with"),
         (&range, &["--fy", "600"], "'--hfov <DEG>' cannot be used with"),
         (&["range", "a.png", "--calib", "c.txt"], &["--cy", "9"], "'--calib <FILE>' cannot be used with"),

@@ -3,13 +3,15 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{done, farsight, root};
+use farsight::shipped::{self, Family};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_graph::model::{CONFIG_KEY, NetworkConfig};
 use farsight_graph::weights::Weights;
 use farsight_methods::smoke::{SmokeConfig, SmokeModel};
 use farsight_methods::ssd::SsdModel;
+
+use crate::program::{done, farsight, root};
 
 /// Those that this build may run; weights are told before one is looked for.
 const ENGINES: &[&str] = &[
@@ -377,4 +379,19 @@ fn what_is_left_out_with_other_weights_is_told() {
     weights.write(&folder.join("other.safetensors")).unwrap();
     let expected = "note: other.safetensors: not the shipped weights, so without what is made for those: refiner, plate reader, road plane";
     assert!(told("other.safetensors").contains(expected), "{}", told("other.safetensors"));
+}
+
+#[test]
+fn the_hashes_that_are_kept_of_shipped_detectors_are_theirs() {
+    for family in Family::ALL {
+        let computed = match family {
+            Family::FarsightW => shipped::ssd().unwrap().weights.sha256(),
+            Family::FarsightS => shipped::smoke().unwrap().weights.sha256(),
+            Family::FarsightN => shipped::small_smoke().unwrap().weights.sha256(),
+        };
+        let place = "DETECTOR_SHA256 of its crate farsight-weights-*";
+        assert_eq!(family.weights_sha256(), computed, "{}: write the second one to {place}", family.name());
+        assert_eq!(shipped::family_of(&computed), Some(family));
+    }
+    assert_eq!(shipped::family_of(""), None);
 }

@@ -157,17 +157,18 @@ impl CellFolder {
             let found = pipeline.detect(&dataset.image(index)?, &dataset.camera(index)?);
             Ok(detections(&found.with_context(|| dataset.origin(index))?))
         };
-        let look = |(index, id): &_| (id, detect(*index));
-        in_order(&open, pipeline.side_by_side(), look, |(id, found)| {
-            self.keep(id, found?)?;
+        let count = open.len();
+        let look = |(index, id): (usize, String)| (id, detect(index));
+        in_order(open, pipeline.side_by_side(), look, |(id, found)| {
+            self.keep(&id, found?)?;
             done += 1;
             if done % TOLD_EVERY == 0 {
                 let rate = done as f64 / began.elapsed().as_secs_f64();
-                printer.status(&format!("{done} of {} looked at, {rate:.1}/s", counted(open.len(), "frame")));
+                printer.status(&format!("{done} of {} looked at, {rate:.1}/s", counted(count, "frame")));
             }
             anyhow::Ok(if is_over(deadline) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })?;
-        Ok(if done == open.len() { Step::Done } else { Step::Stopped })
+        Ok(if done == count { Step::Done } else { Step::Stopped })
     }
 
     /// Keeps these answers for a frame.

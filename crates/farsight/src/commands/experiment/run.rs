@@ -128,12 +128,7 @@ fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
 
 /// SHA-256 of the weights of a shipped detector and of its refiner.
 fn hashes(family: Family) -> Result<[String; 2]> {
-    let detector = match family {
-        Family::FarsightW => shipped::ssd()?.weights.sha256(),
-        Family::FarsightS => shipped::smoke()?.weights.sha256(),
-        Family::FarsightN => shipped::small_smoke()?.weights.sha256(),
-    };
-    Ok([detector, shipped::refiner(family)?.weights.sha256()])
+    Ok([family.weights_sha256().to_owned(), shipped::refiner(family)?.weights.sha256()])
 }
 
 /// These frames of the data. A list of their own is kept, as frames that are held out are no split.

@@ -157,10 +157,10 @@ impl<'a> Job<'a> {
         let count = todo.iter().filter(|todo| **todo).count();
         let bar = if count < MANY_IMAGES { ProgressBar::hidden() } else { progress_bar(count) };
         let mut tally = Tally { skipped, ..Tally::default() };
-        let named = self.images.iter().zip(&self.names).zip(&todo);
-        let todo = named.filter(|(_, todo)| **todo).map(|(named, _)| named);
-        let look = |(image, name): (_, _)| (image, name, self.image(image, name, pipeline));
-        in_order(todo, pipeline.side_by_side(), look, |(image, name, looked)| {
+        let places = (0..self.images.len()).filter(|place| todo[*place]);
+        let look = |place: usize| (place, self.image(&self.images[place], &self.names[place], pipeline));
+        in_order(places, pipeline.side_by_side(), look, |(place, looked)| {
+            let (image, name) = (&self.images[place], &self.names[place]);
             bar.suspend(|| match looked {
                 Ok(looked) => {
                     Self::tell(&looked, image, &mut tally, printer);
