@@ -19,7 +19,7 @@ use farsight_files::MeasuredTable;
 
 /// What is written down as the command.
 const COMMAND: &str =
-    "cargo run --release -p farsight --example known_road -- --table docs/results/known-road.json 200 201";
+    "cargo run --release -p farsight --example known_road -- --table FILE.json 200 201";
 
 const COLUMNS: [&str; 5] = ["road", "cars", "distance: MAE", "to 20 m; to 40 m; beyond", "mean relative error"];
 
