@@ -53,8 +53,8 @@ mod present {
     /// Loads the shared `library` of ONNX Runtime 1.17 or later and `model`.
     ///
     /// # Errors
-    /// When the library cannot be loaded, is too old, or refuses the model, and when it or this computer has not got the
-    /// device.
+    /// When the library cannot be loaded, is too old, or refuses the model, and when it or this computer has not got
+    /// the device.
     pub fn open(library: &Path, model: OnnxModel, options: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
         let source = Source { library: library.to_owned(), model, options };
         let session = unpanicked(NAME, || source.session())?;

@@ -63,8 +63,8 @@ pub fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
     (PEAK.load(Ordering::Relaxed).saturating_sub(before), done)
 }
 
-/// Bytes that this thread asks for in all while it does `work`, freed or not, and what `work` gives. Other threads do not
-/// count, nor does what libraries in other languages allocate.
+/// Bytes that this thread asks for in all while it does `work`, freed or not, and what `work` gives. Other threads do
+/// not count, nor does what libraries in other languages allocate.
 pub fn asked<T>(work: impl FnOnce() -> T) -> (usize, T) {
     let before = ASKED.get();
     let done = work();

@@ -18,8 +18,7 @@ use farsight_eval::tracks::read_sequence;
 use farsight_files::MeasuredTable;
 
 /// What is written down as the command.
-const COMMAND: &str =
-    "cargo run --release -p farsight --example known_road -- --table FILE.json 200 201";
+const COMMAND: &str = "cargo run --release -p farsight --example known_road -- --table FILE.json 200 201";
 
 const COLUMNS: [&str; 5] = ["road", "cars", "distance: MAE", "to 20 m; to 40 m; beyond", "mean relative error"];
 

@@ -431,8 +431,8 @@ fn the_second_stages_have_a_precision_of_their_own() {
     }
 }
 
-/// A device that the engine, its library or this computer has not got is an error that says what is missing; where it is
-/// there, the answers are the CPU's.
+/// A device that the engine, its library or this computer has not got is an error that says what is missing; where it
+/// is there, the answers are the CPU's.
 #[test]
 fn a_device_gives_the_same_answers_or_says_what_is_missing() {
     let opened = |kind, device| {
