@@ -101,7 +101,7 @@ fn main() {
             let name = file.file_stem().unwrap().to_string_lossy().into_owned();
             let camera = Calibration::read(&root.join("calib").join(format!("{name}.txt"))).unwrap().camera();
             for (number, frame) in read_sequence(&file, None).unwrap().iter().enumerate() {
-                let image = read_image(&root.join("image_02").join(&name).join(format!("{number:06}.png"))).unwrap();
+                let image = read_image(root.join("image_02").join(&name).join(format!("{number:06}.png"))).unwrap();
                 let found = pipeline.detect_off_road(&image, &camera).unwrap();
                 let labels: Vec<&Label> = frame.tracks.iter().map(|track| &track.label).collect();
                 let Some(plane) = plane(&labels) else { continue };
@@ -114,7 +114,9 @@ fn main() {
     }
     let rows: Vec<[String; 5]> =
         roads([0.0; 3]).iter().zip(&judged).map(|((road, _), judged)| row(road, judged)).collect();
-    rows.iter().for_each(|row| println!("{}", row.join(" | ")));
+    for row in &rows {
+        println!("{}", row.join(" | "));
+    }
     if let Some(path) = table {
         let rows = rows.into_iter().map(Vec::from).collect();
         MeasuredTable { rows, ..MeasuredTable::new(COMMAND, COLUMNS) }.write(Path::new(&path)).unwrap();
