@@ -12,9 +12,9 @@ pub struct TrackerOptions {
     pub low_score: f64,
     /// So many detections make a track that is told.
     pub birth_hits: u32,
-    /// A track is told for so long without a detection, seconds.
+    /// A track is told for so long without a detection, seconds; for less if it was not seen for four times as long.
     pub max_coast_s: f64,
-    /// The same behind an obstacle that is tracked, seconds.
+    /// The same behind an obstacle that is tracked, seconds; for less if it was not seen for twice as long.
     pub max_hidden_s: f64,
     /// A track is known again after at most so long, seconds.
     pub max_lost_s: f64,

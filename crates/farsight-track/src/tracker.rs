@@ -96,8 +96,9 @@ const MIN_IN_IMAGE: f64 = 0.2;
 /// Behind something is what this covers by more than this share.
 const HIDDEN_SHARE: f64 = 0.5;
 
-/// Every track coasts for so long, seconds.
-const MIN_COAST_S: f64 = 0.2;
+/// A track coasts for at most these shares of the time for which it was seen: in sight, and behind an obstacle.
+const COAST_SHARE: f64 = 0.25;
+const HIDDEN_COAST_SHARE: f64 = 0.5;
 
 /// From so fast a camera, m/s, what stands still can be told from what moves; it is taken to stand from this
 /// probability on.
@@ -198,14 +199,14 @@ impl Tracker {
     fn matches(&self, seen: &[Seen]) -> Vec<Option<usize>> {
         let TrackerOptions { birth_score, min_overlap, gate_sigmas, max_coast_s, .. } = self.options;
         let now = self.last_s.unwrap_or_default();
-        let is_lost = |entry: &Entry| !entry.is_shown(now, max_coast_s, self.options.max_hidden_s);
+        let is_lost = |entry: &Entry| entry.misses > 0 && !entry.is_shown(now, max_coast_s, self.options.max_hidden_s);
         let near = Strictness { min_overlap, margin: MARGIN, gate_sigmas };
         let close = Strictness { min_overlap: min_overlap.max(LOW_MIN_OVERLAP), margin: 0.0, gate_sigmas };
         let far = Strictness { min_overlap: min_overlap.min(LOST_MIN_OVERLAP), margin: LOST_MARGIN, gate_sigmas };
         let is_high = |one: &Seen| one.detection.score >= birth_score;
         let mut partner = vec![None; seen.len()];
         self.stage(seen, &mut partner, near, is_high, |entry| !is_lost(entry));
-        self.stage(seen, &mut partner, close, |one| !is_high(one), |entry| !is_lost(entry));
+        self.stage(seen, &mut partner, close, |one| !is_high(one), |entry| entry.id > 0 && !is_lost(entry));
         self.stage(seen, &mut partner, far, is_high, is_lost);
         partner
     }
@@ -368,12 +369,14 @@ impl Entry {
         self.expected = *box2d;
     }
 
-    /// What was seen for a short time only coasts for as long, and for less the more seldom it was seen in that time.
+    /// What was seen for a short time only coasts for a share of it, and for less the more seldom it was seen in that
+    /// time.
     fn is_shown(&self, now: f64, max_coast_s: f64, max_hidden_s: f64) -> bool {
-        let most_s = if self.is_hidden { max_hidden_s } else { max_coast_s };
+        let (most_s, share) =
+            if self.is_hidden { (max_hidden_s, HIDDEN_COAST_SHARE) } else { (max_coast_s, COAST_SHARE) };
         let seen_share = f64::from(self.hits) / (self.frames.saturating_sub(u64::from(self.misses)).max(1)) as f64;
         let known_s = (self.seen_s - self.born_s) * seen_share * seen_share;
-        now - self.seen_s <= most_s.min(known_s).max(MIN_COAST_S)
+        now - self.seen_s <= most_s.min(share * known_s)
     }
 
     /// Tracks in the order of their first frames, and of their boxes in it.

@@ -303,12 +303,12 @@ fn who_is_gone_for_long_is_known_again_or_another() {
         let mut tracker = Tracker::default();
         let car = Car::new([1.0, 20.0], [0.0, 0.5]);
         let mut before = Vec::new();
-        for frame in 0..15 {
+        for frame in 0..25 {
             let time_s = 0.1 * f64::from(frame);
             before = update(&mut tracker, time_s, &[exact(&car.after(time_s))]).unwrap();
         }
-        let back = 1.4 + gap;
-        let told = (1..).map(|step| 1.4 + 0.1 * f64::from(step)).take_while(|time_s| *time_s < back - 1e-6);
+        let back = 2.4 + gap;
+        let told = (1..).map(|step| 2.4 + 0.1 * f64::from(step)).take_while(|time_s| *time_s < back - 1e-6);
         let coasting: Vec<usize> = told.map(|time_s| update(&mut tracker, time_s, &[]).unwrap().len()).collect();
         // It is told for a while, and then no more.
         let steps = (tracker.options().max_coast_s / 0.1).round() as usize;
@@ -325,6 +325,23 @@ fn who_is_gone_for_long_is_known_again_or_another() {
 }
 
 #[test]
+fn what_was_hardly_seen_hardly_coasts() {
+    // Seen in so many frames, it is told for so many frames more.
+    for (seen, expected) in [(2, 0), (5, 1), (9, 2), (13, 3), (40, 5)] {
+        let mut tracker = Tracker::default();
+        let car = Car::new([1.0, 20.0], [0.0, 0.5]);
+        let mut told = 0;
+        for frame in 0..seen + 10 {
+            let time_s = 0.1 * f64::from(frame);
+            let detections = if frame < seen { vec![exact(&car.after(time_s))] } else { Vec::new() };
+            let tracks = update(&mut tracker, time_s, &detections).unwrap();
+            told += tracks.iter().filter(|track| track.coasting).count();
+        }
+        assert_eq!(told, expected, "after {seen} frames");
+    }
+}
+
+#[test]
 fn low_scores_continue_tracks_and_begin_none() {
     let mut tracker = Tracker::default();
     let car = Car::new([1.0, 20.0], [0.0, 0.0]);
@@ -335,6 +352,12 @@ fn low_scores_continue_tracks_and_begin_none() {
         let told = update(&mut tracker, 0.1 * f64::from(frame), &[seen, other]).unwrap();
         assert_eq!(told.len(), usize::from(frame > 0), "in frame {frame}");
         assert!(told.iter().all(|track| !track.coasting));
+    }
+    // Nor do they make one of what was seen once.
+    let mut tracker = Tracker::default();
+    for frame in 0..10 {
+        let seen = if frame == 0 { exact(&car) } else { unsure(&car) };
+        assert!(update(&mut tracker, 0.1 * f64::from(frame), &[seen]).unwrap().is_empty(), "in frame {frame}");
     }
 }
 
