@@ -12,7 +12,7 @@ use farsight::Pipeline;
 use farsight_data::{CorruptedDataset, Dataset};
 use farsight_eval::ranging::{Group, RangingMetric, RangingOptions};
 use farsight_eval::{Difficulty, EvaluatedClass, FrameFiles, LabelSource};
-use farsight_files::{Scratch, write_atomically};
+use farsight_files::{MeasuredTable, Scratch, write_atomically};
 use serde::Serialize;
 
 use super::Outcome;
@@ -58,6 +58,9 @@ pub(crate) struct RobustnessArgs {
     /// Write the figures, JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the figures as a table to FILE (JSON), for documents to quote (`farsight measure --docs`)
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
     /// Draw the share found against the severity, PNG
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
@@ -98,7 +101,7 @@ impl Row {
 pub(crate) fn run(args: &RobustnessArgs, printer: &mut Printer) -> Result<Outcome> {
     let builder = args.pipeline.builder(printer)?.min_score(MIN_SCORE);
     let pipeline = pipeline_args::open_and_tell(&builder, printer)?;
-    if let Some(file) = &args.json {
+    for file in args.json.iter().chain(&args.table) {
         outputs::check_json(file, args.pipeline.files())?;
     }
     let scratch = Scratch::temporary_folder().context("no folder for the results")?;
@@ -125,10 +128,37 @@ pub(crate) fn run(args: &RobustnessArgs, printer: &mut Printer) -> Result<Outcom
         let text = laid_out(&serde_json::json!({ "rows": rows }), OPEN_LEVELS);
         write_atomically(file, |out| out.write_all(text.as_bytes()))?;
     }
+    if let Some(file) = &args.table {
+        table(args, &rows).write(file)?;
+    }
     if let Some(file) = &args.plot {
         plot::write(file, &rows)?;
     }
     Ok(Outcome::Done)
+}
+
+/// A row for each condition, a column for each severity.
+fn table(args: &RobustnessArgs, rows: &[Row]) -> MeasuredTable {
+    let severities = args.severities.iter().map(|severity| format!("severity {severity}"));
+    let columns: Vec<String> = std::iter::once("condition".to_owned()).chain(severities).collect();
+    let data = if args.twins.is_some() { "--twins KITTI" } else { "--data KITTI" };
+    let severities: Vec<String> = args.severities.iter().map(u8::to_string).collect();
+    let command = format!("farsight robustness {data} --severities {}", severities.join(","));
+    let mut table = MeasuredTable { columns, ..MeasuredTable::new(&command, ["condition"]) };
+    let cell = |row: &Row| {
+        let mae = row.mae_m.map_or_else(|| "-".to_owned(), |mae| format!("{mae:.2} m"));
+        format!("{:.0}%, {mae}", 100.0 * row.share())
+    };
+    let (whole, worse) = rows.split_at(1);
+    table.rows = whole
+        .iter()
+        .map(|row| [vec![row.condition.clone()], vec![cell(row); args.severities.len()]].concat())
+        .chain(worse.chunks(args.severities.len()).map(|rows| {
+            let condition = rows.iter().map(|row| row.condition.replace('_', " ")).take(1);
+            condition.chain(rows.iter().map(cell)).collect()
+        }))
+        .collect();
+    table
 }
 
 fn tell(row: &Row, printer: &mut Printer) {

@@ -12,8 +12,8 @@ fn corruptions_and_weather_are_judged_beside_the_images_as_they_are() {
     let folder = folder.path();
     done(folder, &["synth", "--out", "kitti", "--frames", "2", "--seed", "4"]);
     let asked = ["--corruptions", "contrast", "--severities", "1,5", "--refiner", "none"];
-    let text =
-        done(folder, &[&["robustness", "--data", "kitti", "--json", "a.json", "--plot", "a.png"], &asked[..]].concat());
+    let files = ["--json", "a.json", "--table", "t.json", "--plot", "a.png"];
+    let text = done(folder, &[&["robustness", "--data", "kitti"], &files[..], &asked[..]].concat());
     assert_eq!(text.lines().filter(|line| line.starts_with("contrast")).count(), 2, "{text}");
     let rows = |file: &str| {
         let text = fs::read_to_string(folder.join(file)).unwrap();
@@ -24,6 +24,16 @@ fn corruptions_and_weather_are_judged_beside_the_images_as_they_are() {
     assert_eq!(all.len(), 3);
     assert!(all[0]["severity"] == 0 && found(&all[0]) > 0 && found(&all[2]) < found(&all[0]), "{all:?}");
     assert!(image::open(folder.join("a.png")).unwrap().width() > 300);
+    let text = fs::read_to_string(folder.join("t.json")).unwrap();
+    let table = serde_json::from_str::<Value>(&text).unwrap();
+    assert_eq!(table["columns"], serde_json::json!(["condition", "severity 1", "severity 5"]));
+    let share = |cell: &Value| cell.as_str().unwrap().split('%').next().unwrap().parse::<f64>().unwrap();
+    let told = table["rows"].as_array().unwrap();
+    assert_eq!((told.len(), &told[1][0]), (2, &Value::from("contrast")));
+    for (cell, row) in [(&told[0][1], &all[0]), (&told[1][1], &all[1]), (&told[1][2], &all[2])] {
+        let expected = 100.0 * found(row) as f64 / row["objects"].as_f64().unwrap();
+        assert!((share(cell) - expected).abs() <= 0.5, "{cell} of {row}");
+    }
 
     let asked = ["--frames", "1", "--weather", "fog", "--severities", "5", "--refiner", "none"];
     done(folder, &[&["robustness", "--twins", "kitti", "--json", "b.json"], &asked[..]].concat());
