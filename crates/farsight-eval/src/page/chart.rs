@@ -17,12 +17,16 @@ type DrawingError<DB> = DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>;
 /// Size of a chart, pixels.
 const SIZE: (u32, u32) = (760, 480);
 
-/// Height of heading and legend above the plot, pixels. The legend stands outside the plot, so it covers no line.
+/// Height of heading and a legend of one row above the plot, pixels. The legend stands outside the plot, so it covers no
+/// line.
 pub(super) const HEADER_PX: u32 = 72;
 
-/// Rows of heading and legend within the header, pixels from above.
+/// Rows of heading and legend within the header, pixels from above; a legend may have more rows, and keeps away from the
+/// sides.
 const HEADING_Y: i32 = 14;
 const LEGEND_Y: i32 = 50;
+const LEGEND_ROW_PX: u32 = 22;
+const LEGEND_MARGIN_PX: i32 = 14;
 
 /// Length of the line in a legend entry, and the gaps after it and after the entry, pixels.
 const LEGEND_LINE_PX: i32 = 22;
@@ -98,8 +102,10 @@ impl Chart {
     fn draw_on(&self, image: &mut RgbImage) -> Result<(), Box<dyn std::error::Error + '_>> {
         let area = BitMapBackend::with_buffer(image, SIZE).into_drawing_area();
         area.fill(&WHITE).map_err(|e| e.to_string())?;
-        let (header, body) = area.split_vertically(HEADER_PX);
-        self.draw_header(&header).map_err(|e| e.to_string())?;
+        let legend = self.legend_rows(&area).map_err(|e| e.to_string())?;
+        let more_rows = legend.len().saturating_sub(1) as u32;
+        let (header, body) = area.split_vertically(HEADER_PX + more_rows * LEGEND_ROW_PX);
+        self.draw_header(&header, &legend).map_err(|e| e.to_string())?;
         let mut chart = ChartBuilder::on(&body)
             .margin(14)
             .margin_top(4)
@@ -143,30 +149,61 @@ impl Chart {
         Ok(())
     }
 
-    /// Heading and legend, each centred in a row of its own.
-    fn draw_header<DB: DrawingBackend>(&self, header: &DrawingArea<DB, Shift>) -> Result<(), DrawingError<DB>> {
+    /// The series in rows of the legend, each with the width of its entry without the gap after it, pixels.
+    fn legend_rows<DB: DrawingBackend>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+    ) -> Result<Vec<Vec<(&Series, i32)>>, DrawingError<DB>> {
+        let [gap, next] = LEGEND_GAPS_PX;
+        let mut rows: Vec<Vec<(&Series, i32)>> = Vec::new();
+        let mut left_px = 0;
+        for series in &self.series {
+            let text_px = area.estimate_text_size(&series.name, &legend_style())?.0 as i32;
+            let width = LEGEND_LINE_PX + gap + text_px;
+            match rows.last_mut() {
+                Some(row) if width + next <= left_px => row.push((series, width)),
+                _ => {
+                    rows.push(vec![(series, width)]);
+                    left_px = SIZE.0 as i32 - 2 * LEGEND_MARGIN_PX + next;
+                }
+            }
+            left_px -= width + next;
+        }
+        Ok(rows)
+    }
+
+    /// Heading and legend, centred in rows of their own.
+    fn draw_header<DB: DrawingBackend>(
+        &self,
+        header: &DrawingArea<DB, Shift>,
+        legend: &[Vec<(&Series, i32)>],
+    ) -> Result<(), DrawingError<DB>> {
         let middle = Pos::new(HPos::Center, VPos::Top);
         let heading = TextStyle::from((FONT, 22)).pos(middle);
         header.draw_text(&self.title, &heading, (SIZE.0 as i32 / 2, HEADING_Y))?;
-        let text = TextStyle::from((FONT, 15)).pos(Pos::new(HPos::Left, VPos::Center));
         let [gap, next] = LEGEND_GAPS_PX;
-        let widths = self.series.iter().map(|series| Ok(header.estimate_text_size(&series.name, &text)?.0 as i32));
-        let widths: Vec<i32> = widths.collect::<Result<_, DrawingError<DB>>>()?;
-        let total: i32 = widths.iter().map(|width| LEGEND_LINE_PX + gap + width + next).sum::<i32>() - next;
-        let mut x = (SIZE.0 as i32 - total) / 2;
-        for (series, width) in self.series.iter().zip(widths) {
-            let ends = [(x, LEGEND_Y), (x + LEGEND_LINE_PX, LEGEND_Y)];
-            if series.is_reference {
-                let [dash, gap] = DASH_PX.map(|length| length as i32);
-                header.draw(&DashedPathElement::new(ends, dash, gap, series.rgb().stroke_width(2)))?;
-            } else {
-                header.draw(&PathElement::new(ends, series.rgb().stroke_width(2)))?;
+        for (row, y) in legend.iter().zip((LEGEND_Y..).step_by(LEGEND_ROW_PX as usize)) {
+            let total: i32 = row.iter().map(|(_, width)| width + next).sum::<i32>() - next;
+            let mut x = (SIZE.0 as i32 - total) / 2;
+            for (series, width) in row {
+                let ends = [(x, y), (x + LEGEND_LINE_PX, y)];
+                if series.is_reference {
+                    let [dash, gap] = DASH_PX.map(|length| length as i32);
+                    header.draw(&DashedPathElement::new(ends, dash, gap, series.rgb().stroke_width(2)))?;
+                } else {
+                    header.draw(&PathElement::new(ends, series.rgb().stroke_width(2)))?;
+                }
+                header.draw_text(&series.name, &legend_style(), (x + LEGEND_LINE_PX + gap, y))?;
+                x += width + next;
             }
-            header.draw_text(&series.name, &text, (x + LEGEND_LINE_PX + gap, LEGEND_Y))?;
-            x += LEGEND_LINE_PX + gap + width + next;
         }
         Ok(())
     }
+}
+
+/// How the legend is written.
+fn legend_style() -> TextStyle<'static> {
+    TextStyle::from((FONT, 15)).pos(Pos::new(HPos::Left, VPos::Center))
 }
 
 impl Series {
@@ -180,7 +217,7 @@ impl Series {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::{Chart, HEADER_PX, Series};
+    use super::{Chart, HEADER_PX, LEGEND_ROW_PX, Series};
 
     fn chart(names: [&str; 2]) -> Chart {
         let series = |name: &str, color, points: &[[f64; 2]], is_reference| Series {
@@ -212,6 +249,22 @@ mod tests {
             |image: &image::RgbImage, y: u32, rows: u32| image::imageops::crop_imm(image, 0, y, width, rows).to_image();
         assert_ne!(part(&short, 0, HEADER_PX), part(&long, 0, HEADER_PX));
         assert_eq!(part(&short, HEADER_PX, height - HEADER_PX), part(&long, HEADER_PX, height - HEADER_PX));
+    }
+
+    #[test]
+    fn a_long_legend_takes_more_rows_and_keeps_from_the_sides() {
+        let mut many = chart(["gaussian_noise", "gaussian_blur"]);
+        let [first, _] = [0, 1].map(|place| many.series[place].clone());
+        for name in ["motion_blur", "brightness", "contrast", "jpeg_compression"] {
+            many.series.push(Series { name: name.to_owned(), ..first.clone() });
+        }
+        let image = many.draw().unwrap();
+        let is_white = |x: u32, y: u32| image.get_pixel(x, y).0 == [255; 3];
+        let rows = HEADER_PX + LEGEND_ROW_PX;
+        assert!((0..rows).all(|y| is_white(4, y) && is_white(image.width() - 5, y)));
+        let second = (HEADER_PX - LEGEND_ROW_PX / 2..rows - LEGEND_ROW_PX / 2)
+            .any(|y| (0..image.width()).any(|x| !is_white(x, y)));
+        assert!(second, "there is a second row");
     }
 
     #[test]

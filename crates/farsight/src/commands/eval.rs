@@ -229,7 +229,7 @@ fn judge(args: &EvalArgs, mut source: Files, printer: &mut Printer) -> Result<Ou
         };
         let page = page.write(folder)?;
         printer.status(&format!("report: {}", page.display()));
-        outcome = tell(&unseen, args, printer);
+        outcome = tell(&unseen.findings, args, printer);
     }
     if source.failed > 0 {
         printer.error(&format!("{} failed, see above; not in these figures", counted(source.failed, "frame")));

@@ -1,5 +1,6 @@
 //! The frames of a report, with what was found and what is there drawn on their images.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -16,13 +17,16 @@ use super::EvalArgs;
 /// Detections drawn on an image; with more, nobody could tell them apart.
 const DRAWN: usize = 30;
 
-/// The worst frames, and those of them that have no picture although images were given.
-pub(super) fn worst(
-    args: &EvalArgs,
-    files: &FrameFiles,
-    evaluation: &Evaluation,
-) -> Result<(Vec<ShownFrame>, Findings)> {
-    let mut unseen = Findings::default();
+/// Frames that have no picture although images were given, each told once however often the page has it.
+#[derive(Debug, Default)]
+pub(super) struct Unseen {
+    frames: BTreeSet<String>,
+    pub(super) findings: Findings,
+}
+
+/// The worst frames, and those of them that have no picture.
+pub(super) fn worst(args: &EvalArgs, files: &FrameFiles, evaluation: &Evaluation) -> Result<(Vec<ShownFrame>, Unseen)> {
+    let mut unseen = Unseen::default();
     let mut shown = Vec::new();
     for worst in worst_frames(evaluation.targets(), files.ids()) {
         let (frame, _) = files.read(&worst.id)?;
@@ -36,7 +40,7 @@ pub(super) fn worst(
 pub(super) fn scenes(
     images: &Path,
     results: [(&FrameFiles, &Evaluation); 2],
-    unseen: &mut Findings,
+    unseen: &mut Unseen,
 ) -> Result<Vec<ShownScene>> {
     let mut shown = Vec::new();
     for scene in chosen_scenes(results[0].1.targets()) {
@@ -60,10 +64,15 @@ fn seen(
     frame: &Frame,
     worst: &FrameErrors,
     least_score: Option<f64>,
-    unseen: &mut Findings,
+    unseen: &mut Unseen,
 ) -> Option<RgbImage> {
     let drawn = drawn(images, frame, worst, least_score);
-    drawn.map_err(|why| unseen.add("frames on the page without a picture", || format!("{why:#}"))).ok()
+    if let Err(why) = &drawn
+        && unseen.frames.insert(frame.id.clone())
+    {
+        unseen.findings.add("frames on the page without a picture", || format!("{why:#}"));
+    }
+    drawn.ok()
 }
 
 /// The frame's image with its detections and labels, named as `--explain` names them.
