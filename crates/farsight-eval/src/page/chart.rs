@@ -41,6 +41,9 @@ const FONT: &str = "sans-serif";
 /// How strongly a band is tinted.
 const BAND_OPACITY: f64 = 0.18;
 
+/// Series side by side in the legend, each with the width of its entry without the gap after it, pixels.
+type LegendRow<'a> = Vec<(&'a Series, i32)>;
+
 /// What to draw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
@@ -149,13 +152,13 @@ impl Chart {
         Ok(())
     }
 
-    /// The series in rows of the legend, each with the width of its entry without the gap after it, pixels.
+    /// The rows of the legend, as many entries in each as there is room for.
     fn legend_rows<DB: DrawingBackend>(
         &self,
         area: &DrawingArea<DB, Shift>,
-    ) -> Result<Vec<Vec<(&Series, i32)>>, DrawingError<DB>> {
+    ) -> Result<Vec<LegendRow<'_>>, DrawingError<DB>> {
         let [gap, next] = LEGEND_GAPS_PX;
-        let mut rows: Vec<Vec<(&Series, i32)>> = Vec::new();
+        let mut rows: Vec<LegendRow> = Vec::new();
         let mut left_px = 0;
         for series in &self.series {
             let text_px = area.estimate_text_size(&series.name, &legend_style())?.0 as i32;
@@ -176,7 +179,7 @@ impl Chart {
     fn draw_header<DB: DrawingBackend>(
         &self,
         header: &DrawingArea<DB, Shift>,
-        legend: &[Vec<(&Series, i32)>],
+        legend: &[LegendRow],
     ) -> Result<(), DrawingError<DB>> {
         let middle = Pos::new(HPos::Center, VPos::Top);
         let heading = TextStyle::from((FONT, 22)).pos(middle);
