@@ -17,12 +17,12 @@ type DrawingError<DB> = DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>;
 /// Size of a chart, pixels.
 const SIZE: (u32, u32) = (760, 480);
 
-/// Height of heading and a legend of one row above the plot, pixels. The legend stands outside the plot, so it covers no
-/// line.
+/// Height of heading and a legend of one row above the plot, pixels. The legend stands outside the plot, so it covers
+/// no line.
 pub(super) const HEADER_PX: u32 = 72;
 
-/// Rows of heading and legend within the header, pixels from above; a legend may have more rows, and keeps away from the
-/// sides.
+/// Rows of heading and legend within the header, pixels from above; a legend may have more rows, and keeps away from
+/// the sides.
 const HEADING_Y: i32 = 14;
 const LEGEND_Y: i32 = 50;
 const LEGEND_ROW_PX: u32 = 22;
