@@ -257,7 +257,7 @@ mod tests {
     #[test]
     fn a_long_legend_takes_more_rows_and_keeps_from_the_sides() {
         let mut many = chart(["gaussian_noise", "gaussian_blur"]);
-        let [first, _] = [0, 1].map(|place| many.series[place].clone());
+        let first = many.series[0].clone();
         for name in ["motion_blur", "brightness", "contrast", "jpeg_compression"] {
             many.series.push(Series { name: name.to_owned(), ..first.clone() });
         }
