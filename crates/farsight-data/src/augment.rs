@@ -6,7 +6,7 @@ use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::{ColorJitter, Reflections, Shadow, Sharpness, Transform};
+use crate::{ColorJitter, Degradation, Reflections, Shadow, Sharpness, Transform};
 
 /// How training images are varied.
 ///
@@ -48,6 +48,8 @@ pub struct AugmentationConfig {
     /// Largest factor of [`Sharpness`], at least 1; the smallest is one over it.
     #[serde(alias = "detail_factor")]
     pub sharpness_factor: f64,
+    /// Share of images with noise, blur or motion blur ([`Degradation`]).
+    pub degradation_probability: f64,
     /// Whether shifted and scaled images teach only the heatmap, as in official SMOKE, whose camera does not follow
     /// its window (spec 7.3). Ours follows, so nothing has to be masked.
     pub mask_scaled_regression: bool,
@@ -70,6 +72,7 @@ impl Default for AugmentationConfig {
             shadow_probability: 0.0,
             sharpness_probability: 0.0,
             sharpness_factor: 3.0,
+            degradation_probability: 0.0,
             mask_scaled_regression: false,
         }
     }
@@ -86,6 +89,7 @@ impl AugmentationConfig {
             reflection_probability: never,
             shadow_probability: never,
             sharpness_probability: never,
+            degradation_probability: never,
             ..Self::default()
         }
     }
@@ -110,6 +114,7 @@ impl AugmentationConfig {
             .or_else(|| share("reflection_strength", self.reflection_strength))
             .or_else(|| share("shadow_probability", self.shadow_probability))
             .or_else(|| share("sharpness_probability", self.sharpness_probability))
+            .or_else(|| share("degradation_probability", self.degradation_probability))
             .or_else(|| {
                 let factor = self.sharpness_factor;
                 let in_range = (1.0..=100.0).contains(&factor);
@@ -149,6 +154,7 @@ impl AugmentationConfig {
             reflections: self.draw_reflections(rng, rules.size),
             shadow: self.draw_shadow(rng),
             sharpness: self.draw_sharpness(rng),
+            degradation: happens(rng, self.degradation_probability).then(|| Degradation::draw(rng)),
             scaled,
             regress: !(scaled && self.mask_scaled_regression),
         }

@@ -7,7 +7,7 @@ use farsight_core::{Affine2, Camera, Label, ObjectClass, wrapped_angle};
 use image::RgbImage;
 
 use crate::annotations::DepthMap;
-use crate::{ColorJitter, Frame, Reflections, Shadow, Sharpness, network_input};
+use crate::{ColorJitter, Degradation, Frame, Reflections, Shadow, Sharpness, network_input};
 
 /// What is done to one frame to make a network's input of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +24,8 @@ pub struct Transform {
     pub shadow: Option<Shadow>,
     /// More or less fine detail.
     pub sharpness: Option<Sharpness>,
+    /// What the camera adds.
+    pub degradation: Option<Degradation>,
     /// Whether the window is shifted or scaled, not the whole image.
     pub scaled: bool,
     /// Whether the regression head may learn from the result.
@@ -57,6 +59,7 @@ impl Transform {
             reflections: None,
             shadow: None,
             sharpness: None,
+            degradation: None,
             scaled: false,
             regress: true,
         }
@@ -100,6 +103,9 @@ impl Transform {
         }
         if let Some(sharpness) = &self.sharpness {
             sharpness.apply(&mut input, rules.size);
+        }
+        if let Some(degradation) = &self.degradation {
+            degradation.apply(&mut input, rules.size);
         }
         input
     }

@@ -125,7 +125,7 @@ fn a_sample_is_the_frame_moved() {
 }
 
 #[test]
-fn reflections_shadows_and_sharpness_change_pixels_and_neither_camera_nor_labels() {
+fn reflections_shadows_sharpness_and_degradations_change_pixels_and_neither_camera_nor_labels() {
     let image =
         RgbImage::from_fn(1242, 375, |x, y| image::Rgb([(x % 256) as u8, (y % 256) as u8, ((x * y) % 256) as u8]));
     let frame = Frame::new("0", image, Camera::from_hfov(80.0, 1242, 375).unwrap(), vec![car(), dont_care()]);
@@ -133,18 +133,20 @@ fn reflections_shadows_and_sharpness_change_pixels_and_neither_camera_nor_labels
         reflection_probability: 1.0,
         shadow_probability: 1.0,
         sharpness_probability: 1.0,
+        degradation_probability: 1.0,
         ..lively()
     };
     for index in 0..5 {
         let drawn = always.draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES);
         // Drawn last, so that what others draw does not depend on them.
-        let without = Transform { reflections: None, shadow: None, sharpness: None, ..drawn };
+        let without = Transform { reflections: None, shadow: None, sharpness: None, degradation: None, ..drawn };
         assert_eq!(without, lively().draw(&mut ItemKey { epoch: 0, index, seed: 3 }.rng(), IMAGE_SIZE, &RULES));
         let (with, plain) = (drawn.apply(&frame, &RULES), without.apply(&frame, &RULES));
         for one in [
             Transform { reflections: drawn.reflections, ..without },
             Transform { shadow: drawn.shadow, ..without },
             Transform { sharpness: drawn.sharpness, ..without },
+            Transform { degradation: drawn.degradation, ..without },
         ] {
             assert_ne!(one.apply(&frame, &RULES).input, plain.input);
         }
@@ -156,8 +158,9 @@ fn reflections_shadows_and_sharpness_change_pixels_and_neither_camera_nor_labels
         AugmentationConfig { shadow_probability: 2.0, ..lively() },
         AugmentationConfig { sharpness_probability: -0.1, ..lively() },
         AugmentationConfig { sharpness_factor: 0.9, ..lively() },
+        AugmentationConfig { degradation_probability: 1.1, ..lively() },
     ] {
-        let names = ["reflection_", "shadow_", "sharpness_"];
+        let names = ["reflection_", "shadow_", "sharpness_", "degradation_"];
         assert!(wrong.problem().is_some_and(|problem| names.iter().any(|name| problem.starts_with(name))));
     }
 }

@@ -69,6 +69,7 @@ fn transforms_projections_and_both_directions_of_the_code_agree() {
             reflections: None,
             shadow: None,
             sharpness: None,
+            degradation: None,
             scaled: false,
             regress: true,
         };

@@ -176,6 +176,36 @@ fn minutes_stop_at_a_checkpoint_and_the_same_command_goes_on() {
     assert!(told.contains("plain-1: a cell of another experiment"), "{told}");
 }
 
+#[test]
+fn cells_are_compared_by_their_records_when_the_weights_that_they_started_from_are_gone() {
+    let folder = folder();
+    let root = folder.path();
+    done(root, &[&arguments("first", "first.json")[..], &["--only", "plain-1"]].concat());
+    fs::copy(root.join("first/plain-1/model.safetensors"), root.join("start.safetensors")).unwrap();
+    let started = PLAN.replace("[base.train]\n", "[base.train]\nstart_from = \"start.safetensors\"\n");
+    assert_ne!(started, PLAN);
+    fs::write(root.join("plan.toml"), started).unwrap();
+    done(root, &[&arguments("whole", "whole.json")[..], &["--only", "plain-1", "--only", "wide-1"]].concat());
+
+    fs::rename(root.join("start.safetensors"), root.join("gone.safetensors")).unwrap();
+    let only = ["--records", "whole-cells", "--only", "plain-1", "--only", "wide-1"];
+    done(root, &[&arguments("again", "again.json")[..], &only].concat());
+    assert_eq!(json(&root.join("again.json")), json(&root.join("whole.json")));
+    // What is not done cannot be done without.
+    let output = farsight(root, &[&arguments("again", "again.json")[..], &["--only", "plain-2"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("plain-2: start.safetensors: no such file"), "{told}");
+    // Other weights of that name are another experiment's.
+    fs::copy(root.join("first/plain-1/model.safetensors"), root.join("start.safetensors")).unwrap();
+    done(root, &[&arguments("again", "again.json")[..], &only].concat());
+    fs::copy(root.join("whole/plain-1/model.safetensors"), root.join("start.safetensors")).unwrap();
+    let output = farsight(root, &[&arguments("again", "again.json")[..], &only].concat());
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("plain-1: a cell of another experiment"), "{told}");
+}
+
 /// Arms of three methods.
 const METHODS: &str = r#"
 name = "methods"

@@ -18,6 +18,7 @@ use farsight_onnx::key;
 use farsight_train::config::ValidateConfig;
 use farsight_train::metrics::StepSummary;
 use farsight_train::training::{Callback, FileOptions, Start, TrainError};
+use serde_json::Value;
 use toml::Table;
 
 use crate::commands::train::progress::Progress;
@@ -50,6 +51,23 @@ pub(super) enum Step {
     Stopped,
 }
 
+/// Whether two identities are the same but for a start that the expected one does not know.
+pub(super) fn is_of(found: &str, expected: &str) -> bool {
+    if found == expected {
+        return true;
+    }
+    let [found, mut expected] = [found, expected].map(serde_json::from_str::<Value>);
+    let (Ok(found), Ok(expected)) = (found, &mut expected) else {
+        return false;
+    };
+    for at in ["/start", "/of/start"] {
+        if let (Some(start), Some(unknown @ Value::Null)) = (found.pointer(at), expected.pointer_mut(at)) {
+            *unknown = start.clone();
+        }
+    }
+    found == *expected
+}
+
 /// The folder of a cell, held by this process.
 pub(super) struct CellFolder {
     folder: PathBuf,
@@ -72,7 +90,7 @@ impl CellFolder {
         if path.exists() {
             let found = read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
             let expected = "expected the plan, data, start and program of the cell that is there; or another --out";
-            ensure!(found == identity, "{}: a cell of another experiment; {expected}", folder.display());
+            ensure!(is_of(&found, identity), "{}: a cell of another experiment; {expected}", folder.display());
         } else {
             write_atomically(&path, |file| file.write_all(identity.as_bytes()))?;
         }
@@ -119,7 +137,7 @@ impl CellFolder {
     pub(super) fn steps(&self) -> Result<u64> {
         let path = self.model();
         let weights = Weights::read(&path)?;
-        let facts = weights.metadata.get(key::TRAINING).map(|text| serde_json::from_str::<serde_json::Value>(text));
+        let facts = weights.metadata.get(key::TRAINING).map(|text| serde_json::from_str::<Value>(text));
         let steps = facts.transpose()?.and_then(|facts| facts.get("steps")?.as_u64());
         steps.with_context(|| format!("{}: does not say its steps", path.display()))
     }

@@ -12,7 +12,7 @@ use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 
-use super::cell::CellFolder;
+use super::cell::{CellFolder, is_of};
 use crate::experiment::Cell;
 use crate::experiment::results::CellResult;
 
@@ -24,7 +24,7 @@ const MAX_BYTES: u64 = 100 << 20;
 #[serde(deny_unknown_fields)]
 pub(super) struct Record {
     /// As in the folder of the cell: plan, data, start and program.
-    identity: String,
+    pub(super) identity: String,
     pub(super) measured: CellResult,
     /// KITTI's rows by the names of frames.
     answers: BTreeMap<String, String>,
@@ -47,7 +47,7 @@ impl Record {
         Ok(Self { identity: identity.to_owned(), measured, answers })
     }
 
-    /// Reads the record at `path`, which must be of `identity`.
+    /// Reads the record at `path`, which must be of `identity`; of any start where that is not known.
     pub(super) fn read(path: &Path, identity: &str) -> Result<Self> {
         let shown = path.display();
         let file = open_regular(path).with_context(|| format!("{shown}: cannot be read"))?;
@@ -56,7 +56,7 @@ impl Record {
         unpacked.with_context(|| format!("{shown}: cannot be unpacked"))?;
         let record: Self = serde_json::from_str(&text).with_context(|| format!("{shown}: not the record of a cell"))?;
         let expected = "expected the plan, data, start and program of this one; or another --records";
-        ensure!(record.identity == identity, "{shown}: a cell of another experiment; {expected}");
+        ensure!(is_of(&record.identity, identity), "{shown}: a cell of another experiment; {expected}");
         Ok(record)
     }
 

@@ -54,7 +54,7 @@ struct Open<'a> {
     job: &'a Job,
     dataset: Arc<dyn Dataset>,
     split: Split,
-    /// SHA-256 of the weights by the files that they are in.
+    /// SHA-256 of the weights by the files that they are in; of those that are there.
     starts: BTreeMap<String, String>,
     judge: Judge,
 }
@@ -122,7 +122,9 @@ fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
     let start = |path: PathBuf| -> Result<(String, String)> {
         Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
     };
-    let starts = job.plan.start_files().into_iter().map(start).collect::<Result<_>>()?;
+    // Without a start no cell is trained from it; those that were are compared by their records all the same.
+    let there = job.plan.start_files().into_iter().filter(|path| path.exists());
+    let starts = there.map(start).collect::<Result<_>>()?;
     Ok(Open { job, dataset, split, starts, judge: Judge::default() })
 }
 
@@ -137,6 +139,11 @@ fn frames(job: &Job, list: &str, ids: &[String]) -> Result<Arc<dyn Dataset>> {
     let text = ids.join("\n") + "\n";
     write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
     Ok(open_labelled(&job.data, Some(&list))?)
+}
+
+/// The file that a training starts from, if it starts from any.
+fn start_of(config: &Table) -> Option<&str> {
+    config.get("train")?.get("start_from")?.as_str()
 }
 
 /// What was found in the frame `id`.
@@ -159,7 +166,8 @@ impl Open<'_> {
         config
     }
 
-    /// What must be the same for a cell to go on: where its answers come from, frames and program.
+    /// What must be the same for a cell to go on: where its answers come from, frames and program. The start is null
+    /// where its file is not there.
     fn identity(&self, cell: &Cell) -> Result<String> {
         let identity = match self.job.plan.work(cell) {
             Work::Training => self.identity_of_training(cell),
@@ -181,8 +189,11 @@ impl Open<'_> {
 
     fn identity_of_training(&self, cell: &Cell) -> serde_json::Value {
         let mut config = self.job.plan.config(cell);
-        let start = config.get("train").and_then(|train| train.get("start_from")?.as_str()).unwrap_or("nothing");
-        let start = self.starts.get(start).map_or("nothing", String::as_str).to_owned();
+        let start = match start_of(&config) {
+            Some(file) => self.starts.get(file).map(String::as_str),
+            None => Some("nothing"),
+        };
+        let start = start.map(str::to_owned);
         for (table, field) in [("train", "threads"), ("train", "checkpoint_steps"), ("train", "log_steps")] {
             if let Some(Value::Table(table)) = config.get_mut(table) {
                 table.remove(field);
@@ -209,6 +220,13 @@ impl Open<'_> {
     }
 
     fn run_cell(&mut self, cell: &Cell, printer: &mut Printer) -> Result<Ran> {
+        if !self.measured(cell).exists()
+            && self.job.plan.work(cell) == Work::Training
+            && let Some(start) = start_of(&self.job.plan.config(cell))
+        {
+            let expected = "no such file; expected the weights that it starts from";
+            ensure!(self.starts.contains_key(start), "{}: {start}: {expected}", cell.name());
+        }
         let identity = self.identity(cell)?;
         let Some(folder) = CellFolder::take(&self.folder(cell), &identity)? else {
             return Ok(Ran::Elsewhere);
@@ -300,9 +318,8 @@ impl Open<'_> {
         if !path.exists() || self.measured(cell).exists() {
             return Ok(());
         }
-        let identity = self.identity(cell)?;
-        if let Some(folder) = CellFolder::take(&self.folder(cell), &identity)? {
-            let record = Record::read(&path, &identity)?;
+        let record = Record::read(&path, &self.identity(cell)?)?;
+        if let Some(folder) = CellFolder::take(&self.folder(cell), &record.identity)? {
             record.unpack(&folder).with_context(|| path.display().to_string())?;
             self.keep(cell, &record.measured)?;
         }
