@@ -1,5 +1,5 @@
 //! How long one core takes from an image file to the network's input: reading and decoding, then warp and normalisation
-//! in one pass.
+//! in one pass; and what antialiasing costs and changes.
 //!
 //! `cargo run --release -p farsight-data --example input_speed -- IMAGE [WIDTHxHEIGHT] [ROUNDS]`; the image is timed as
 //! it is and as a JPEG of quality 95, full colour resolution.
@@ -10,7 +10,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use farsight_core::input::{ChannelOrder, InputRules, Sampling};
+use farsight_core::input::{CHANNEL_STD, ChannelOrder, InputRules, Sampling};
 use farsight_data::{network_input_into, read_image};
 use image::codecs::jpeg::JpegEncoder;
 
@@ -46,11 +46,26 @@ fn tell(path: &Path, rules: &InputRules, rounds: usize) -> Result<(), Box<dyn Er
         total.push(start.elapsed());
     }
     println!("{}", path.extension().unwrap_or_default().display());
-    for (name, mut times) in [("load", load), ("warp and normalise", input), ("together", total)] {
+    let image = read_image(path)?;
+    let affine = rules.whole_image([image.width() as usize, image.height() as usize]);
+    let mut antialiased = Vec::new();
+    let antialias = InputRules { sampling: Sampling::Antialias, ..*rules };
+    let times = (0..rounds).map(|_| {
+        let start = Instant::now();
+        network_input_into(&mut antialiased, &image, &affine, &antialias, None);
+        start.elapsed()
+    });
+    let smooth: Vec<Duration> = times.collect();
+    let parts = [("load", load), ("warp and normalise", input), ("together", total), ("warp with antialias", smooth)];
+    for (name, mut times) in parts {
         times.sort();
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         let [fastest, median] = [times[0], times[times.len() / 2]].map(ms);
         println!("  {name:20} median {median:6.2} ms, fastest {fastest:6.2} ms");
     }
+    let area = antialiased.len() / CHANNEL_STD.len();
+    let change = |k: usize| 255.0 * f64::from((tensor[k] - antialiased[k]) * CHANNEL_STD[k / area]);
+    let squares = (0..antialiased.len()).map(|k| change(k).powi(2)).sum::<f64>();
+    println!("  antialiasing changes {:.1} of 255, root mean square", (squares / antialiased.len() as f64).sqrt());
     Ok(())
 }

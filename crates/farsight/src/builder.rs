@@ -42,6 +42,7 @@ pub struct PipelineBuilder {
     timing: Timing,
     images: Option<usize>,
     effort: Effort,
+    keeps_noise: bool,
 }
 
 impl Pipeline {
@@ -132,6 +133,13 @@ impl PipelineBuilder {
     #[must_use]
     pub fn effort(self, effort: Effort) -> Self {
         Self { effort, ..self }
+    }
+
+    /// Whether images with much noise are smoothed before the networks see them ([`farsight_data::denoised`]); they are
+    /// by default.
+    #[must_use]
+    pub fn denoise(self, denoise: bool) -> Self {
+        Self { keeps_noise: !denoise, ..self }
     }
 
     /// What measures vehicles by their number plates.
@@ -265,6 +273,7 @@ impl PipelineBuilder {
             is_road_chosen: self.road.is_some(),
             scale: scale.unwrap_or_default(),
             range: self.range,
+            denoise: !self.keeps_noise,
             side_by_side: self.engine.side_by_side.unwrap_or(1),
         };
         let made_for_shipped = [

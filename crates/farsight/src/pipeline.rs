@@ -1,5 +1,6 @@
 //! From an image and its camera to what is told.
 
+use std::borrow::Cow;
 use std::slice;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -7,6 +8,7 @@ use farsight_core::box3d::Dimensions;
 use farsight_core::detection::default_min_score;
 use farsight_core::road::{HeightConflict, Road};
 use farsight_core::{Box3d, Camera, Detection, ObjectClass, ScalePrior};
+use farsight_data::denoised;
 use farsight_methods::{DetectError, UnfamiliarCamera};
 use farsight_runtime::timing::timed;
 use farsight_runtime::{EngineError, StageTimes};
@@ -215,14 +217,18 @@ impl Pipeline {
         images: &[(&RgbImage, &Camera)],
         settings: &Settings,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
+        let smooth = |image| if settings.denoise { denoised(image) } else { Cow::Borrowed(image) };
+        let (smooth, smoothing) = timed(|| images.iter().map(|(image, _)| smooth(image)).collect::<Vec<_>>());
+        let images: Vec<(&RgbImage, &Camera)> =
+            smooth.iter().zip(images).map(|(image, (_, camera))| (&**image, *camera)).collect();
         let mut stages = self.shared.stages()?;
         // After an error the networks are as good as before: what they keep from run to run is only memory.
-        let answer = stages.detect_batch(images, settings);
+        let answer = stages.detect_batch(&images, settings);
         self.shared.keep_height_conflicts(std::mem::take(&mut stages.height_conflicts));
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
         answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
-        Ok((answers, times))
+        Ok((answers, StageTimes { warp: times.warp + smoothing, ..times }))
     }
 
     /// What is known of the factor that the distances of all vehicles share.

@@ -97,6 +97,16 @@ impl EffortName {
     }
 }
 
+/// When images are smoothed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum DenoiseName {
+    /// Those with much noise
+    #[default]
+    Auto,
+    /// None
+    Off,
+}
+
 /// Which engine, and how it is to run.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub(crate) struct EngineArgs {
@@ -275,6 +285,9 @@ pub(crate) struct PipelineArgs {
     pub(crate) effort: EffortName,
     #[command(flatten)]
     pub(crate) road: RoadArgs,
+    /// Whether images with much noise are smoothed before the networks see them
+    #[arg(long, value_enum, default_value_t = DenoiseName::Auto)]
+    pub(crate) denoise: DenoiseName,
     /// Of detections that stand in the same place, overlapping by more than this as seen from above, keep the best; 1
     /// keeps all, as SMOKE does [default: 0.1]
     #[arg(long, value_name = "IOU", value_parser = overlap_from_text, allow_negative_numbers = true)]
@@ -309,7 +322,7 @@ impl PipelineArgs {
         let builder = second_precision.into_iter().fold(builder, PipelineBuilder::second_stage_precision);
         let builder = self.second_stage.choose(builder).effort(self.effort.effort());
         let builder = self.max_overlap.into_iter().fold(builder, PipelineBuilder::max_overlap);
-        Ok(self.road.choose(builder))
+        Ok(self.road.choose(builder).denoise(self.denoise == DenoiseName::Auto))
     }
 }
 

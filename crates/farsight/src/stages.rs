@@ -28,6 +28,8 @@ pub(crate) struct Settings {
     /// What is known of the scale of all distances in an image.
     pub(crate) scale: ScalePrior,
     pub(crate) range: RangeKind,
+    /// Whether noisy images are smoothed first.
+    pub(crate) denoise: bool,
     /// How many threads it was made for.
     pub(crate) side_by_side: usize,
 }

@@ -15,6 +15,7 @@ use farsight::{
 };
 use farsight_core::road::RoadPlane;
 use farsight_data::kitti::Calibration;
+use farsight_data::{Corruption, denoised};
 use farsight_testing::asked;
 
 /// Bytes that an image of farsight-n may ask for; a decoded image has 1.4 million, the network's input as many.
@@ -57,6 +58,20 @@ fn the_library_says_what_the_program_says() {
     let pipeline = builder.max_overlap(0.5).range(RangeKind::Nearest).open().unwrap();
     let told = record(&pipeline, "000000");
     assert_eq!(fs::read_to_string(folder.path().join("some.json")).unwrap(), text(&[told]));
+}
+
+#[test]
+fn noisy_images_are_smoothed_and_others_are_not() {
+    let image = read_image(scene("000000")).unwrap();
+    let size = [image.width() as usize, image.height() as usize];
+    let camera = Camera::from_hfov(81.0, size[0], size[1]).unwrap();
+    let builder = Pipeline::builder().model(ModelSource::from_word("farsight-n")).min_score(0.05);
+    let [smoothing, plain] = [true, false].map(|denoise| builder.clone().denoise(denoise).open().unwrap());
+    assert_eq!(smoothing.detect(&image, &camera).unwrap(), plain.detect(&image, &camera).unwrap());
+    let noisy = Corruption::GaussianNoise.applied(&image, 2, 5);
+    let smoothed = smoothing.detect(&noisy, &camera).unwrap();
+    assert_eq!(smoothed, plain.detect(&denoised(&noisy), &camera).unwrap());
+    assert_ne!(smoothed, plain.detect(&noisy, &camera).unwrap());
 }
 
 #[test]
