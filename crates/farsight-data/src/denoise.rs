@@ -105,9 +105,9 @@ mod tests {
     #[test]
     fn images_of_few_pixels_are_left_alone() {
         for (width, height) in [(0, 0), (1, 1), (2, 900), (900, 2)] {
-            assert_eq!(noise_level(&grey(width, height)), 0.0);
+            assert!(noise_level(&grey(width, height)) < 1e-9);
         }
-        assert_eq!(noise_level(&grey(3, 3)), 0.0);
+        assert!(noise_level(&grey(3, 3)) < 1e-9);
         let board = RgbImage::from_fn(3, 3, |x, y| Rgb([255 * ((x + y) % 2) as u8; 3]));
         assert_eq!(denoised(&board).dimensions(), (3, 3));
     }

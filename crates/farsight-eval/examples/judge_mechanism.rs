@@ -1,5 +1,5 @@
-//! Where the error of detectors comes from: how far off they see the centres of cars in the image, by apparent size, and
-//! what AP would be if one part of each matched detection were true (`farsight eval --oracle`):
+//! Where the error of detectors comes from: how far off they see the centres of cars in the image, by apparent size,
+//! and what AP would be if one part of each matched detection were true (`farsight eval --oracle`):
 //! `cargo run --release -p farsight-eval --example judge_mechanism [--table FILE.json] DATA SPLIT NAME=RESULTS,...`.
 //!
 //! DATA is in KITTI's layout. RESULTS are folders of result files, one for each seed, such as `RUN/both-1/results` of
