@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use farsight_core::input::{CHANNEL_STD, ChannelOrder, InputRules, Sampling};
-use farsight_data::{network_input_into, read_image};
+use farsight_data::{network_input_into, noise_level, read_image};
 use image::codecs::jpeg::JpegEncoder;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -56,7 +56,19 @@ fn tell(path: &Path, rules: &InputRules, rounds: usize) -> Result<(), Box<dyn Er
         start.elapsed()
     });
     let smooth: Vec<Duration> = times.collect();
-    let parts = [("load", load), ("warp and normalise", input), ("together", total), ("warp with antialias", smooth)];
+    let times = (0..rounds).map(|_| {
+        let start = Instant::now();
+        std::hint::black_box(noise_level(&image));
+        start.elapsed()
+    });
+    let noise: Vec<Duration> = times.collect();
+    let parts = [
+        ("load", load),
+        ("warp and normalise", input),
+        ("together", total),
+        ("warp with antialias", smooth),
+        ("estimate noise", noise),
+    ];
     for (name, mut times) in parts {
         times.sort();
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
