@@ -1,5 +1,5 @@
 //! How long one core takes from an image file to the network's input: reading and decoding, then warp and normalisation
-//! in one pass; and what antialiasing costs and changes.
+//! in one pass; what antialiasing costs and changes; and how long the estimate of the noise takes.
 //!
 //! `cargo run --release -p farsight-data --example input_speed -- IMAGE [WIDTHxHEIGHT] [ROUNDS]`; the image is timed as
 //! it is and as a JPEG of quality 95, full colour resolution.

@@ -11,6 +11,8 @@ use image::{ImageBuffer, Luma};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use crate::corruption::normal;
+
 /// Range of the noise's standard deviation, shares of white.
 const NOISE_STDS: [f64; 2] = [0.02, 0.25];
 
@@ -63,7 +65,9 @@ impl Degradation {
             let (mean, std) = (CHANNEL_MEAN[plane], CHANNEL_STD[plane]);
             let colours: Vec<f32> = values.iter().map(|value| value * std + mean).collect();
             let worse = match self {
-                Self::Noise { std, .. } => colours.iter().map(|colour| colour + std * normal(&mut rng)).collect(),
+                Self::Noise { std, .. } => {
+                    colours.iter().map(|colour| colour + std * normal(&mut rng) as f32).collect()
+                }
                 Self::Blur { sigma_px } => blurred(colours, size, *sigma_px),
                 Self::Motion { length_px, angle_rad } => smeared(&colours, size, *length_px, *angle_rad),
             };
@@ -72,12 +76,6 @@ impl Degradation {
             }
         }
     }
-}
-
-/// A draw from the standard normal distribution (Box and Muller).
-fn normal(rng: &mut Pcg64Mcg) -> f32 {
-    let [first, second]: [f32; 2] = [rng.random(), rng.random()];
-    (-2.0 * (1.0 - first).ln()).sqrt() * (std::f32::consts::TAU * second).cos()
 }
 
 fn blurred(colours: Vec<f32>, [width, height]: [usize; 2], sigma_px: f32) -> Vec<f32> {

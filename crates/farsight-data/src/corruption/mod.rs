@@ -105,7 +105,7 @@ fn noisy(image: &RgbImage, sigma: f64, rng: &mut Pcg64Mcg) -> RgbImage {
 }
 
 /// A draw from the standard normal distribution (Box and Muller).
-fn normal(rng: &mut Pcg64Mcg) -> f64 {
+pub(crate) fn normal(rng: &mut Pcg64Mcg) -> f64 {
     let [first, second]: [f64; 2] = [rng.random(), rng.random()];
     (-2.0 * (1.0 - first).ln()).sqrt() * (std::f64::consts::TAU * second).cos()
 }

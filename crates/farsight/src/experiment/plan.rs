@@ -335,13 +335,18 @@ impl Experiment {
 
     /// The weights that the arms start from, where they do.
     pub(crate) fn start_files(&self) -> Vec<PathBuf> {
-        let start = |config: &Table| Some(PathBuf::from(config.get("train")?.get("start_from")?.as_str()?));
         let cells = self.cells().into_iter().filter(|cell| self.work(cell) == Work::Training);
-        let mut files: Vec<PathBuf> = cells.filter_map(|cell| start(&self.config(&cell))).collect();
+        let mut files: Vec<PathBuf> =
+            cells.filter_map(|cell| start_of(&self.config(&cell)).map(PathBuf::from)).collect();
         files.sort();
         files.dedup();
         files
     }
+}
+
+/// The file that a training config starts from, if it starts from any.
+pub(crate) fn start_of(config: &Table) -> Option<&str> {
+    config.get("train")?.get("start_from")?.as_str()
 }
 
 /// What stands in the TOML file at `path`.

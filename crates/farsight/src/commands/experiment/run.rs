@@ -23,7 +23,7 @@ use super::cell::{CellFolder, MIN_SCORE, Step, is_over};
 use super::record::{self, Record};
 use super::twins::{Split, Twins, prepare};
 use crate::commands::Outcome;
-use crate::experiment::plan::{Work, set};
+use crate::experiment::plan::{Work, set, start_of};
 use crate::experiment::results::CellResult;
 use crate::experiment::statistics::{self, Judge};
 use crate::experiment::{Cell, Experiment, Results, tables};
@@ -139,11 +139,6 @@ fn frames(job: &Job, list: &str, ids: &[String]) -> Result<Arc<dyn Dataset>> {
     let text = ids.join("\n") + "\n";
     write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
     Ok(open_labelled(&job.data, Some(&list))?)
-}
-
-/// The file that a training starts from, if it starts from any.
-fn start_of(config: &Table) -> Option<&str> {
-    config.get("train")?.get("start_from")?.as_str()
 }
 
 /// What was found in the frame `id`.
