@@ -4,6 +4,8 @@
 //! library. What the tensors mean is the business of the method that the network belongs to.
 
 pub mod calibration;
+#[cfg(feature = "openvino")]
+mod compiled_cache;
 pub mod elf;
 pub mod finite;
 pub mod library;

@@ -19,12 +19,13 @@ mod present {
 
     use farsight_onnx::{OnnxModel, TensorInfo};
     use openvino::{
-        CompiledModel, Core, DeviceType, Dimension, ElementType, InferRequest, PartialShape, RwPropertyKey, Shape,
-        Tensor as OvTensor,
+        CompiledModel, Core, DeviceType, Dimension, ElementType, InferRequest, Model, PartialShape, RwPropertyKey,
+        Shape, Tensor as OvTensor,
     };
 
     use super::NAME;
     use crate::EngineError;
+    use crate::compiled_cache::CompiledCache;
     use crate::elf::check_whole;
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
@@ -33,11 +34,17 @@ mod present {
     /// So many compiled forms of one network are kept: an image of another shape now and then costs no compiling.
     const KEPT: usize = 4;
 
-    /// Loads the shared `library` (`libopenvino_c`, 2025.1 or later) and `model`.
+    /// Loads the shared `library` (`libopenvino_c`, 2025.1 or later) and `model`. Where a folder for them is named,
+    /// compiled networks are kept there.
     ///
     /// # Errors
     /// When the library cannot be loaded, is too old, or refuses the model, and when it finds no such device.
-    pub fn open(library: &Path, model: OnnxModel, options: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
+    pub fn open(
+        library: &Path,
+        model: OnnxModel,
+        options: SessionOptions,
+        compiled: Option<&Path>,
+    ) -> Result<Box<dyn Runner>, EngineError> {
         unpanicked(NAME, || {
             load(library)?;
             let mut core = Core::new()?;
@@ -48,9 +55,9 @@ mod present {
             if device == Device::Cpu {
                 share_cores(&mut core, &options)?;
             }
-            core.read_model_from_buffer(model.bytes(), None)?;
-            let compiler = Mutex::new(Compiler { core, forms: Vec::new() });
-            let network = Network { model, device, compiler };
+            let first = Some(core.read_model_from_buffer(model.bytes(), None)?);
+            let compiler = Mutex::new(Compiler { core, first, forms: Vec::new() });
+            let network = Network { model, options, cache: compiled.map(CompiledCache::new), compiler };
             Ok(Box::new(OpenvinoRunner { network: Arc::new(network), request: None }) as _)
         })
     }
@@ -120,12 +127,15 @@ mod present {
     /// A network and its compiled forms, which all sharers run.
     struct Network {
         model: OnnxModel,
-        device: Device,
+        options: SessionOptions,
+        cache: Option<CompiledCache>,
         compiler: Mutex<Compiler>,
     }
 
     struct Compiler {
         core: Core,
+        /// As it was read to see whether it can be, until the first form is made of it.
+        first: Option<Model>,
         /// The last ones that were made.
         forms: Vec<(InputShape, CompiledModel)>,
     }
@@ -157,8 +167,8 @@ mod present {
     }
 
     impl Network {
-        /// A request for inputs of this shape. The second batch size that is asked for compiles a form for all of them:
-        /// second stages see as many crops as there are objects.
+        /// A request for inputs of this shape. More images than one compile a form for any number of them: second stages
+        /// see as many crops as there are objects.
         fn request(&self, shape: &[usize]) -> Result<(InputShape, InferRequest), Failure> {
             let mut compiler: MutexGuard<'_, Compiler> = self.compiler.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some((takes, form)) = compiler.forms.iter_mut().find(|(takes, _)| takes.takes(shape)) {
@@ -166,11 +176,15 @@ mod present {
             }
             let (&batch, rest) = shape.split_first().ok_or("an input without sides")?;
             let before = compiler.forms.iter().position(|(takes, _)| takes.rest == rest);
-            let takes = InputShape { batch: before.is_none().then_some(batch), rest: rest.to_vec() };
-            let mut model = compiler.core.read_model_from_buffer(self.model.bytes(), None)?;
+            let is_one = before.is_none() && batch == 1;
+            let takes = InputShape { batch: is_one.then_some(1), rest: rest.to_vec() };
+            let mut model = match compiler.first.take() {
+                Some(model) => model,
+                None => compiler.core.read_model_from_buffer(self.model.bytes(), None)?,
+            };
             let sides = PartialShape::new(shape.len() as i64, &takes.dimensions())?;
             model.reshape_input_by_name(&self.model.input().name, &sides)?;
-            let mut form = compiler.core.compile_model(&model, named(self.device))?;
+            let mut form = self.compiled(&mut compiler.core, &model, &takes)?;
             let request = form.create_infer_request()?;
             if let Some(superseded) = before {
                 compiler.forms.remove(superseded);
@@ -179,6 +193,24 @@ mod present {
             }
             compiler.forms.push((takes.clone(), form));
             Ok((takes, request))
+        }
+
+        /// The network compiled for these inputs; by the cache if that works.
+        fn compiled(&self, core: &mut Core, model: &Model, takes: &InputShape) -> Result<CompiledModel, Failure> {
+            let mut compile = |folder: &Path| {
+                let folder = folder.to_str().ok_or("the name of its folder is not Unicode")?;
+                core.set_property(&named(self.options.device), &RwPropertyKey::CacheDir, folder)?;
+                Ok(core.compile_model(model, named(self.options.device))?)
+            };
+            let cached = self.cache.as_ref().map(|cache| {
+                let how = format!("{takes:?} {:?} {}", self.options, openvino::version().build_number);
+                cache.compiled(&CompiledCache::key(&[self.model.bytes(), how.as_bytes()]), &mut compile)
+            });
+            match cached {
+                Some(Ok(form)) => Ok(form),
+                // A full disk, or a file that was removed meanwhile; if it is the network, that is told now.
+                Some(Err(_)) | None => compile(Path::new("")),
+            }
         }
     }
 
@@ -250,7 +282,7 @@ mod absent {
     ///
     /// # Errors
     /// Always.
-    pub fn open(_: &Path, _: OnnxModel, _: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
+    pub fn open(_: &Path, _: OnnxModel, _: SessionOptions, _: Option<&Path>) -> Result<Box<dyn Runner>, EngineError> {
         Err(EngineError::not_built(NAME))
     }
 

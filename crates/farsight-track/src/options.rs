@@ -10,7 +10,7 @@ pub struct TrackerOptions {
     pub birth_score: f64,
     /// From this score on a detection continues one.
     pub low_score: f64,
-    /// So many detections make a track that is told.
+    /// So many detections make a track that is told; in the first frame of a scene one does.
     pub birth_hits: u32,
     /// A track is told for so long without a detection, seconds; for less if it was not seen for four times as long.
     pub max_coast_s: f64,

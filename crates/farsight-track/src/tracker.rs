@@ -87,7 +87,7 @@ const SAME_SCENE: f64 = 1.0 / 3.0;
 const MIN_NODDED: usize = 3;
 const MIN_NOD_PX: f64 = 2.0;
 
-/// A track that is not told yet may miss so many frames.
+/// A track that is not confirmed yet may miss so many frames.
 const TENTATIVE_MISSES: u32 = 1;
 
 /// A track of which less than this share of its box is in the image has left it.
@@ -141,7 +141,8 @@ impl Tracker {
     /// When the frame is not later than the last one, or holds what is no number. The tracks are then as before.
     pub fn update(&mut self, frame: &Frame) -> Result<Vec<Track>, TrackError> {
         self.check(frame)?;
-        if self.image_size.is_some_and(|size| size != frame.image_size) {
+        let mut is_new_scene = self.image_size != Some(frame.image_size);
+        if is_new_scene {
             self.entries.clear();
         }
         let dt_s = self.last_s.map_or(0.0, |last_s| frame.time_s - last_s);
@@ -172,8 +173,10 @@ impl Tracker {
         if frame.looks_cut && !self.goes_on(&partner) {
             self.entries.clear();
             partner = vec![None; seen.len()];
+            is_new_scene = true;
         }
         self.take(frame, &seen, &partner);
+        self.name(is_new_scene);
         for entry in &mut self.entries {
             entry.keep_still(frame);
         }
@@ -197,7 +200,7 @@ impl Tracker {
 
     /// The entry of each detection.
     fn matches(&self, seen: &[Seen]) -> Vec<Option<usize>> {
-        let TrackerOptions { birth_score, min_overlap, gate_sigmas, max_coast_s, .. } = self.options;
+        let TrackerOptions { birth_score, birth_hits, min_overlap, gate_sigmas, max_coast_s, .. } = self.options;
         let now = self.last_s.unwrap_or_default();
         let is_lost = |entry: &Entry| entry.misses > 0 && !entry.is_shown(now, max_coast_s, self.options.max_hidden_s);
         let near = Strictness { min_overlap, margin: MARGIN, gate_sigmas };
@@ -206,7 +209,13 @@ impl Tracker {
         let is_high = |one: &Seen| one.detection.score >= birth_score;
         let mut partner = vec![None; seen.len()];
         self.stage(seen, &mut partner, near, is_high, |entry| !is_lost(entry));
-        self.stage(seen, &mut partner, close, |one| !is_high(one), |entry| entry.id > 0 && !is_lost(entry));
+        self.stage(
+            seen,
+            &mut partner,
+            close,
+            |one| !is_high(one),
+            |entry| entry.is_confirmed(birth_hits) && !is_lost(entry),
+        );
         self.stage(seen, &mut partner, far, is_high, is_lost);
         partner
     }
@@ -278,10 +287,15 @@ impl Tracker {
                 None => {}
             }
         }
+    }
+
+    /// What is told from this frame on gets its identity: of a new scene everything.
+    fn name(&mut self, is_new_scene: bool) {
+        let birth_hits = if is_new_scene { 1 } else { self.options.birth_hits };
         // In the order of the detections, which is the same however they came.
         let mut born: Vec<&mut Entry> = self.entries.iter_mut().collect();
         born.sort_by(|a, b| a.first_seen(b));
-        for entry in born.into_iter().filter(|entry| entry.id == 0 && entry.hits >= self.options.birth_hits) {
+        for entry in born.into_iter().filter(|entry| entry.id == 0 && entry.is_confirmed(birth_hits)) {
             entry.id = self.next_id;
             self.next_id += 1;
         }
@@ -302,12 +316,12 @@ impl Tracker {
                 .iter()
                 .any(|(other, other_m)| *other_m < near_m && covered_share_2d(&entry.expected, other) > HIDDEN_SHARE);
         }
-        let max_lost_s = self.options.max_lost_s;
+        let TrackerOptions { birth_hits, max_lost_s, .. } = self.options;
         let [width, height] = frame.image_size.map(|side| side as f64);
         self.entries.retain(|entry| {
             let visible = entry.expected.clamped(width, height).area();
             let is_in_image = visible > MIN_IN_IMAGE * entry.expected.area();
-            let may_miss = entry.id > 0 || entry.misses <= TENTATIVE_MISSES;
+            let may_miss = entry.is_confirmed(birth_hits) || entry.misses <= TENTATIVE_MISSES;
             entry.misses == 0 || (is_in_image && may_miss && now - entry.seen_s <= max_lost_s)
         });
     }
@@ -367,6 +381,11 @@ impl Entry {
         self.seen_s = frame.time_s;
         self.anchor = Anchor::new(*box2d, &self.filter, frame.camera);
         self.expected = *box2d;
+    }
+
+    /// Whether it was seen often enough to be believed; in a new scene all is told before that.
+    fn is_confirmed(&self, birth_hits: u32) -> bool {
+        self.hits >= birth_hits
     }
 
     /// What was seen for a short time only coasts for a share of it, and for less the more seldom it was seen in that

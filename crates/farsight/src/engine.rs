@@ -13,8 +13,11 @@ use farsight_runtime::{Device, FiniteRunner, RtenRunner, Runner, SessionOptions,
 
 use crate::Error;
 use crate::engine_options::{EngineKind, EngineOptions, Precision};
-use crate::libraries::Library;
+use crate::libraries::{Library, data_folder};
 use crate::libtorch;
+
+/// The folder of the user's data folder in which networks are kept as OpenVINO compiled them.
+const COMPILED: &str = "compiled";
 
 impl EngineOptions {
     /// Threads of the network that are started: more than the machine runs at once make nothing faster. None is one for
@@ -123,7 +126,9 @@ impl EngineOptions {
             }
             EngineKind::OpenVino => {
                 let library = Library::OpenVino.find(self.library.as_deref())?.path;
-                openvino::open(&library, network, options).map_err(|source| Error::EngineLibrary { library, source })
+                let compiled = data_folder().map(|folder| folder.join(COMPILED));
+                openvino::open(&library, network, options, compiled.as_deref())
+                    .map_err(|source| Error::EngineLibrary { library, source })
             }
             EngineKind::Libtorch => Err(libtorch::no_onnx().into()),
         }

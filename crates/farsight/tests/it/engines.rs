@@ -620,3 +620,67 @@ fn does_all_that_a_detector_does<C: NetworkConfig>(model: &Model<C>, [output, wo
     done(folder, &["eval", "--data", "data", "--model", "c.onnx", "--json", "e.json", "--resamples", "0"]);
     assert!(std::fs::read_to_string(folder.join("e.json")).unwrap().contains("\"objects\": 1"));
 }
+
+/// The files of a folder of compiled networks, each with its bytes.
+fn compiled(data: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let files = |folder: PathBuf| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut found: Vec<_> = files(data.join("compiled")).flat_map(files).collect();
+    found.sort();
+    found.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
+}
+
+#[test]
+fn what_openvino_compiled_is_used_again_unless_it_was_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let diagnosis: Value = serde_json::from_str(&done(folder, &["doctor", "--json"])).unwrap();
+    let openvino = diagnosis["engines"].as_array().unwrap().iter().find(|engine| engine["name"] == "openvino").unwrap();
+    let Some(library) = openvino["path"].as_str().filter(|_| openvino["ready"] == true) else {
+        println!("skipped: {}", openvino["note"]);
+        return;
+    };
+    let data = folder.join("data");
+    let image = root().join("assets/scenes/image_2/000000.jpg");
+    let answer = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_farsight"));
+        command.arg("range").arg(&image).args(["--model", "farsight-n", "--json", "-", "--quiet"]);
+        command.args(["--engine", "openvino", "--engine-path", library]).env("FARSIGHT_DATA", &data);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        output.stdout
+    };
+    let expected = answer();
+    let kept = compiled(&data);
+    assert!(kept.len() >= 4, "the detector's network and the refiner's, each with its hash: {kept:?}");
+    let written = |(path, _): &(PathBuf, Vec<u8>)| std::fs::metadata(path).unwrap().modified().unwrap();
+    let is_network = |(path, _): &&(PathBuf, Vec<u8>)| path.file_name().unwrap() != "sha256";
+    let times: Vec<_> = kept.iter().filter(is_network).map(written).collect();
+    assert_eq!(answer(), expected);
+    assert_eq!(
+        compiled(&data).iter().filter(is_network).map(written).collect::<Vec<_>>(),
+        times,
+        "nothing is compiled"
+    );
+
+    // A flipped bit, and half a file: made anew, with the same answers.
+    for change in [|bytes: &mut Vec<u8>| *bytes.last_mut().unwrap() ^= 1, |bytes| bytes.truncate(bytes.len() / 2)] {
+        for (path, bytes) in kept.iter().filter(is_network) {
+            let mut bytes = bytes.clone();
+            change(&mut bytes);
+            std::fs::remove_file(path).unwrap();
+            std::fs::write(path, bytes).unwrap();
+        }
+        assert_eq!(answer(), expected);
+        let anew = compiled(&data);
+        assert_eq!(
+            anew.iter().map(|(path, _)| path).collect::<Vec<_>>(),
+            kept.iter().map(|(path, _)| path).collect::<Vec<_>>()
+        );
+        assert!(anew.iter().zip(&kept).all(|(new, old)| new.1.len() == old.1.len()));
+    }
+
+    // Where nothing can be kept it is compiled each time.
+    std::fs::remove_dir_all(&data).unwrap();
+    std::fs::write(&data, "a file").unwrap();
+    assert_eq!(answer(), expected);
+}
