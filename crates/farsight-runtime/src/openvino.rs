@@ -167,8 +167,8 @@ mod present {
     }
 
     impl Network {
-        /// A request for inputs of this shape. More images than one compile a form for any number of them: second stages
-        /// see as many crops as there are objects.
+        /// A request for inputs of this shape. More images than one compile a form for any number of them: second
+        /// stages see as many crops as there are objects.
         fn request(&self, shape: &[usize]) -> Result<(InputShape, InferRequest), Failure> {
             let mut compiler: MutexGuard<'_, Compiler> = self.compiler.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some((takes, form)) = compiler.forms.iter_mut().find(|(takes, _)| takes.takes(shape)) {

@@ -663,7 +663,9 @@ fn what_openvino_compiled_is_used_again_unless_it_was_changed() {
     );
 
     // A flipped bit, and half a file: made anew, with the same answers.
-    for change in [|bytes: &mut Vec<u8>| *bytes.last_mut().unwrap() ^= 1, |bytes| bytes.truncate(bytes.len() / 2)] {
+    let changes: [fn(&mut Vec<u8>); 2] =
+        [|bytes| *bytes.last_mut().unwrap() ^= 1, |bytes| bytes.truncate(bytes.len() / 2)];
+    for change in changes {
         for (path, bytes) in kept.iter().filter(is_network) {
             let mut bytes = bytes.clone();
             change(&mut bytes);

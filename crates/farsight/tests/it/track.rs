@@ -41,14 +41,13 @@ fn in_a_still_scene_everything_stands_still() {
     let found = records(&printed);
     assert_eq!(found.iter().map(|frame| frame.frame).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
     assert!(found.iter().all(|frame| (frame.time_s - 0.1 * frame.frame as f64).abs() < 1e-9));
-    assert_eq!(found[0].tracks, []);
     let identities = |frame: &FrameRecord| frame.tracks.iter().map(|track| track.id).collect::<Vec<_>>();
-    assert!(!found[1].tracks.is_empty());
+    assert!(!found[0].tracks.is_empty());
     for frame in &found[1..] {
-        assert_eq!(identities(frame), identities(&found[1]));
+        assert_eq!(identities(frame), identities(&found[0]));
     }
     let is_known = |frame: &FrameRecord| frame.tracks.iter().filter(|track| track.closing_mps.is_some()).count();
-    assert_eq!(is_known(&found[2]), 0);
+    assert!(found[..3].iter().all(|frame| is_known(frame) == 0));
     assert!(is_known(&found[5]) > 0);
     for track in &found[5].tracks {
         let [low, high] = track.range_interval_m;
