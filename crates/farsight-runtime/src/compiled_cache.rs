@@ -21,18 +21,18 @@ const HASH: &str = "sha256";
 const MAX_KEPT: u64 = 256 << 20;
 
 /// A folder of compiled networks. Several processes may use it at once.
-pub struct CompiledCache {
+pub(crate) struct CompiledCache {
     folder: PathBuf,
 }
 
 impl CompiledCache {
     /// The cache in `folder`, which need not be there.
-    pub fn new(folder: &Path) -> Self {
+    pub(crate) fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned() }
     }
 
     /// The name of the network that these parts make out: its file, its shapes, how it is to run.
-    pub fn key(parts: &[&[u8]]) -> String {
+    pub(crate) fn key(parts: &[&[u8]]) -> String {
         let mut hash = Sha256::new();
         for part in parts {
             hash.update((part.len() as u64).to_le_bytes());
@@ -45,7 +45,11 @@ impl CompiledCache {
     ///
     /// # Errors
     /// When `compile` fails, and when nothing can be written here.
-    pub fn compiled<T>(&self, key: &str, mut compile: impl FnMut(&Path) -> Result<T, Failure>) -> Result<T, Failure> {
+    pub(crate) fn compiled<T>(
+        &self,
+        key: &str,
+        mut compile: impl FnMut(&Path) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
         let kept = self.folder.join(key);
         if is_whole(&kept) {
             let now = OpenOptions::new().append(true).open(kept.join(HASH));

@@ -370,7 +370,7 @@ fn all_is_told_in_the_first_frame_and_later_what_is_seen_twice() {
         assert!(frame > 1 || told.iter().all(|track| track.velocity.is_none() && track.closing.is_none()));
         told.iter().map(|track| track.id).collect()
     };
-    assert_eq!(ids(0, &[first.clone()]), [1]);
+    assert_eq!(ids(0, std::slice::from_ref(&first)), [1]);
     assert_eq!(ids(1, &[first.clone(), later.clone()]), [1]);
     assert_eq!(ids(2, &[first, later]), [1, 2]);
 }
