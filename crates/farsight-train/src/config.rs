@@ -128,6 +128,9 @@ impl DataConfig {
             if self.root.is_some() {
                 return Some("data has both root and rendered; expected one of them".to_owned());
             }
+            if rendered.views == 0 {
+                return Some("data.rendered.views is 0; expected a positive number".to_owned());
+            }
             if let Some(problem) = rendered.world.problem() {
                 return Some(format!("data.rendered.world.{problem}"));
             }
@@ -142,15 +145,18 @@ impl DataConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderedConfig {
-    /// Scenes in what the schedule calls an epoch; no scene is ever seen twice.
+    /// Samples in what the schedule calls an epoch; no sample is ever seen twice.
     pub frames_per_epoch: usize,
+    /// Samples made of each scene, each with an augmentation of its own and some hundred scenes apart. More than 1 pays
+    /// where drawing a scene takes longer than learning from it.
+    pub views: usize,
     /// What the scenes look like and which cameras see them.
     pub world: SceneConfig,
 }
 
 impl Default for RenderedConfig {
     fn default() -> Self {
-        Self { frames_per_epoch: 1000, world: SceneConfig::default() }
+        Self { frames_per_epoch: 1000, views: 1, world: SceneConfig::default() }
     }
 }
 

@@ -250,12 +250,13 @@ impl<T: Task> Trainer<'_, T> {
 
     /// Batches of samples.
     fn loader(&self, start: Position, epochs: Option<u64>) -> Result<Loader<T::Sample, DatasetError>, LoaderError> {
-        let RunConfig { data: DataConfig { workers, prefetch, .. }, train, .. } = &self.job.run;
+        let RunConfig { data: DataConfig { workers, prefetch, rendered, .. }, train, .. } = &self.job.run;
         let config = LoaderConfig {
             items: self.frames,
             batch_size: train.batch_size.min(self.frames),
             seed: train.seed,
-            shuffle: true,
+            // Views of a scene have their own order.
+            shuffle: rendered.as_ref().is_none_or(|rendered| rendered.views == 1),
             drop_last: true,
             workers: *workers,
             prefetch: *prefetch,
@@ -400,7 +401,7 @@ fn dataset(data: &DataConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError>
     let dataset: Arc<dyn Dataset> = match (&data.rendered, &data.root) {
         (Some(rendered), _) => {
             let stream = SceneStream { config: rendered.world.clone(), seed };
-            Arc::new(SceneDataset::new(stream, rendered.frames_per_epoch))
+            Arc::new(SceneDataset::new(stream, rendered.frames_per_epoch).with_views(rendered.views))
         }
         (None, Some(root)) => open_labelled(root, Some(&data.split))?,
         (None, None) => return Err(TrainError::NoData),
