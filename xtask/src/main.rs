@@ -25,11 +25,15 @@ cargo xtask COMMAND
   fuzz [--minutes N] [--table FILE] [TARGET...]
                            every fuzz target, or these, for N minutes of processor time each (default 1), training's too; what breaks a law goes to fuzz/artifacts, what was tried to FILE
   wheel [--dev] [--test]   the Python wheel into target/wheels; --dev builds it quickly, --test tries it in a clean environment,
-                           --test=slice with a few tests and one on a local Ray, as CI does, --test=ray with all of those alone
+                           --test=ray with those on a local Ray alone; --test=slice makes no wheel and tries the module of the tested
+                           tree with a few tests and one on a local Ray, as CI does
   dist [--no-wheel]        the archives of a release into target/dist: program, wheel, SBOM, checksums, crates for the registry
   libtorch                 find PyTorch 2.11 or fetch its library into .libtorch, and say where it is
 
 DIR is a folder in KITTI's layout; default: frames in $FARSIGHT_KITTI, else ../shared/kitti/frames";
+
+/// Features that the tests are built with.
+const TESTED_FEATURES: &str = "farsight/train,farsight-laws/train";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -100,12 +104,12 @@ fn exec(words: &[&str]) -> Result<(), String> {
 
 fn test(arguments: &[&str]) -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
-    let everything = ["test", "--workspace", "--features", "farsight/train,farsight-laws/train"];
+    let everything = ["test", "--workspace", "--features", TESTED_FEATURES];
     // The examples, which `check` compiles, would take a minute to build and have no tests.
     let targets = ["--lib", "--bins", "--tests"];
     // All but one, which a test runs. With the features of all, or most crates would be built once more.
     let example = || {
-        let build = ["build", "--workspace", "--features", everything[3], "--example", "quickstart"];
+        let build = ["build", "--workspace", "--features", TESTED_FEATURES, "--example", "quickstart"];
         run(cargo(Some(&libtorch)).args(build))
     };
     if arguments.is_empty() {
@@ -144,7 +148,7 @@ fn fuzz(arguments: &[&str]) -> Result<(), String> {
 
 fn check() -> Result<(), String> {
     let libtorch = Libtorch::find_or_fetch()?;
-    let everything = ["--workspace", "--all-targets", "--features", "farsight/train,farsight-laws/train"];
+    let everything = ["--workspace", "--all-targets", "--features", TESTED_FEATURES];
     run(cargo(None).args(["fmt", "--all", "--check"]))?;
     // `cargo fmt` does not see modules that a macro makes.
     run(Command::new("rustfmt").args(["--check", "--edition", "2024"]).args(method_folders()?))?;

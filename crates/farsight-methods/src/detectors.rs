@@ -6,7 +6,7 @@ use farsight_graph::init::initial_weights;
 use farsight_graph::model::{FIRST_METHOD, Model, ModelError, method_of};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::Weights;
-use farsight_onnx::{Facts, LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key, write};
+use farsight_onnx::{Facts, LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, Target, key};
 use farsight_runtime::Runner;
 
 use crate::DETECTORS;
@@ -238,7 +238,7 @@ fn parts_of_model<C: Method>(
     let facts = facts_of(model, target);
     let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
     let written = |network: &Network, facts: &Facts| -> Result<OnnxModel, OnnxError> {
-        OnnxModel::from_bytes(write(network, facts, target).map_err(failed)?, source)
+        OnnxModel::from_network(network, facts, target, source)
     };
     let networks = Network::new(model).parts(C::OUTPUTS);
     let names = PARTS.into_iter().find(|names| names.len() == networks.len());

@@ -1,12 +1,14 @@
 //! Reading what a file says about itself.
 
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::Path;
 
 use crate::bounded::{counted, shortened, text_in};
 use crate::error::{OnnxError, OnnxProblem};
 use crate::wire::{Message, WireError};
-use crate::{Facts, INPUT, Target, field, key, limits, seal, write, write_quantized};
+use crate::write::encoded;
+use crate::{Facts, INPUT, Target, field, key, limits, seal};
 use farsight_files::{open_regular, read_file};
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::quantize::{StoredRanges, WeightRange};
@@ -74,7 +76,8 @@ pub struct TensorInfo {
 /// of, it has one input and at least one output, its constants are in it and in no other file, and it consists of
 /// operators that `farsight export` writes: none that loops, branches or calls other code. No window, stride or
 /// enlargement is wider than 128, and no map of an image takes more than 2 GiB. Its floats are finite, and where it
-/// carries a hash, it is as it was written. Reading it takes memory for one copy of the file.
+/// carries a hash, it is as it was written; what was never a file carries none. Reading it takes memory for one copy of
+/// the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnnxModel {
     bytes: Vec<u8>,
@@ -105,9 +108,18 @@ impl OnnxModel {
         target: Target,
         source: &Path,
     ) -> Result<Self, OnnxError> {
-        let bytes = || write(&Network::deployable(model)?, facts, target);
-        let bytes = bytes().map_err(|error: WeightsError| OnnxError::new(source, OnnxProblem::Weights(error)))?;
-        Self::from_bytes(bytes, source)
+        let network = Network::deployable(model);
+        let network = network.map_err(|error| OnnxError::new(source, OnnxProblem::Weights(error)))?;
+        Self::from_network(&network, facts, target, source)
+    }
+
+    /// The ONNX form of a network as it stands; `source` is only what errors call it.
+    ///
+    /// # Errors
+    /// When a weight is missing, has another shape or is not finite.
+    pub fn from_network(network: &Network, facts: &Facts, target: Target, source: &Path) -> Result<Self, OnnxError> {
+        let bytes = encoded(network, None, facts, target);
+        Self::from_bytes(bytes.map_err(|error| OnnxError::new(source, OnnxProblem::Weights(error)))?, source)
     }
 
     /// As [`OnnxModel::from_model`], in 8 bits with the ranges that the model's file keeps: all but what reads the
@@ -134,7 +146,7 @@ impl OnnxModel {
             "reduce_range": quantization.weights() == WeightRange::Reduced,
         });
         facts.set(key::QUANTIZATION, told.to_string());
-        Self::from_bytes(write_quantized(&network, &quantization, &facts, target).map_err(failed)?, source)
+        Self::from_bytes(encoded(&network, Some(&quantization), &facts, target).map_err(failed)?, source)
     }
 
     /// A file that is in memory already; `source` is only what errors call it.
@@ -186,7 +198,12 @@ impl OnnxModel {
         self.has_hash
     }
 
-    /// The file.
+    /// What is to be written to a file: with a hash of its contents.
+    pub fn sealed(&self) -> Cow<'_, [u8]> {
+        if self.has_hash { Cow::from(&self.bytes) } else { Cow::from(seal::sealed(self.bytes.clone())) }
+    }
+
+    /// What engines read.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }

@@ -29,7 +29,7 @@ const IR_VERSION: i64 = 9;
 /// # Errors
 /// When a weight is missing or has another shape.
 pub fn write(network: &Network, facts: &Facts, target: Target) -> Result<Vec<u8>, WeightsError> {
-    encoded(network, None, facts, target)
+    Ok(sealed(encoded(network, None, facts, target)?))
 }
 
 /// As [`write`](fn@write), with what `quantization` says in 8 bits: maps are rounded by a pair of `QuantizeLinear` and
@@ -44,10 +44,11 @@ pub fn write_quantized(
     facts: &Facts,
     target: Target,
 ) -> Result<Vec<u8>, WeightsError> {
-    encoded(network, Some(quantization), facts, target)
+    Ok(sealed(encoded(network, Some(quantization), facts, target)?))
 }
 
-fn encoded(
+/// The model without the hash that a file has.
+pub(crate) fn encoded(
     network: &Network,
     quantization: Option<&Quantization>,
     facts: &Facts,
@@ -66,7 +67,7 @@ fn encoded(
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
         metadata_props: facts.entries().map(|(key, value)| StringStringEntryProto { key, value }).collect(),
     };
-    Ok(sealed(model.encode_to_vec()))
+    Ok(model.encode_to_vec())
 }
 
 /// The graph, and where its regression head lies, when it can be computed at single cells.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use farsight_graph::graph::NodeId;
 use farsight_graph::quantize::{Histogram, Observer, Range, maps};
 use farsight_graph::transform::Network;
-use farsight_onnx::{Facts, INPUT, OnnxModel, Target, TensorInfo, write};
+use farsight_onnx::{Facts, INPUT, OnnxModel, Target, TensorInfo};
 
 use crate::runner::{Runner, Tensor, TensorView};
 use crate::{EngineError, RtenRunner};
@@ -49,8 +49,8 @@ impl Calibration {
         let asked = tapped.graph.taps.len();
         tapped.graph.taps.extend(names.zip(maps.iter().copied()));
         let failed = |error: &dyn std::error::Error| EngineError::new("rten", error.to_string());
-        let bytes = write(&tapped, facts, Target::Portable).map_err(|error| failed(&error))?;
-        let file = OnnxModel::from_bytes(bytes, Path::new("the network under calibration"));
+        let source = Path::new("the network under calibration");
+        let file = OnnxModel::from_network(&tapped, facts, Target::Portable, source);
         let runner = RtenRunner::new(file.map_err(|error| failed(&error))?, threads)?;
         let outputs = runner.outputs()[..asked].to_vec();
         let input = input.first().copied();

@@ -185,4 +185,13 @@ fn facts_of_a_model_travel_with_it() {
     model.write(&path).unwrap();
     let read = DetectorFile::read(&path, Target::Portable).unwrap();
     assert_eq!(read.onnx.bytes(), file.bytes(), "the same model gives the same file");
+
+    // What is written has a hash, what is made for an engine has none, and that is all they differ by.
+    let written = OnnxModel::from_bytes(file.sealed().into_owned(), &path).unwrap();
+    assert!(written.has_hash() && !file.has_hash());
+    assert!(written.bytes().starts_with(file.bytes()) && written.sealed() == written.bytes());
+    let mut flipped = written.bytes().to_vec();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    assert!(OnnxModel::from_bytes(flipped, &path).is_err());
 }

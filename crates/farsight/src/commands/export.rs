@@ -20,7 +20,7 @@ use farsight_files::{read_text, write_atomically};
 use farsight_graph::model::{Model, NetworkConfig};
 use farsight_graph::transform::Network;
 use farsight_methods::smoke::{DetectorFile, LOGITS, REGRESSION, SmokeModel};
-use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key, write};
+use farsight_onnx::{Facts, INPUT, OnnxModel, Target, key};
 use farsight_runtime::probe::{self, Difference};
 use farsight_runtime::{Runner, Tensor, TensorView};
 
@@ -165,8 +165,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if args.int8.int8 {
         return int8::run(&model, args, target, printer);
     }
-    let bytes = write(&Network::deployable(&model)?, &facts(args, &model, target)?, target)?;
-    let file = DetectorFile::from_bytes(bytes, &args.out)?.onnx;
+    let file = OnnxModel::from_model(&model, &facts(args, &model, target)?, target, &args.out)?;
     let input = image_probe();
     let (expected, reference) = reference(&model, &file, &input)?;
     keep(&file, &input, &expected, &reference, &args.out, printer)
@@ -218,9 +217,10 @@ fn check(
 
 /// Writes `file` to `out`.
 fn write_file(file: &OnnxModel, out: &Path, printer: &mut Printer) -> Result<()> {
-    write_atomically(out, |out| out.write_all(file.bytes()))?;
+    let bytes = file.sealed();
+    write_atomically(out, |out| out.write_all(&bytes))?;
     let target = file.facts().get(key::TARGET).unwrap_or("portable");
-    printer.line(&format!("{}: {:.1} MB, {target}", out.display(), file.bytes().len() as f64 / 1e6));
+    printer.line(&format!("{}: {:.1} MB, {target}", out.display(), bytes.len() as f64 / 1e6));
     Ok(())
 }
 
@@ -323,7 +323,7 @@ fn reference(model: &SmokeModel, file: &OnnxModel, input: &Tensor) -> Result<(Ve
     let target = engine.target();
     let whole = Network::new(model).with_outputs(&[LOGITS, REGRESSION]);
     let source = Path::new("the untransformed network");
-    let whole = OnnxModel::from_bytes(write(&whole, &DetectorFile::facts(model, target), target)?, source)?;
+    let whole = OnnxModel::from_network(&whole, &DetectorFile::facts(model, target), target, source)?;
     answer(engine, whole, source, input)
 }
 

@@ -295,7 +295,7 @@ fn the_checker_and_onnx_runtimes_python_agree() {
         write_reference(&model, &reference);
         for target in [Target::Portable, Target::OnnxRuntime] {
             let file = folder.join(format!("{name}-{}.onnx", target.name()));
-            std::fs::write(&file, DetectorFile::from_model(&model, target, &file).unwrap().onnx.bytes()).unwrap();
+            std::fs::write(&file, DetectorFile::from_model(&model, target, &file).unwrap().onnx.sealed()).unwrap();
             let Some(mut python) = python_with("onnx, onnxruntime, numpy") else { return };
             let output = python.arg(root().join("scripts/check_onnx.py")).args([&file, &reference]).output().unwrap();
             let text = String::from_utf8_lossy(&output.stdout);

@@ -148,11 +148,12 @@ pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer
         told["evaluation"] = metres.to_json();
         written = file(&told)?;
     }
-    write_atomically(&args.out, |out| out.write_all(written.onnx.bytes()))?;
+    let bytes = written.onnx.sealed();
+    write_atomically(&args.out, |out| out.write_all(&bytes))?;
     printer.line(&format!(
         "{}: {:.1} MB, {}",
         args.out.display(),
-        written.onnx.bytes().len() as f64 / 1e6,
+        bytes.len() as f64 / 1e6,
         target.name()
     ));
     Ok(Outcome::Done)

@@ -12,7 +12,7 @@ use farsight_methods::camera_estimator::{CameraEstimatorConfig, CameraEstimatorM
 use farsight_methods::plate_reader::{self, PlateReaderConfig, PlateReaderModel};
 use farsight_methods::refiner::{self, RefinerConfig, RefinerModel};
 use farsight_methods::roi::runner;
-use farsight_onnx::{Facts, OnnxModel, Target, write};
+use farsight_onnx::{Facts, OnnxModel, Target};
 use farsight_runtime::probe;
 
 use super::{ExportArgs, Outcome, answer, keep, reference_engine};
@@ -79,8 +79,8 @@ fn onnx<C: NetworkConfig>(
     let input = probe::tensor(channels, size);
     let engine = reference_engine(&file);
     let source = Path::new("the untransformed network");
-    let whole =
-        write(&Network::new(model).with_outputs(C::OUTPUTS), &Facts::new(model, engine.target()), engine.target())?;
-    let (expected, reference) = answer(engine, OnnxModel::from_bytes(whole, source)?, source, &input)?;
+    let (whole, target) = (Network::new(model).with_outputs(C::OUTPUTS), engine.target());
+    let whole = OnnxModel::from_network(&whole, &Facts::new(model, target), target, source)?;
+    let (expected, reference) = answer(engine, whole, source, &input)?;
     keep(&file, &input, &expected, &reference, &args.out, printer)
 }
