@@ -11,8 +11,8 @@ pub struct Peak {
     pub value: f32,
 }
 
-/// The `count` highest peaks of `map` (`[classes, height, width]`, `map_size` = width, height) above `floor`, highest
-/// first.
+/// The `count` highest peaks of `map` (`[classes, height, width]`, `map_size` = width, height), of each class those
+/// above its `floor`, highest first.
 ///
 /// A cell is a peak when no neighbour of its 3x3 surroundings in the same class is higher; ties stay. Logits and
 /// probabilities have the same peaks. Equal values come in the order of the map, so the answer is the same everywhere.
@@ -20,10 +20,11 @@ pub struct Peak {
 ///
 /// # Panics
 /// When a side of the map is 0.
-pub fn peaks(map: &[f32], map_size: [usize; 2], count: usize, floor: f32) -> Vec<Peak> {
+pub fn peaks(map: &[f32], map_size: [usize; 2], count: usize, floor: impl Fn(usize) -> f32) -> Vec<Peak> {
     let [width, height] = map_size;
     let mut found = Vec::new();
     for (class, channel) in map.chunks_exact(width * height).enumerate() {
+        let floor = floor(class);
         for row in 0..height {
             for column in 0..width {
                 let value = channel[row * width + column];

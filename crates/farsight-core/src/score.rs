@@ -55,6 +55,9 @@ pub struct ScoreExample {
     pub is_right: bool,
 }
 
+/// More than what rounding does to the logit of a peak, which comes as a single-precision number.
+const ROUNDING: f64 = 1e-4;
+
 /// Fits give numbers far below this.
 const MAX_FACTOR: f64 = 100_000.0;
 
@@ -74,6 +77,19 @@ impl ScoreCalibration {
         logistic(dot(&terms, &[self.peak, self.height, self.height_squared, self.bias]))
     }
 
+    /// A peak below which the probability is less than `probability`, whatever the height; 0 where there is none.
+    pub fn least_peak(&self, probability: f64) -> f64 {
+        if self.peak <= 0.0 {
+            return 0.0;
+        }
+        let [least, most] = self.heights_px.map(|height_px| (height_px / REFERENCE_HEIGHT_PX).ln());
+        let summit = -self.height / (2.0 * self.height_squared);
+        let inside = (summit > least && summit < most).then_some(summit);
+        let of_height = |height: f64| self.height * height + self.height_squared * height * height;
+        let best = [least, most].into_iter().chain(inside).map(of_height).fold(f64::NEG_INFINITY, f64::max);
+        logistic((logit(probability) - best - self.bias) / self.peak - ROUNDING)
+    }
+
     /// The fit to `examples`; none with fewer than [`MIN_EXAMPLES`] right or wrong ones.
     pub fn fit(examples: &[ScoreExample]) -> Option<Self> {
         let rows: Vec<([f64; 4], f64)> =
@@ -88,6 +104,14 @@ impl ScoreCalibration {
 fn terms(peak: f64, height_px: f64) -> [f64; 4] {
     let height = (height_px / REFERENCE_HEIGHT_PX).ln();
     [logit(peak), height, height * height, 1.0]
+}
+
+/// The least peak of a class worth a look where detections are to have a score above `min_score`; what is below cannot
+/// reach it.
+pub fn least_peak(calibration: Option<&ScoreCalibration>, min_score: f64) -> f64 {
+    // No score is less than the least one.
+    let reached = if min_score < SCORE_LIMITS.0 { 0.0 } else { min_score };
+    calibration.map_or(min_score, |calibration| calibration.least_peak(reached).max(MIN_PEAK))
 }
 
 /// The logarithm of the odds of a probability. Inverse of [`logistic`].
@@ -177,6 +201,28 @@ mod tests {
         let separable: Vec<_> = (0..200).map(|i| example(i % 2 == 0)).collect();
         let fit = ScoreCalibration::fit(&separable).expect("a fit");
         assert!(fit.probability(0.9, 20.0) > 0.99 && fit.probability(0.1, 20.0) < 0.01, "{fit:?}");
+    }
+
+    #[test]
+    fn no_lower_peak_reaches_the_probability_and_a_higher_one_does() {
+        let falling = ScoreCalibration { height: -0.7, height_squared: -0.2, heights_px: [8.0, 300.0], ..TRUTH };
+        let flat = ScoreCalibration { height_squared: 0.0, ..TRUTH };
+        for calibration in [TRUTH, falling, flat] {
+            for probability in [1e-3, 0.04, 0.1, 0.5, 0.9] {
+                let least = calibration.least_peak(probability);
+                let best = |peak: f64| {
+                    (0..=1000).map(|i| calibration.probability(peak, 0.3 * f64::from(i))).fold(0.0, f64::max)
+                };
+                assert!(best(least) < probability, "{calibration:?} at {probability}");
+                assert!(best(logistic(logit(least) + 0.01)) > probability, "{calibration:?} at {probability}");
+            }
+            assert!(calibration.least_peak(0.0).abs() < 1e-12 && calibration.least_peak(1.0) > 1.0 - 1e-12);
+        }
+        // Where low peaks are the likely ones, all are looked at.
+        assert!(ScoreCalibration { peak: -1.0, ..TRUTH }.least_peak(0.5).abs() < 1e-12);
+        assert!((least_peak(Some(&TRUTH), 0.0) - MIN_PEAK).abs() < 1e-12);
+        assert!((least_peak(Some(&TRUTH), 1e-5) - MIN_PEAK).abs() < 1e-12);
+        assert!((least_peak(None, 0.3) - 0.3).abs() < 1e-12);
     }
 
     #[test]

@@ -110,7 +110,7 @@ proptest! {
         rule.gaussian(w, h, 1.0).draw(&mut map, 40, [column, row]);
         prop_assert!((map[row * 40 + column] - 1.0).abs() < f32::EPSILON);
         prop_assert!(map.iter().all(|v| (0.0..=1.0).contains(v)));
-        prop_assert_eq!(peaks(&map, [40, 12], 10, 0.5).len(), 1);
+        prop_assert_eq!(peaks(&map, [40, 12], 10, |_| 0.5).len(), 1);
     }
 }
 
@@ -144,10 +144,10 @@ fn a_box_beside_the_camera_is_cut_at_the_near_plane_and_one_behind_is_not_seen()
 #[test]
 fn equal_neighbours_are_both_peaks_and_no_number_is_none() {
     let map = [0.5, 0.5, 0.0, f32::NAN, 0.9, 0.0];
-    let found: Vec<_> = peaks(&map, [6, 1], 10, 0.1).iter().map(|p| p.cell[0]).collect();
+    let found: Vec<_> = peaks(&map, [6, 1], 10, |_| 0.1).iter().map(|p| p.cell[0]).collect();
     assert_eq!(found, [4, 0, 1]);
-    assert!(peaks(&[f32::NAN; 6], [3, 2], 10, 0.0).is_empty());
-    assert_eq!(peaks(&map, [6, 1], 1, 0.1).len(), 1);
+    assert!(peaks(&[f32::NAN; 6], [3, 2], 10, |_| 0.0).is_empty());
+    assert_eq!(peaks(&map, [6, 1], 1, |_| 0.1).len(), 1);
 }
 
 #[test]

@@ -56,7 +56,8 @@ impl Video {
         let ego = ego.as_deref().filter(|_| !is_auto).map(EgoFile::read).transpose();
         let ego = ego.map_err(|error| PyValueError::new_err(error.to_string()))?;
         let low = low_score(min_score.unwrap_or(USUAL_MIN_SCORE));
-        let pipeline = builder.clone().min_score(low).open().map_err(|error| errors::pipeline(&error))?;
+        let builder = min_score.into_iter().fold(builder.clone().low_score(low), PipelineBuilder::min_score);
+        let pipeline = builder.open().map_err(|error| errors::pipeline(&error))?;
         let birth_score = min_score.unwrap_or_else(|| pipeline.default_min_score());
         let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
         let tracker = VideoTracker::new(pipeline, views).with_options(options);

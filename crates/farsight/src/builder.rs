@@ -37,6 +37,7 @@ pub struct PipelineBuilder {
     road: Option<Road>,
     region: Region,
     decode: DecodeOptions,
+    low_score: Option<f64>,
     max_overlap: Option<f64>,
     range: RangeKind,
     timing: Timing,
@@ -169,6 +170,13 @@ impl PipelineBuilder {
         self
     }
 
+    /// What has a score from this on is told, too, as far as the work for the [least score](Self::min_score) brings it:
+    /// such detections continue tracks, and none is worth a closer look.
+    #[must_use]
+    pub fn low_score(self, low_score: f64) -> Self {
+        Self { low_score: Some(low_score), ..self }
+    }
+
     /// At most so many detections an image, of a model whose scores are no probabilities; 50 by default.
     #[must_use]
     pub fn max_detections(mut self, max_detections: usize) -> Self {
@@ -268,6 +276,7 @@ impl PipelineBuilder {
         let usual_road = if is_shipped { Road::Below } else { Road::Ignored };
         let settings = Settings {
             decode: self.decode,
+            low_score: self.low_score,
             max_overlap: self.max_overlap.unwrap_or(MAX_OVERLAP),
             road: self.road.unwrap_or(usual_road),
             is_road_chosen: self.road.is_some(),

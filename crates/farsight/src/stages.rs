@@ -19,6 +19,8 @@ use crate::view::View;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Settings {
     pub(crate) decode: DecodeOptions,
+    /// What has a score from this on is told, too, as far as the work for higher scores brings it.
+    pub(crate) low_score: Option<f64>,
     /// Of detections that overlap by more than this as seen from above the best stays.
     pub(crate) max_overlap: f64,
     /// What is known of the road under the camera.
@@ -88,8 +90,8 @@ impl Stages {
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
         let options = self.detector_options(settings);
         let (answers, times) = self.detector.detect_batch(images, &options)?;
-        let (answers, refine) = timed(|| self.refined(images, answers, self.least_score(settings)));
-        let min_score = self.min_score(settings);
+        let (answers, refine) = timed(|| self.refined(images, answers, settings));
+        let min_score = self.told_score(settings);
         let answers = answers?;
         let doubt = |found: &Vec<Detection>| HeightConflict::of(found, settings.road, &settings.scale);
         self.height_conflicts.extend(answers.iter().filter_map(doubt));
@@ -102,13 +104,14 @@ impl Stages {
         &mut self,
         images: &[(&RgbImage, &Camera)],
         answers: Vec<Vec<Detection>>,
-        least_score: f64,
+        settings: &Settings,
     ) -> Result<Vec<Vec<Detection>>, EngineError> {
-        let classes = self.detector.classes();
+        let sought = self.least_score(settings);
+        let (least_score, classes) = (sought.min(self.told_score(settings)), self.detector.classes());
         let each = images.iter().zip(answers);
         each.map(|((image, camera), mut found)| {
             if let Some(refiner) = &mut self.refiner {
-                found = refiner.refined(image, camera, found, classes, least_score)?;
+                found = refiner.refined(image, camera, found, classes, least_score, sought)?;
             }
             match &mut self.plate_reader {
                 Some(reader) => reader.measured(image, camera, found),
@@ -121,7 +124,14 @@ impl Stages {
     /// What the detector must find: all that is asked for, and where a refiner follows what that could raise to it.
     fn detector_options(&self, settings: &Settings) -> DecodeOptions {
         let share = if self.refiner.is_some() { CANDIDATE_SHARE } else { 1.0 };
-        DecodeOptions { min_score: Some(share * self.least_score(settings)), ..settings.decode }
+        let least = (share * self.least_score(settings)).min(self.told_score(settings));
+        DecodeOptions { min_score: Some(least), ..settings.decode }
+    }
+
+    /// What has a lower score is not told.
+    fn told_score(&self, settings: &Settings) -> f64 {
+        let asked = self.min_score(settings);
+        settings.low_score.map_or(asked, |low| low.min(asked))
     }
 
     /// What has a lower score plays no part. What stands on the road has, told or not.

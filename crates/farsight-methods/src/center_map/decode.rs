@@ -2,7 +2,7 @@
 
 use farsight_core::detection::{DecodeOptions, View, is_calibrated};
 use farsight_core::peaks::{Peak, peaks};
-use farsight_core::score::{MIN_PEAK, SCORE_LIMITS, logistic, logit};
+use farsight_core::score::{SCORE_LIMITS, least_peak, logistic, logit};
 use farsight_core::{Box2d, ClassReference, Detection};
 use farsight_runtime::TensorView;
 
@@ -33,9 +33,9 @@ pub(crate) fn at_peaks_with<T>(
 ) -> Vec<(Detection, T)> {
     let min_score = options.min_score(classes);
     // A low peak of a near object can stand for a high probability.
-    let (least_peak, most_peaks) =
-        if is_calibrated(classes) { (MIN_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
-    let floor = logit(least_peak.max(SCORE_LIMITS.0)) as f32;
+    let most_peaks = if is_calibrated(classes) { usize::MAX } else { options.max_detections };
+    let least = |class: usize| least_peak(classes[class].score.as_ref(), min_score).max(SCORE_LIMITS.0);
+    let floor = |class: usize| logit(least(class)) as f32;
     let map_size = [heatmap.shape[2], heatmap.shape[1]];
     let peaks = peaks(heatmap.values, map_size, most_peaks, floor);
     let mut found: Vec<(Detection, T)> = peaks.iter().filter_map(detection).collect();

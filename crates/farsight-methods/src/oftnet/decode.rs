@@ -34,7 +34,7 @@ pub fn detections(
     let smooth: Vec<f32> = planes.step_by(ANSWERS).flat_map(|scores| smoothed(scores, size)).collect();
     // A low score can stand for a high probability.
     let least = if is_calibrated(classes) { MIN_PEAK } else { min_score };
-    let high = peaks(&smooth, size, usize::MAX, f32::NEG_INFINITY);
+    let high = peaks(&smooth, size, usize::MAX, |_| f32::NEG_INFINITY);
     let high = high.into_iter().filter(|peak| at(peak.class, 0, peak.cell) > least);
     let detection = |peak: Peak| {
         let score = at(peak.class, 0, peak.cell);

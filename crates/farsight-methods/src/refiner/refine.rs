@@ -82,7 +82,8 @@ impl Refiner {
     }
 
     /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score`
-    /// then, highest first, each object once, of one of `classes`.
+    /// then, highest first, each object once, of one of `classes`. What is not likely to reach the score `sought` gets
+    /// one iteration.
     ///
     /// # Errors
     /// When the engine fails.
@@ -93,9 +94,10 @@ impl Refiner {
         candidates: Vec<Detection>,
         classes: &[ClassReference],
         min_score: f64,
+        sought: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let refinements = self.refinements(image, camera, &candidates, self.effort.promising_share() * min_score)?;
+        let refinements = self.refinements(image, camera, &candidates, self.effort.promising_share() * sought)?;
         let fused = |(first, second): (Detection, Option<Refinement>)| {
             let fused = self.config.fusion.fused(&first, second.as_ref(), camera, image_size);
             let is_known = classes.iter().any(|known| known.class == fused.class);

@@ -2,7 +2,7 @@
 
 use farsight_core::detection::{DecodeOptions, View, is_calibrated};
 use farsight_core::peaks::{Peak, peaks};
-use farsight_core::score::{MIN_PEAK, SCORE_LIMITS, logistic, logit};
+use farsight_core::score::{SCORE_LIMITS, least_peak, logistic, logit};
 use farsight_core::{Camera, Detection};
 use farsight_runtime::Tensor;
 
@@ -55,10 +55,10 @@ pub fn detections_at_peaks(
     let min_score = options.min_score(&codec.classes);
     // A low peak of a near object can stand for a high probability, so peaks are not what the highest ones are chosen
     // by then.
-    let (least_peak, most_peaks) =
-        if is_calibrated(&codec.classes) { (MIN_PEAK, usize::MAX) } else { (min_score, options.max_detections) };
+    let most_peaks = if is_calibrated(&codec.classes) { usize::MAX } else { options.max_detections };
+    let floor = |class: usize| logit(least_peak(codec.classes[class].score.as_ref(), min_score)) as f32;
     let camera = feature_camera(&view.input_camera);
-    let mut found: Vec<Detection> = peaks(logits, map_size, most_peaks, logit(least_peak) as f32)
+    let mut found: Vec<Detection> = peaks(logits, map_size, most_peaks, floor)
         .into_iter()
         .filter_map(|peak| {
             let regression = Regression::from_raw(regression(peak.cell));

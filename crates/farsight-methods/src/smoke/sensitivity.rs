@@ -101,7 +101,7 @@ impl Answers {
         input_camera: Camera,
     ) -> Result<Reference, SensitivityError> {
         let maps = self.maps(&input, size)?;
-        let peaks = peaks(&maps.logits, maps.map_size, MOST, logit(SCORE) as f32);
+        let peaks = peaks(&maps.logits, maps.map_size, MOST, |_| logit(SCORE) as f32);
         let camera = feature_camera(&input_camera);
         let peaks = peaks.into_iter().map(|peak| (peak, self.answer(&maps, &peak, &camera))).collect();
         Ok(Reference { input, size, camera, peaks })

@@ -120,7 +120,7 @@ fn peaks_and_detections_agree() {
     let input_camera = feature.transformed(&Affine2::scaling(4.0));
     let view = View { image_size: [1242, 375], camera: image_camera, input_camera };
     for count in [50, 100] {
-        let found = peaks(&heatmap, MAP, count, 0.0);
+        let found = peaks(&heatmap, MAP, count, |_| 0.0);
         let expected = |name: &str| golden.integers(&format!("k{count}.{name}"));
         assert_eq!(found.iter().map(|p| p.class).collect::<Vec<_>>(), expected("cls"), "top {count}");
         assert_eq!(found.iter().map(|p| p.cell[0]).collect::<Vec<_>>(), expected("x"), "top {count}");

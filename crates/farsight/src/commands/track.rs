@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Error, Result, bail, ensure};
 use clap::Args;
 use farsight::video::{EgoFile, VideoError, VideoFrame, VideoOptions, VideoSource, VideoTracker, is_video, low_score};
-use farsight::{CameraSource, Pipeline, Road, TrackerOptions, View};
+use farsight::{CameraSource, Pipeline, PipelineBuilder, Road, TrackerOptions, View};
 use indicatif::ProgressBar;
 
 use super::Outcome;
@@ -143,7 +143,9 @@ pub(crate) fn run(args: &TrackArgs, printer: &mut Printer) -> Result<Outcome> {
 fn open(args: &TrackArgs, printer: &mut Printer) -> Result<Pipeline> {
     let low = low_score(args.min_score.unwrap_or(USUAL_MIN_SCORE));
     let images = if args.realtime { 1 } else { usize::MAX };
-    pipeline_args::open_and_tell(&args.pipeline.builder(printer)?.min_score(low).images(images), printer)
+    let builder = args.pipeline.builder(printer)?.low_score(low).images(images);
+    let builder = args.min_score.into_iter().fold(builder, PipelineBuilder::min_score);
+    pipeline_args::open_and_tell(&builder, printer)
 }
 
 /// Follows what is in one video, with a pipeline that is open or opens now.

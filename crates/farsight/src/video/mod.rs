@@ -6,7 +6,7 @@
 //! // A film, an address or a camera device, which the user's ffmpeg reads; or a folder of images with frames a second.
 //! let source = VideoSource::open("film.mp4", None)?;
 //! // Detections of low scores continue tracks, so the pipeline is to tell them.
-//! let pipeline = farsight::Pipeline::builder().min_score(DEFAULT_LOW_SCORE).open()?;
+//! let pipeline = farsight::Pipeline::builder().low_score(DEFAULT_LOW_SCORE).open()?;
 //! let mut tracker = VideoTracker::new(pipeline, farsight::CameraSource::FieldOfView(65.0));
 //! for frame in source.frames(&VideoOptions::default())? {
 //!     let followed = tracker.update(&frame?)?;

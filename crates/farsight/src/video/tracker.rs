@@ -23,7 +23,7 @@ const LOW_SHARE: f64 = 0.4;
 /// [`low_score`] of the score that begins a track where scores are probabilities.
 pub const DEFAULT_LOW_SCORE: f64 = LOW_SHARE * 0.5;
 
-/// The least score that a pipeline is to tell ([`crate::PipelineBuilder::min_score`]) where detections of `birth_score`
+/// The least score that a pipeline is to tell ([`crate::PipelineBuilder::low_score`]) where detections of `birth_score`
 /// begin tracks.
 pub fn low_score(birth_score: f64) -> f64 {
     LOW_SHARE * birth_score

@@ -74,6 +74,22 @@ fn noisy_images_are_smoothed_and_others_are_not() {
     assert_ne!(smoothed, plain.detect(&noisy, &camera).unwrap());
 }
 
+/// What has a low score is told beside the rest, changes nothing of that, and is not looked at more closely.
+#[test]
+fn low_scores_come_beside_what_is_told_without_them() {
+    let builder = || Pipeline::builder().model(ModelSource::from_word("farsight-n"));
+    let [usual, low, lower] =
+        [builder(), builder().low_score(0.15), builder().min_score(0.15)].map(|it| it.open().unwrap());
+    let told = |pipeline: &Pipeline| {
+        ["000000", "000001", "000002", "000003"].map(|id| record(pipeline, id).detections).concat()
+    };
+    let (usual, low, lower) = (told(&usual), told(&low), told(&lower));
+    let sure: Vec<DetectionRecord> = low.iter().filter(|found| found.score > 0.5).cloned().collect();
+    assert_eq!(sure, usual);
+    assert!(low.len() > usual.len() && low.iter().all(|found| found.score > 0.15));
+    assert!(lower.len() >= low.len(), "{} and {}", lower.len(), low.len());
+}
+
 #[test]
 fn eval_measures_what_range_shows() {
     let folder = tempfile::tempdir().unwrap();

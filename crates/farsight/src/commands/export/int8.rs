@@ -150,12 +150,7 @@ pub(super) fn run(model: &SmokeModel, args: &ExportArgs, target: Target, printer
     }
     let bytes = written.onnx.sealed();
     write_atomically(&args.out, |out| out.write_all(&bytes))?;
-    printer.line(&format!(
-        "{}: {:.1} MB, {}",
-        args.out.display(),
-        bytes.len() as f64 / 1e6,
-        target.name()
-    ));
+    printer.line(&format!("{}: {:.1} MB, {}", args.out.display(), bytes.len() as f64 / 1e6, target.name()));
     Ok(Outcome::Done)
 }
 

@@ -151,7 +151,7 @@ fn refiner_behind(runner: Box<dyn Runner>, model: &RefinerModel, first: &Path) -
     Ok(Box::new(move |image, camera| {
         let (mut found, _) = detector.detect_batch(&[(image, camera)], &options)?;
         let found = found.pop().unwrap_or_default();
-        refiner.refined(image, camera, found, detector.classes(), MIN_SCORE)?;
+        refiner.refined(image, camera, found, detector.classes(), MIN_SCORE, MIN_SCORE)?;
         Ok(())
     }))
 }
@@ -166,7 +166,7 @@ fn plates(runner: Box<dyn Runner>, model: &PlateReaderModel, args: &ExportArgs) 
     Ok(Box::new(move |image, camera| {
         let (mut found, _) = detector.detect_batch(&[(image, camera)], &options)?;
         let found = found.pop().unwrap_or_default();
-        let found = refiner.refined(image, camera, found, detector.classes(), MIN_SCORE)?;
+        let found = refiner.refined(image, camera, found, detector.classes(), MIN_SCORE, MIN_SCORE)?;
         reader.measured(image, camera, found)?;
         Ok(())
     }))

@@ -23,7 +23,7 @@ pub(super) fn open(
     if args.videos.is_empty() {
         return Ok(videos);
     }
-    let pipeline = builder.clone().min_score(DEFAULT_LOW_SCORE).open()?;
+    let pipeline = builder.clone().low_score(DEFAULT_LOW_SCORE).open()?;
     for (name, input) in &args.videos {
         let Some(camera) = cameras.get(name) else { continue };
         let source = Source {
