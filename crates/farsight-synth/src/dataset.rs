@@ -35,7 +35,7 @@ impl SceneDataset {
     /// Each scene comes `views` times as an [item](Dataset::item), at least 1: where drawing a scene takes longer than
     /// learning from it, it is worth several augmentations.
     ///
-    /// The items must be asked for nearly in their order. Up to 256 scenes times `views` less one stay in memory.
+    /// The items must be asked for nearly in their order. Up to 256 scenes times `views` stay in memory.
     pub fn with_views(self, views: usize) -> Self {
         Self { views: views.max(1), ..self }
     }
