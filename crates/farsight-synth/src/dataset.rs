@@ -11,7 +11,8 @@ use image::RgbImage;
 use crate::generator::generate_scene;
 use crate::stream::SceneStream;
 
-/// Scenes between two views of the same one: more than a batch has, so that no step sees a scene twice.
+/// Scenes between two views of the same one: more than a batch has, so that no step sees a scene twice but for the
+/// first ones of a run.
 const VIEW_DISTANCE: usize = 256;
 
 /// Scenes of a stream: an endless data set, in which every frame of every epoch is a new one, rendered when it is asked
