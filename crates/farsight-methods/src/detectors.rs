@@ -11,6 +11,7 @@ use farsight_runtime::Runner;
 
 use crate::DETECTORS;
 use crate::detector::Detector;
+use crate::file::with_own;
 use crate::method::{DetectorMethod, Method};
 
 pub use crate::file::{ReadError, config_of, facts_of};
@@ -140,7 +141,23 @@ pub fn from_model<C: DetectorMethod>(
     target: Target,
     source: &Path,
 ) -> Result<DetectorNetwork, ReadError> {
-    let (first, later) = parts_of_model(model, form, target, source)?;
+    let (first, later) = parts_of_model(model, &facts_of(model, target), form, target, source)?;
+    Ok(DetectorNetwork { first, later, entry: Entry::of(Some(C::METHOD)) })
+}
+
+/// The same, where the hash of its weights ([`Weights::sha256`]) is known.
+///
+/// # Errors
+/// As [`from_model`].
+pub fn from_hashed_model<C: DetectorMethod>(
+    model: &Model<C>,
+    weights_sha256: &str,
+    form: NetworkForm,
+    target: Target,
+    source: &Path,
+) -> Result<DetectorNetwork, ReadError> {
+    let facts = with_own(Facts::with_hash(model, weights_sha256, target), model);
+    let (first, later) = parts_of_model(model, &facts, form, target, source)?;
     Ok(DetectorNetwork { first, later, entry: Entry::of(Some(C::METHOD)) })
 }
 
@@ -211,11 +228,12 @@ pub fn in_form<C: Method>(
     target: Target,
     source: &Path,
 ) -> Result<OnnxModel, ReadError> {
-    Ok(parts_of_model(model, form, target, source)?.0.onnx)
+    Ok(parts_of_model(model, &facts_of(model, target), form, target, source)?.0.onnx)
 }
 
 fn parts_of<C: Method>(weights: Weights, form: NetworkForm, target: Target, source: &Path) -> Result<Parts, ReadError> {
-    parts_of_model(&Model::<C>::from_weights(weights, source)?, form, target, source)
+    let model = Model::<C>::from_weights(weights, source)?;
+    parts_of_model(&model, &facts_of(&model, target), form, target, source)
 }
 
 /// The parts of a network with random weights.
@@ -226,16 +244,17 @@ fn untrained_parts<C: Method>(table: toml::Table, target: Target, source: &Path)
         return Err(bad(problem).into());
     }
     let weights = initial_weights(&config.graph(), 0);
-    parts_of_model(&Model::new(config, weights)?, NetworkForm::Deployable, target, source)
+    let model = Model::new(config, weights)?;
+    parts_of_model(&model, &facts_of(&model, target), NetworkForm::Deployable, target, source)
 }
 
 fn parts_of_model<C: Method>(
     model: &Model<C>,
+    facts: &Facts,
     form: NetworkForm,
     target: Target,
     source: &Path,
 ) -> Result<Parts, ReadError> {
-    let facts = facts_of(model, target);
     let failed = |error| OnnxError::new(source, OnnxProblem::Weights(error));
     let written = |network: &Network, facts: &Facts| -> Result<OnnxModel, OnnxError> {
         OnnxModel::from_network(network, facts, target, source)
@@ -246,9 +265,9 @@ fn parts_of_model<C: Method>(
     let Some(first) = networks.next() else { unreachable!("a network has a part") };
     let Some(names) = names else {
         let onnx = match form {
-            NetworkForm::Deployable => OnnxModel::from_model(model, &facts, target, source)?,
-            NetworkForm::Int8 => OnnxModel::from_model_in_int8(model, &facts, target, source)?,
-            NetworkForm::AsTrained => written(&first, &facts)?,
+            NetworkForm::Deployable => OnnxModel::from_model(model, facts, target, source)?,
+            NetworkForm::Int8 => OnnxModel::from_model_in_int8(model, facts, target, source)?,
+            NetworkForm::AsTrained => written(&first, facts)?,
         };
         return Ok((Part { onnx, trained: Some(first) }, Vec::new()));
     };

@@ -54,7 +54,11 @@ pub fn config_of<C: NetworkConfig>(onnx: &OnnxModel, source: &Path) -> Result<C,
 
 /// What the ONNX file of `model` says.
 pub fn facts_of<C: Method>(model: &Model<C>, target: Target) -> Facts {
-    let mut facts = Facts::new(model, target);
+    with_own(Facts::new(model, target), model)
+}
+
+/// `facts` with those of the method.
+pub(crate) fn with_own<C: Method>(mut facts: Facts, model: &Model<C>) -> Facts {
     model.config.onnx_facts().into_iter().for_each(|(key, fact)| facts.set(key, fact));
     facts
 }

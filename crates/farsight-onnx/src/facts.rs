@@ -64,11 +64,16 @@ impl Facts {
     /// What is known about `model`: its method, its config, and what its own file says about training, camera and
     /// licence.
     pub fn new<C: NetworkConfig>(model: &Model<C>, target: Target) -> Self {
+        Self::with_hash(model, &model.weights.sha256(), target)
+    }
+
+    /// The same where the hash of the weights is known: computing it takes longer than looking at an image.
+    pub fn with_hash<C: NetworkConfig>(model: &Model<C>, weights_sha256: &str, target: Target) -> Self {
         let own = model.weights.metadata.iter().filter(|(key, _)| key.starts_with(PREFIX));
         let mut facts = Self { entries: own.map(|(key, value)| (key.clone(), value.clone())).collect() };
         facts.set(key::METHOD, C::METHOD.to_owned());
         facts.set(key::MODEL, json!(model.config).to_string());
-        facts.set(key::WEIGHTS_SHA256, model.weights.sha256());
+        facts.set(key::WEIGHTS_SHA256, weights_sha256.to_owned());
         facts.set(key::TARGET, target.name().to_owned());
         facts
     }

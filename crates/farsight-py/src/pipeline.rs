@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use farsight::{
-    CameraSource, CameraSourceError, Device, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage, ModelSource,
-    PipelineBuilder, Precision, ViewSource, load_image, model_file,
+    CameraSource, CameraSourceError, Device, Effort, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage,
+    ModelSource, PipelineBuilder, Precision, ViewSource, load_image, model_file,
 };
 use farsight_core::Region;
 use farsight_core::road::Road;
@@ -55,6 +55,8 @@ impl Pipeline {
         threads: Option<usize>,
         region: &str,
         above_road: Option<f64>,
+        effort: &str,
+        denoise: bool,
     ) -> PyResult<Self> {
         let options = EngineOptions {
             kind: kind(engine)?,
@@ -71,9 +73,11 @@ impl Pipeline {
             region.parse().map_err(|expected| PyValueError::new_err(format!("region {region:?}: {expected}")))?;
         let road =
             above_road.map(|height_m| Road::below_by(height_m).ok_or_else(|| no_height(height_m))).transpose()?;
+        let effort = iterations(effort)?;
         let unhashed = model_file::hash_note(&model);
         let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
-        let builder = road.into_iter().fold(builder.region(region), PipelineBuilder::road);
+        let builder =
+            road.into_iter().fold(builder.region(region), PipelineBuilder::road).effort(effort).denoise(denoise);
         let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
         let notes = unhashed.into_iter().chain(inner.disabled_stages_note()).collect();
         Ok(Self { inner, notes, builder, above_road })
@@ -189,6 +193,11 @@ fn place(name: &str) -> PyResult<Device> {
     Device::ALL.into_iter().find(|device| device.name() == name).ok_or_else(|| {
         PyValueError::new_err(format!("device: no device \"{name}\"; expected cpu, cuda, tensorrt or gpu"))
     })
+}
+
+fn iterations(name: &str) -> PyResult<Effort> {
+    let told = || format!("effort: no effort \"{name}\"; expected fast, normal or best");
+    Effort::ALL.into_iter().find(|effort| effort.name() == name).ok_or_else(|| PyValueError::new_err(told()))
 }
 
 fn numbers(name: &str) -> PyResult<Precision> {

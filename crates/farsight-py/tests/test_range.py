@@ -61,6 +61,16 @@ def test_other_models_and_engines_are_those_of_the_program(photo, jsonl):
     high = farsight.Model(model="farsight-n", above_road=1.65, threads=1)
     options = ["--model", "farsight-n", "--above-road", "1.65", "--threads", "1"]
     assert high.range(photo).to_dict() == jsonl(photo, *options)[0]
+    quick = farsight.Model(model="farsight-n", effort="fast", threads=1)
+    assert quick.range(photo).to_dict() == jsonl(photo, "--model", "farsight-n", "--effort", "fast", "--threads", "1")[0]
+
+
+def test_noise_is_smoothed_unless_it_is_to_stay(pixels):
+    noise = np.random.default_rng(5).normal(0, 40, pixels.shape)
+    noisy = np.clip(pixels + noise, 0, 255).astype(np.uint8)
+    [smoothed, as_it_is] = [farsight.Model(model="farsight-n", denoise=denoise, threads=1) for denoise in [True, False]]
+    assert smoothed.range(noisy, hfov=81).to_dict() != as_it_is.range(noisy, hfov=81).to_dict()
+    assert smoothed.range(pixels, hfov=81).to_dict() == as_it_is.range(pixels, hfov=81).to_dict()
 
 
 def test_what_is_to_be_told_of_a_model_is_a_warning(tmp_path):
@@ -201,6 +211,7 @@ def test_wrong_models_say_what_was_expected(tmp_path):
         ({"precision": "bf16"}, "expected openvino"),
         ({"threads": 0}, "expected a number from 1 to 1024"),
         ({"above_road": 0}, "above_road is 0; expected metres, from 0.2 to 50"),
+        ({"effort": "most"}, "expected fast, normal or best"),
         ({"region": "texas"}, "expected world, europe, north-america"),
         ({"model": tmp_path / "none.safetensors"}, "no such file; expected a model"),
     ]:

@@ -31,8 +31,9 @@ mod present {
     use crate::runner::{Runner, Tensor, TensorView, input};
     use crate::session_options::{Device, SessionOptions};
 
-    /// So many compiled forms of one network are kept: an image of another shape now and then costs no compiling.
-    const KEPT: usize = 4;
+    /// So many forms of one network are compiled for inputs of one size. Inputs of all other sizes share one more,
+    /// which is slower, but compiling takes as long as dozens of images.
+    const FORMS_OF_ONE_SIZE: usize = 4;
 
     /// Loads the shared `library` (`libopenvino_c`, 2025.1 or later) and `model`. Where a folder for them is named,
     /// compiled networks are kept there.
@@ -136,34 +137,25 @@ mod present {
         core: Core,
         /// As it was read to see whether it can be, until the first form is made of it.
         first: Option<Model>,
-        /// The last ones that were made.
+        /// In the order in which they were made; the one for any size is the last.
         forms: Vec<(InputShape, CompiledModel)>,
     }
 
-    /// Which inputs a compiled form takes; OpenVINO is faster when it knows all sides.
+    /// Which inputs a compiled form takes: images, channels, rows, columns; `None` takes any number. OpenVINO is faster
+    /// when it knows all sides.
     #[derive(Debug, Clone, PartialEq, Eq)]
-    struct InputShape {
-        /// None takes any number of images.
-        batch: Option<usize>,
-        /// Channels, rows, columns.
-        rest: Vec<usize>,
-    }
+    struct InputShape(Vec<Option<usize>>);
 
     impl InputShape {
         fn takes(&self, shape: &[usize]) -> bool {
-            shape
-                .split_first()
-                .is_some_and(|(batch, rest)| self.rest == rest && self.batch.is_none_or(|known| known == *batch))
+            self.0.len() == shape.len()
+                && self.0.iter().zip(shape).all(|(known, side)| known.is_none_or(|it| it == *side))
         }
 
         fn dimensions(&self) -> Vec<Dimension> {
-            let batch = self.batch.map_or(Dimension::new(-1, -1), known);
-            [batch].into_iter().chain(self.rest.iter().map(|&side| known(side))).collect()
+            let dimension = |side: &Option<usize>| side.map_or(-1, |side| side as i64);
+            self.0.iter().map(|side| Dimension::new(dimension(side), dimension(side))).collect()
         }
-    }
-
-    fn known(side: usize) -> Dimension {
-        Dimension::new(side as i64, side as i64)
     }
 
     impl Network {
@@ -175,9 +167,14 @@ mod present {
                 return Ok((takes.clone(), form.create_infer_request()?));
             }
             let (&batch, rest) = shape.split_first().ok_or("an input without sides")?;
-            let before = compiler.forms.iter().position(|(takes, _)| takes.rest == rest);
-            let is_one = before.is_none() && batch == 1;
-            let takes = InputShape { batch: is_one.then_some(1), rest: rest.to_vec() };
+            let known: Vec<_> = rest.iter().copied().map(Some).collect();
+            let before = compiler.forms.iter().position(|(takes, _)| takes.0[1..] == known);
+            let takes = if before.is_none() && compiler.forms.len() >= FORMS_OF_ONE_SIZE {
+                let channels = known.iter().copied().take(1);
+                InputShape([None].into_iter().chain(channels).chain(rest.iter().skip(1).map(|_| None)).collect())
+            } else {
+                InputShape([(before.is_none() && batch == 1).then_some(1)].into_iter().chain(known).collect())
+            };
             let mut model = match compiler.first.take() {
                 Some(model) => model,
                 None => compiler.core.read_model_from_buffer(self.model.bytes(), None)?,
@@ -186,12 +183,10 @@ mod present {
             model.reshape_input_by_name(&self.model.input().name, &sides)?;
             let mut form = self.compiled(&mut compiler.core, &model, &takes)?;
             let request = form.create_infer_request()?;
-            if let Some(superseded) = before {
-                compiler.forms.remove(superseded);
-            } else if compiler.forms.len() >= KEPT {
-                compiler.forms.remove(0);
+            match before {
+                Some(superseded) => compiler.forms[superseded] = (takes.clone(), form),
+                None => compiler.forms.push((takes.clone(), form)),
             }
-            compiler.forms.push((takes.clone(), form));
             Ok((takes, request))
         }
 

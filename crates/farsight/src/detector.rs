@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use farsight_methods::Detector;
-use farsight_methods::detectors::{DetectorNetwork, Part, from_model, from_model_file, from_onnx, from_parts};
+use farsight_methods::detectors::{DetectorNetwork, Part, from_hashed_model, from_model_file, from_onnx, from_parts};
 use farsight_methods::smoke::{DetectorFile, REGRESSION, SmokeDetector, SmokeModel, SparseHead};
 use farsight_onnx::{LocalHeadFile, OnnxError, OnnxModel, OnnxProblem, is_safetensors, key};
 use farsight_runtime::Runner;
@@ -127,10 +127,13 @@ fn check_precision(onnx: &OnnxModel, engine: &EngineOptions, source: &Path) -> R
 fn network(source: &ModelSource, engine: &EngineOptions) -> Result<DetectorNetwork, Error> {
     let (form, target, name) = (engine.form(), engine.kind.target(), source.name());
     let path = match source {
-        ModelSource::Shipped(Family::FarsightW) => return Ok(from_model(&shipped::ssd()?, form, target, name)?),
-        ModelSource::Shipped(Family::FarsightS) => return Ok(from_model(&shipped::smoke()?, form, target, name)?),
-        ModelSource::Shipped(Family::FarsightN) => {
-            return Ok(from_model(&shipped::small_smoke()?, form, target, name)?);
+        ModelSource::Shipped(family) => {
+            let hash = family.weights_sha256();
+            return Ok(match family {
+                Family::FarsightW => from_hashed_model(&shipped::ssd()?, hash, form, target, name),
+                Family::FarsightS => from_hashed_model(&shipped::smoke()?, hash, form, target, name),
+                Family::FarsightN => from_hashed_model(&shipped::small_smoke()?, hash, form, target, name),
+            }?);
         }
         ModelSource::Memory { onnx, later, .. } => return Ok(from_parts((**onnx).clone(), later.clone())),
         ModelSource::File(path) => path,

@@ -28,6 +28,8 @@ class Pipeline:
         threads: int | None,
         region: str,
         above_road: float | None,
+        effort: str,
+        denoise: bool,
     ) -> Pipeline: ...
     @property
     def name(self) -> str: ...

@@ -44,6 +44,8 @@ class Model:
         region: Part of the world that the images are from, by the sizes of its vehicles: "world", "europe",
             "north-america", "china", "japan" or "india"; for farsight-w.
         above_road: Height of the camera above the road, metres, where it is known: all distances become surer.
+        effort: How much is done for each object: "fast", "normal" or "best".
+        denoise: Whether images with much noise are smoothed before the networks see them.
         model: "farsight-w", which "shipped" stands for, "farsight-s", "farsight-n", or a file that `farsight train`,
             `farsight import` or `farsight export` wrote.
 
@@ -61,6 +63,8 @@ class Model:
         threads: int | None = None,
         region: str = "world",
         above_road: float | None = None,
+        effort: str = "normal",
+        denoise: bool = True,
         model: str | os.PathLike[str] = "shipped",
     ) -> None:
         _check_process()
@@ -71,10 +75,14 @@ class Model:
             "threads": threads,
             "region": region,
             "above_road": above_road,
+            "effort": effort,
+            "denoise": denoise,
             "model": os.fspath(model),
         }
         library = _engine_path(engine)
-        self._pipeline = Pipeline(os.fspath(model), engine, library, precision, device, threads, region, above_road)
+        self._pipeline = Pipeline(
+            os.fspath(model), engine, library, precision, device, threads, region, above_road, effort, denoise
+        )
         for text in self._pipeline.notes:
             warnings.warn(text, stacklevel=2)
 

@@ -621,6 +621,36 @@ fn does_all_that_a_detector_does<C: NetworkConfig>(model: &Model<C>, [output, wo
     assert!(std::fs::read_to_string(folder.join("e.json")).unwrap().contains("\"objects\": 1"));
 }
 
+/// More sizes than an engine makes a form of its own for: the others are seen by one that takes any.
+#[test]
+fn inputs_of_many_sizes_have_the_same_answers_on_every_engine() {
+    let (_, model) = models().into_iter().next().unwrap();
+    let source = Path::new("in memory");
+    let sizes: [[usize; 2]; 7] = [[320, 96], [64, 64], [96, 64], [128, 32], [32, 128], [160, 96], [96, 160]];
+    let answers = |kind: EngineKind| {
+        let file = DetectorFile::from_model(&model, kind.target(), source).unwrap();
+        let mut runner = EngineOptions::from(kind).start(file.onnx, source).unwrap();
+        // Back again at last, and two images after one.
+        let mut seen = |images: usize, size: [usize; 2]| {
+            let values = probe::input(size).repeat(images);
+            let input = TensorView { shape: &[images, 3, size[1], size[0]], values: &values };
+            runner.run(&[(INPUT, input)]).unwrap()
+        };
+        let mut answers: Vec<_> = sizes.iter().chain(&sizes).map(|&size| seen(1, size)).collect();
+        answers.extend([seen(2, sizes[1]), seen(2, sizes[6]), seen(1, sizes[1])]);
+        answers
+    };
+    let expected = answers(EngineKind::Rten);
+    for kind in kinds().into_iter().filter(|kind| ![EngineKind::Rten, EngineKind::Libtorch].contains(kind)) {
+        for (found, expected) in answers(kind).iter().flatten().zip(expected.iter().flatten()) {
+            assert_eq!(found.shape, expected.shape, "{kind}");
+            let apart = found.values.iter().zip(&expected.values).map(|(a, b)| f64::from((a - b).abs()));
+            let most = apart.fold(0.0, f64::max);
+            assert!(most < MAPS, "{kind}: {:?}: {most} apart", found.shape);
+        }
+    }
+}
+
 /// The files of a folder of compiled networks, each with its bytes.
 fn compiled(data: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let files = |folder: PathBuf| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());

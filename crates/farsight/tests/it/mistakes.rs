@@ -309,10 +309,10 @@ fn pipes_and_devices_are_refused_as_any_input_and_not_waited_for() {
         (&["parity", "--golden", "m.safetensors"], &["--model"]),
     ];
     let inputs = ["pipe", "pipe.onnx", "pipe.safetensors", "pipe.toml", "pipe.png", "/dev/zero"];
-    // Half of all pairs, each command and each input among them; every pair with `cargo xtask test --all`.
+    // A third of all pairs, each command and each input among them; every pair with `cargo xtask test --all`.
     let takes_all = std::env::var_os("FARSIGHT_FAULTS").is_some();
     for (row, (command, option)) in table.into_iter().enumerate() {
-        for input in inputs.into_iter().enumerate().filter(|(i, _)| takes_all || (row + i) % 2 == 0).map(|(_, x)| x) {
+        for input in inputs.into_iter().enumerate().filter(|(i, _)| takes_all || (row + i) % 3 == 0).map(|(_, x)| x) {
             let told = prompt_refusal(folder, &[command, option, &[input]].concat());
             assert!(told.contains(input), "{command:?} {option:?}: {told}");
         }

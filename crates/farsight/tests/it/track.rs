@@ -207,8 +207,10 @@ fn a_video_is_tracked_as_its_frames_are() {
     let folder = folder.path();
     still_scene(folder, 4);
     fs::write(folder.join("film.mp4"), "").unwrap();
-    let more = ["--calib", "calib.txt", "--json", "-", "-q"];
+    // The smallest model, for time.
+    let more = ["--model", "farsight-n", "--calib", "calib.txt", "--json", "-", "-q"];
     let expected = done(folder, &[&["track", "frames", "--fps", "10"], &more[..]].concat());
+    assert!(expected.contains("range_m"), "{expected}");
     let film = [&["track", "film.mp4", "--ffmpeg", "./ffmpeg.sh"], &more[..]].concat();
     fake_ffmpeg(folder, 4, 0, 0);
     assert_eq!(done(folder, &film), expected);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use farsight_data::Frame;
 use farsight_data::kitti::read_split;
-use farsight_files::write_atomically;
+use farsight_files::{Scratch, write_atomically};
 use farsight_synth::{SceneConfig, SceneStream};
 
 use crate::commands::synth;
@@ -82,10 +82,11 @@ fn render(data: &Data, root: &Path, kitti: &Path, printer: &mut Printer) -> Resu
     let ids = names.iter().map(|name| Ok(read_split(&split_file(kitti, name))?)).collect::<Result<Vec<_>>>()?;
     let all: BTreeSet<&String> = ids.iter().flatten().collect();
     printer.status(&format!("{}: rendering {} twins", root.display(), all.len()));
-    let listed = tempfile::NamedTempFile::new().context("no place for a list of frames")?;
+    let scratch = Scratch::temporary_folder().context("no place for a list of frames")?;
+    let listed = scratch.path().join("frames.txt");
     let text = all.into_iter().fold(String::new(), |text, id| text + id + "\n");
-    fs::write(listed.path(), text).with_context(|| format!("{}: cannot be written", listed.path().display()))?;
-    synth::run(&synth::SynthArgs::twins(&unfinished, kitti, listed.path(), data.twin_seed), printer)?;
+    write_atomically(&listed, |file| file.write_all(text.as_bytes()))?;
+    synth::run(&synth::SynthArgs::twins(&unfinished, kitti, &listed, data.twin_seed), printer)?;
     for (name, ids) in names.into_iter().zip(ids) {
         let text = ids.join("\n") + "\n";
         write_atomically(&split_file(&unfinished, name), |file| file.write_all(text.as_bytes()))?;
