@@ -45,6 +45,10 @@ impl Runner for FiniteRunner {
         Ok(answers)
     }
 
+    fn recycle(&mut self, values: Vec<f32>) {
+        self.runner.recycle(values);
+    }
+
     fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
         Ok(Box::new(Self { runner: self.runner.share()?, model: self.model.clone() }))
     }

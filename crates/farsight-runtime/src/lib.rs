@@ -15,6 +15,8 @@ pub mod probe;
 pub mod rten;
 pub mod runner;
 pub mod session_options;
+#[cfg(any(feature = "onnxruntime", feature = "openvino"))]
+mod spare;
 pub mod timing;
 
 pub use calibration::Calibration;

@@ -32,6 +32,7 @@ mod present {
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
     use crate::session_options::{Device, SessionOptions};
+    use crate::spare::Spare;
 
     /// The library and its environment, which a process has once: the first library that was loaded stays.
     static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
@@ -48,6 +49,7 @@ mod present {
         source: Arc<Source>,
         /// None until the first run of a sharer.
         session: Option<Session>,
+        spare: Spare,
     }
 
     /// Loads the shared `library` of ONNX Runtime 1.17 or later and `model`.
@@ -58,7 +60,7 @@ mod present {
     pub fn open(library: &Path, model: OnnxModel, options: SessionOptions) -> Result<Box<dyn Runner>, EngineError> {
         let source = Source { library: library.to_owned(), model, options };
         let session = unpanicked(NAME, || source.session())?;
-        Ok(Box::new(OrtRunner { source: Arc::new(source), session: Some(session) }))
+        Ok(Box::new(OrtRunner { source: Arc::new(source), session: Some(session), spare: Spare::default() }))
     }
 
     /// Loads the library at `path` and says which version it is.
@@ -96,19 +98,20 @@ mod present {
 
     impl OrtRunner {
         fn values(&mut self, given: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, Failure> {
-            let model = &self.source.model;
+            let Self { source, session, spare } = self;
+            let model = &source.model;
             let name = &model.input().name;
             let view = input(given, name)?;
             let value = TensorRef::from_array_view((view.shape.to_vec(), view.values))?;
-            let session = match &mut self.session {
+            let session = match session {
                 Some(session) => session,
-                none => none.insert(self.source.session()?),
+                none => none.insert(source.session()?),
             };
             let answer = session.run(vec![(name.clone(), SessionInputValue::from(value))])?;
             let tensor = |output: &TensorInfo| {
                 let value = answer.get(&output.name).ok_or_else(|| format!("no output \"{}\"", output.name))?;
                 let (shape, values) = value.try_extract_tensor::<f32>()?;
-                Ok(Tensor { shape: shape.iter().map(|&side| side as usize).collect(), values: values.to_vec() })
+                Ok(Tensor { shape: shape.iter().map(|&side| side as usize).collect(), values: spare.filled(values) })
             };
             model.outputs().iter().map(tensor).collect()
         }
@@ -131,8 +134,12 @@ mod present {
             unpanicked(NAME, || self.values(inputs))
         }
 
+        fn recycle(&mut self, values: Vec<f32>) {
+            self.spare.keep(values);
+        }
+
         fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
-            Ok(Box::new(Self { source: self.source.clone(), session: None }))
+            Ok(Box::new(Self { source: self.source.clone(), session: None, spare: Spare::default() }))
         }
     }
 

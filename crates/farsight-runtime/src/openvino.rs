@@ -30,6 +30,7 @@ mod present {
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
     use crate::session_options::{Device, SessionOptions};
+    use crate::spare::Spare;
 
     /// So many forms of one network are compiled for inputs of one size. Inputs of all other sizes share one more,
     /// which is slower, but compiling takes as long as dozens of images.
@@ -59,7 +60,7 @@ mod present {
             let first = Some(core.read_model_from_buffer(model.bytes(), None)?);
             let compiler = Mutex::new(Compiler { core, first, forms: Vec::new() });
             let network = Network { model, options, cache: compiled.map(CompiledCache::new), compiler };
-            Ok(Box::new(OpenvinoRunner { network: Arc::new(network), request: None }) as _)
+            Ok(Box::new(OpenvinoRunner { network: Arc::new(network), request: None, spare: Spare::default() }) as _)
         })
     }
 
@@ -214,6 +215,7 @@ mod present {
         network: Arc<Network>,
         /// For inputs of the last shape.
         request: Option<(InputShape, InferRequest)>,
+        spare: Spare,
     }
 
     impl OpenvinoRunner {
@@ -230,12 +232,13 @@ mod present {
                 None => self.network.request(view.shape)?,
             };
             let (_, request) = self.request.insert(fitting);
+            let spare = &mut self.spare;
             request.set_tensor(name, &images)?;
             request.infer()?;
             let tensor = |output: &TensorInfo| {
                 let tensor = request.get_tensor(&output.name)?;
                 let shape = tensor.get_shape()?.get_dimensions().iter().map(|&side| side as usize).collect();
-                Ok(Tensor { shape, values: tensor.get_data::<f32>()?.to_vec() })
+                Ok(Tensor { shape, values: spare.filled(tensor.get_data::<f32>()?) })
             };
             model.outputs().iter().map(tensor).collect()
         }
@@ -258,8 +261,12 @@ mod present {
             unpanicked(NAME, || self.values(inputs))
         }
 
+        fn recycle(&mut self, values: Vec<f32>) {
+            self.spare.keep(values);
+        }
+
         fn share(&self) -> Result<Box<dyn Runner>, EngineError> {
-            Ok(Box::new(Self { network: self.network.clone(), request: None }))
+            Ok(Box::new(Self { network: self.network.clone(), request: None, spare: Spare::default() }))
         }
     }
 }

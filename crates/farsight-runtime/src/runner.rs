@@ -52,6 +52,12 @@ pub trait Runner: Send {
     /// for instance.
     fn run(&mut self, inputs: &[(&str, TensorView<'_>)]) -> Result<Vec<Tensor>, EngineError>;
 
+    /// Takes back the values of an answer that was used: the next answer needs no other memory. Dropped by runners that
+    /// have no use for them.
+    fn recycle(&mut self, values: Vec<f32>) {
+        drop(values);
+    }
+
     /// A runner of the same network for another thread; the weights are shared where the engine can: rten, OpenVINO and
     /// libtorch do, ONNX Runtime does not. What a sharer needs for itself is made when it first runs.
     ///

@@ -121,7 +121,7 @@ impl Header {
             |[x, y, dx, dy]: [u64; 4]| [width.saturating_sub(x).div_ceil(dx), height.saturating_sub(y).div_ceil(dy)];
         let raw_bytes = match interlaced {
             0 => rows([width, height]),
-            1 => PASSES.into_iter().map(|one| rows(pass(one))).sum(),
+            1 => PASSES.into_iter().try_fold(0_u64, |sum, one| sum.checked_add(rows(pass(one))?)),
             _ => None,
         };
         Some(Self { size, raw_bytes: raw_bytes? })
@@ -197,6 +197,9 @@ mod tests {
         assert_eq!(raw_bytes(&header(5, 3, 16, 6, 0)), Some(3 * (1 + 40)));
         // 8x8, each pass: 1x1, 1x1, 2x1, 2x2, 4x2, 4x4, 8x4.
         assert_eq!(raw_bytes(&header(8, 8, 8, 0, 1)), Some(2 + 2 + 3 + 6 + 10 + 20 + 36));
+        // More than a number has room for: in one pass, and in all of them together.
+        assert_eq!(raw_bytes(&header(u32::MAX, u32::MAX, 255, 6, 0)), None);
+        assert_eq!(raw_bytes(&header(0x330c_bfff, 0xd0a7_2fff, 196, 0, 1)), None);
         // 1x1 has the first pass only.
         assert_eq!(raw_bytes(&header(1, 1, 8, 2, 1)), Some(4));
         assert_eq!(raw_bytes(&header(u32::MAX, u32::MAX, 16, 6, 0)), None);

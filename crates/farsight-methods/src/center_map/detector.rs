@@ -147,6 +147,9 @@ impl<C: CenterMethod> Detector for CenterDetector<C> {
             each.collect()
         };
         let (answers, decode) = timed(decoded);
+        for tensor in tensors {
+            self.runner.recycle(tensor.values);
+        }
         Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
     }
 

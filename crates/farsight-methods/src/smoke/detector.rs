@@ -118,6 +118,10 @@ impl Detector for SmokeDetector {
         let maps = self.maps(outputs?, images.len(), size)?;
         let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view, options)).collect();
         let (answers, decode) = timed(decoded);
+        for HeadMaps { logits, regression, .. } in maps {
+            self.runner.recycle(logits);
+            self.runner.recycle(regression);
+        }
         Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
     }
 

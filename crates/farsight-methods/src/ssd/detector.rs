@@ -57,6 +57,7 @@ impl SsdDetector {
         let (outputs, network) = timed(|| self.runner.run(&[(INPUT, view)]));
         let mut outputs = outputs?;
         let runner = &*self.runner;
+        let mut used = Vec::with_capacity(2 * LEVELS);
         let [all_columns, all_rows] = window.size.map(cells);
         let (found, decode) = timed(|| {
             for level in 0..LEVELS {
@@ -67,9 +68,13 @@ impl SsdDetector {
                 };
                 let (places, classes) = (map(BOXES[level], 4)?, map(CLASSES[level], LABELS.len())?);
                 boxes.extend(level, &places.image(0), &classes.image(0), window, image_size, min_score)?;
+                used.extend([places.values, classes.values]);
             }
             Ok(())
         });
+        for values in used {
+            self.runner.recycle(values);
+        }
         found.map(|()| StageTimes { warp, network, decode, ..StageTimes::default() })
     }
 }

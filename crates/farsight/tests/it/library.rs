@@ -19,7 +19,7 @@ use farsight_data::{Corruption, denoised};
 use farsight_testing::asked;
 
 /// Bytes that an image of farsight-n may ask for; a decoded image has 1.4 million, the network's input as many.
-const MOST_OF_AN_IMAGE: usize = 4_000_000;
+const MOST_OF_AN_IMAGE: usize = 1_500_000;
 
 fn scene(id: &str) -> PathBuf {
     root().join(format!("assets/scenes/image_2/{id}.jpg"))
