@@ -1,6 +1,6 @@
 //! Training of a refiner.
 
-mod false_positives;
+mod detected;
 mod samples;
 
 use std::sync::Arc;
@@ -38,13 +38,16 @@ pub struct RefinerTaskConfig {
     /// Folder of a detector's result files for the frames of `data.root`: its false positives are the background class.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detections: Option<PathBuf>,
+    /// Share of the objects that the detector has which are cut out where it has them; the others are cut out around
+    /// their true boxes with errors.
+    pub detected_share: f64,
     /// At most so many false positives of one frame, drawn at random.
     pub false_positives_per_frame: usize,
 }
 
 impl Default for RefinerTaskConfig {
     fn default() -> Self {
-        Self { objects_per_frame: 8, least_height_px: 20.0, detections: None, false_positives_per_frame: 3 }
+        Self { objects_per_frame: 8, least_height_px: 20.0, detections: None, detected_share: 0.0, false_positives_per_frame: 3 }
     }
 }
 
@@ -52,6 +55,13 @@ impl TaskConfig for RefinerTaskConfig {
     fn problem(&self, data: &DataConfig) -> Option<String> {
         if self.detections.is_some() && data.rendered.is_some() {
             return Some("detections needs data.root; a stream of scenes has no result files".to_owned());
+        }
+        let share = self.detected_share;
+        if !(0.0..=1.0).contains(&share) {
+            return Some(format!("detected_share is {share}; expected 0 to 1"));
+        }
+        if share > 0.0 && self.detections.is_none() {
+            return Some("detected_share needs detections".to_owned());
         }
         let height = self.least_height_px;
         (self.objects_per_frame == 0).then(|| "objects_per_frame is 0; expected at least 1".to_owned()).or_else(|| {

@@ -9,7 +9,7 @@ use super::{Evidence, FusedScores, Refinement, kind_of};
 use farsight_core::overlap::iou_2d;
 use farsight_core::scale::is_scaled;
 use farsight_core::score::SCORE_LIMITS;
-use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, Region, ScalePrior};
+use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, ObjectClass, Region, ScalePrior};
 
 /// Boxes in the image that overlap less are of two different things.
 const MIN_OVERLAP: f64 = 0.3;
@@ -25,6 +25,10 @@ pub struct StageFusion {
     pub people_error_factor: f64,
     /// How likely a detection is right after both; unfitted, the detector's scores stay.
     pub scores: FusedScores,
+    /// The same for what the refiner takes for another class than the detector, by that class; others are scored by the
+    /// detector's. A detector that is sure of cars may be unsure of lorries, which it takes for cars.
+    #[serde(skip_serializing_if = "FusedScores::is_empty")]
+    pub renamed_scores: FusedScores,
     /// What the distances of an image's vehicles have in common, by region; empty where that was not fitted.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub scales: BTreeMap<Region, ScalePrior>,
@@ -33,8 +37,9 @@ pub struct StageFusion {
 impl Default for StageFusion {
     /// Unfitted.
     fn default() -> Self {
-        let (depths, scores) = (DepthFusion::default(), FusedScores::default());
-        Self { depths, people_error_factor: 1.0, scores, scales: BTreeMap::new() }
+        let scores = FusedScores::default();
+        let (depths, renamed_scores) = (DepthFusion::default(), scores.clone());
+        Self { depths, people_error_factor: 1.0, scores, renamed_scores, scales: BTreeMap::new() }
     }
 }
 
@@ -53,7 +58,8 @@ impl StageFusion {
         let [least, most] = Self::PEOPLE_ERROR_FACTORS;
         let are_people = (least..=most).contains(&self.people_error_factor);
         let are_scales = self.scales.values().all(ScalePrior::is_usable);
-        are_people && are_scales && self.depths.is_usable() && self.scores.is_usable()
+        let are_scores = self.scores.is_usable() && self.renamed_scores.is_usable();
+        are_people && are_scales && are_scores && self.depths.is_usable()
     }
 
     /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it,
@@ -74,10 +80,17 @@ impl StageFusion {
         let placed = self.placed(first, second, camera, image_size);
         let evidence = evidence(first, second, placed.as_ref());
         let (least, most) = SCORE_LIMITS;
-        let score = self.scores.probability(&first.class, &evidence).clamp(least, most);
-        let agreed = placed.filter(|_| evidence.overlap >= MIN_OVERLAP);
         let class = likeliest(&second.kinds, &first.class);
+        let score = self.score(&first.class, &class, &evidence).clamp(least, most);
+        let agreed = placed.filter(|_| evidence.overlap >= MIN_OVERLAP);
         Detection { class, score, ..agreed.unwrap_or_else(|| first.clone()) }
+    }
+
+    /// How likely it is that what the detector takes for `first` and the refiner for `second` is there; unfitted, the
+    /// detector's score.
+    fn score(&self, first: &ObjectClass, second: &ObjectClass, evidence: &Evidence) -> f64 {
+        let renamed = (first != second).then(|| self.renamed_scores.probability(second, evidence)).flatten();
+        renamed.or_else(|| self.scores.probability(first, evidence)).unwrap_or(evidence.score)
     }
 
     /// What speaks for `first` once it was refined.
@@ -131,7 +144,7 @@ mod tests {
     use super::super::tests::{camera, car};
     use super::super::{FusedScoreExample, KINDS, NOTHING};
     use super::*;
-    use farsight_core::{Box3d, ObjectClass};
+    use farsight_core::Box3d;
 
     const IMAGE: [usize; 2] = [1242, 375];
 
@@ -186,6 +199,34 @@ mod tests {
             assert_eq!(StageFusion::default().fused(&first, Some(&second), &camera(), IMAGE), first);
         }
         assert_eq!(StageFusion::default().fused(&first, None, &camera(), IMAGE), first);
+    }
+
+    #[test]
+    fn what_the_refiner_renames_is_scored_by_its_new_class_where_that_was_fitted() {
+        let [car, van, truck] = [ObjectClass::Car, ObjectClass::Van, ObjectClass::Truck];
+        let examples = |class: &ObjectClass, right: u32| -> Vec<FusedScoreExample> {
+            let evidence = |i: u32| Evidence { score: 0.3 + 0.001 * f64::from(i), kind: 1.0, overlap: 0.8 };
+            let example = |i| FusedScoreExample { class: class.clone(), evidence: evidence(i), is_right: i % 10 < right };
+            (0..200).map(example).collect()
+        };
+        let scores = FusedScores::fit(&examples(&car, 3), &[car.clone(), van, truck.clone()]).expect("enough");
+        let renamed_scores = FusedScores::fit_where_enough(&examples(&truck, 7));
+        let fusion = StageFusion { scores, renamed_scores, ..StageFusion::default() };
+        let first = detection(self::car([2.0, 1.6, 20.0], 0.4), Some(1.0));
+        let score = |class: &ObjectClass| {
+            let kind = kind_of(class).expect("a kind");
+            let kinds = std::array::from_fn(|other| if other == kind { 1.0 } else { 0.0 });
+            let second = Refinement { kinds, ..refinement([2.0, 1.6, 20.0], 0.4, 0.05) };
+            fusion.fused(&first, Some(&second), &camera(), IMAGE).score
+        };
+        let [as_car, as_van, as_truck] = [ObjectClass::Car, ObjectClass::Van, truck].map(|class| score(&class));
+        assert!(as_truck > as_car + 0.2, "{as_truck} and {as_car}");
+        assert!((as_van - as_car).abs() < 1e-12, "no van was renamed when it was fitted");
+        let bad = [("Truck", [1e9, 0.0, 0.0, 0.0])].map(|(class, [score, kind, overlap, bias])| {
+            format!(r#"{{"{class}": {{"score": {score}, "kind": {kind}, "overlap": {overlap}, "bias": {bias}}}}}"#)
+        });
+        let bad: FusedScores = serde_json::from_str(&bad[0]).expect("numbers");
+        assert!(!StageFusion { renamed_scores: bad, ..fusion }.is_usable());
     }
 
     #[test]

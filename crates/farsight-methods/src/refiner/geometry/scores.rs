@@ -1,6 +1,6 @@
 //! One score from two stages: how likely a detection is right, fitted on labelled frames.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ impl Evidence {
 /// A detection that was looked at twice and of which is known whether it is right.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FusedScoreExample {
-    /// What it claims to be.
+    /// What it is by the stage that the fit is for: the detector, or the refiner.
     pub class: ObjectClass,
     /// What speaks for it.
     pub evidence: Evidence,
@@ -71,7 +71,7 @@ impl FusedScore {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct FusedScores {
-    /// By class. Others keep the detector's score.
+    /// By class.
     classes: BTreeMap<ObjectClass, FusedScore>,
 }
 
@@ -85,15 +85,33 @@ impl FusedScores {
         Some(Self { classes })
     }
 
+    /// The fit to `examples` for the classes that have enough of them, and for no others.
+    pub fn fit_where_enough(examples: &[FusedScoreExample]) -> Self {
+        let named: BTreeSet<&ObjectClass> = examples.iter().map(|example| &example.class).collect();
+        let of = |class: &ObjectClass| FusedScore::fit(examples.iter().filter(|example| example.class == *class));
+        let classes = named.into_iter().filter_map(|class| Some((class.clone(), of(class)?))).collect();
+        Self { classes }
+    }
+
+    /// Whether no class was fitted.
+    pub fn is_empty(&self) -> bool {
+        self.classes.is_empty()
+    }
+
+    /// The classes that were fitted.
+    pub fn classes(&self) -> impl Iterator<Item = &ObjectClass> {
+        self.classes.keys()
+    }
+
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
         let numbers = |fit: &FusedScore| [fit.score, fit.kind, fit.overlap, fit.bias];
         self.classes.values().flat_map(numbers).all(|number| number.abs() <= 100.0)
     }
 
-    /// The probability that a detection of `class` is right.
-    pub fn probability(&self, class: &ObjectClass, evidence: &Evidence) -> f64 {
-        self.classes.get(class).map_or(evidence.score, |fit| fit.probability(evidence))
+    /// The probability that a detection of `class` is right; none of a class that was not fitted.
+    pub fn probability(&self, class: &ObjectClass, evidence: &Evidence) -> Option<f64> {
+        Some(self.classes.get(class)?.probability(evidence))
     }
 }
 
@@ -129,22 +147,25 @@ mod tests {
         for (class, law) in [(car, TRUTH), (cyclist, other)] {
             for score in [0.1, 0.4, 0.9] {
                 let evidence = Evidence { score, kind: 0.5, overlap: 0.7 };
-                let off = fit.probability(&class, &evidence) - law.probability(&evidence);
+                let off = fit.probability(&class, &evidence).expect("fitted") - law.probability(&evidence);
                 assert!(off.abs() < 0.01, "{class} with {evidence:?}: off by {off}");
             }
         }
     }
 
     #[test]
-    fn a_class_with_few_examples_gets_the_fit_of_all_and_an_unknown_one_keeps_its_score() {
+    fn a_class_with_few_examples_gets_the_fit_of_all_where_it_is_asked_for() {
         let (car, van) = (ObjectClass::Car, ObjectClass::Van);
         let mut all = examples(&car, &TRUTH, 100);
         all.extend(examples(&van, &TRUTH, 100).into_iter().take(20));
         let fit = FusedScores::fit(&all, &[car.clone(), van.clone()]).expect("enough examples");
         let evidence = Evidence { score: 0.3, kind: 2.0, overlap: 0.8 };
         let law = TRUTH.probability(&evidence);
-        assert!((fit.probability(&van, &evidence) - law).abs() < 0.05 && law > 0.5);
-        assert!((fit.probability(&ObjectClass::Tram, &evidence) - 0.3).abs() < 1e-12);
+        let of_van = fit.probability(&van, &evidence).expect("that of all");
+        assert!((of_van - law).abs() < 0.05 && law > 0.5);
+        assert_eq!(fit.probability(&ObjectClass::Tram, &evidence), None);
+        let alone = FusedScores::fit_where_enough(&all);
+        assert_eq!(alone.classes().collect::<Vec<_>>(), [&car], "20 vans are too few");
         assert_eq!(FusedScores::fit(&all[..20], &[car]), None);
     }
 

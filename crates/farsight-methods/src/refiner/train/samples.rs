@@ -2,26 +2,34 @@
 
 use std::sync::Arc;
 
-use farsight_core::{Box3d, Label};
+use farsight_core::{Affine2, Box2d, Box3d, Label};
 use farsight_data::{AugmentationConfig, Dataset, DatasetError, Frame, ItemKey, Transform};
-use rand::Rng;
+use rand::seq::IndexedRandom;
+use rand::{Rng, RngExt};
 use tch::{Device, Tensor};
 
 use super::RefinerTaskConfig;
-use super::false_positives::false_positives;
+use super::detected::{self, DetectedBoxes};
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, NOTHING, TARGETS, input_rules, kind_of};
 use crate::roi::train::{BoxErrors, drawn, is_seen, jittered};
 
-/// The detector's own errors are of this size.
+/// Where no detector was asked, its errors are of this size.
 const DETECTOR_ERRORS: BoxErrors = BoxErrors { depth: 0.06, size: 0.06, center: 0.04, heading_rad: 0.15 };
 
 /// What is cut out.
 #[derive(Debug, Clone, Copy)]
 enum Seen {
-    /// Where it is, and its kind if it has one.
-    Object(Box3d, Option<usize>),
+    /// An object.
+    Object {
+        /// Where it is.
+        box3d: Box3d,
+        /// What it is, if that is told from others.
+        kind: Option<usize>,
+        /// Where a detector has it, if it is cut out there.
+        detected: Option<Box2d>,
+    },
     /// Where a detector thought that something is.
-    Nothing(Box3d),
+    Nothing(Box2d),
 }
 
 /// One crop as the refiner sees it.
@@ -57,14 +65,21 @@ impl CropMaker {
     pub(super) fn samples(&self, key: ItemKey) -> Result<FrameCrops, DatasetError> {
         let frame = self.source.item(key)?;
         let mut rng = key.rng();
-        let labels = frame.labels.iter().filter(|label| is_seen(label, self.task.least_height_px));
-        let object = |label: &Label| Seen::Object(label.box3d, kind_of(&label.class));
-        let objects = drawn(labels.map(object).collect(), self.task.objects_per_frame, &mut rng);
-        let nothing = match &self.task.detections {
-            Some(folder) => false_positives(folder, &frame, self.task.least_height_px)?,
-            None => Vec::new(),
+        let least_height_px = self.task.least_height_px;
+        let DetectedBoxes { of_labels, of_nothing } = match &self.task.detections {
+            Some(folder) => DetectedBoxes::read(folder, &frame, least_height_px)?,
+            None => DetectedBoxes::none(&frame),
         };
-        let nothing = nothing.into_iter().map(Seen::Nothing).collect();
+        let labels = frame.labels.iter().zip(&of_labels).filter(|(label, _)| is_seen(label, least_height_px));
+        let object = |(label, boxes): (&Label, &Vec<Box2d>)| {
+            let Label { box3d, ref class, .. } = *label;
+            let is_detected = !boxes.is_empty() && rng.random_bool(self.task.detected_share);
+            let detected = is_detected.then(|| boxes.choose(&mut rng).copied()).flatten();
+            Seen::Object { box3d, kind: kind_of(class), detected }
+        };
+        let objects = labels.map(object).collect();
+        let objects = drawn(objects, self.task.objects_per_frame, &mut rng);
+        let nothing = of_nothing.into_iter().map(Seen::Nothing).collect();
         let nothing = drawn(nothing, self.task.false_positives_per_frame, &mut rng);
         let seen = objects.into_iter().chain(nothing);
         let crops = seen.filter_map(|seen| self.sample(&frame, seen, &mut rng)).collect();
@@ -78,13 +93,26 @@ impl CropMaker {
         let image_size = [width, height].map(|side| side as usize);
         let drawn = self.augmentation.draw(rng, image_size, &rules);
         let camera = if drawn.mirror { frame.camera.mirrored(image_size[0]) } else { frame.camera };
-        let (Seen::Object(box3d, _) | Seen::Nothing(box3d)) = seen;
-        let box3d = if drawn.mirror { box3d.mirrored() } else { box3d };
-        let detected = jittered(&box3d, &camera, &DETECTOR_ERRORS, rng)?.projected(&camera)?;
-        let crop = Crop::from_box(&detected.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
-        let (targets, kind) = match seen {
-            Seen::Object(_, kind) => (Some(crop.encode(&box3d)?.map(|target| target as f32)), kind),
-            Seen::Nothing(_) => (None, Some(NOTHING)),
+        let mirrored = |box3d: Box3d| if drawn.mirror { box3d.mirrored() } else { box3d };
+        let seen_2d = |found: &Box2d, rng: &mut _| {
+            let found = detected::jittered(found, rng);
+            if drawn.mirror { found.transformed(&Affine2::mirror(image_size[0])) } else { found }
+        };
+        let (cut_out, targets, kind) = match seen {
+            Seen::Object { box3d, kind, detected } => {
+                let box3d = mirrored(box3d);
+                let cut_out = match detected {
+                    Some(found) => seen_2d(&found, rng),
+                    None => jittered(&box3d, &camera, &DETECTOR_ERRORS, rng)?.projected(&camera)?,
+                };
+                (cut_out, Some(box3d), kind)
+            }
+            Seen::Nothing(found) => (seen_2d(&found, rng), None, Some(NOTHING)),
+        };
+        let crop = Crop::from_box(&cut_out.clamped(f64::from(width), f64::from(height)), &camera, self.side)?;
+        let targets = match targets {
+            Some(box3d) => Some(crop.encode(&box3d)?.map(|target| target as f32)),
+            None => None,
         };
         let mut input = Transform { window: crop.window, ..drawn }.input(&frame.image, &rules);
         input.extend(crop.rays());

@@ -52,7 +52,8 @@ pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, data: &Path, print
     let people_error_factor = fitted_people(&depths, &pairs, printer);
     model.config.fusion = StageFusion { depths, people_error_factor, scales, ..StageFusion::default() };
     let scores = fitted_scores(&model.config.fusion, &seen, &classes, printer);
-    model.config.fusion.scores = scores.with_context(|| data.display().to_string())?;
+    let (scores, renamed_scores) = scores.with_context(|| data.display().to_string())?;
+    model.config.fusion = StageFusion { scores, renamed_scores, ..model.config.fusion };
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)
@@ -69,20 +70,43 @@ fn fitted_people(depths: &DepthFusion, pairs: &[Vec<ClassifiedPair>], printer: &
     factor
 }
 
+/// Scores by the detector's class, and those of what the refiner renames, by the refiner's.
 fn fitted_scores(
     fusion: &StageFusion,
     seen: &[TwoStageFrame],
     classes: &[ObjectClass],
     printer: &mut Printer,
-) -> Result<FusedScores> {
-    let examples: Vec<FusedScoreExample> = seen.iter().flat_map(|frame| frame.score_examples(fusion)).collect();
-    let right = examples.iter().filter(|example| example.is_right).count();
-    let wrong = examples.len() - right;
-    let Some(scores) = FusedScores::fit(&examples, classes) else {
+) -> Result<(FusedScores, FusedScores)> {
+    let examples: Vec<NamedExample> = seen.iter().flat_map(|frame| frame.score_examples(fusion)).collect();
+    let renamed = examples.iter().filter(|example| example.second != example.first.class);
+    let renamed: Vec<FusedScoreExample> = renamed.map(NamedExample::by_the_refiner).collect();
+    let renamed_scores = FusedScores::fit_where_enough(&renamed);
+    // What is renamed to a class of which there is too little counts as what the detector takes it for.
+    let is_kept = |example: &&NamedExample| {
+        example.second == example.first.class || !renamed_scores.classes().any(|class| *class == example.second)
+    };
+    let kept: Vec<FusedScoreExample> = examples.iter().filter(is_kept).map(|example| example.first.clone()).collect();
+    let [right, wrong] = counts(&kept);
+    let Some(scores) = FusedScores::fit(&kept, classes) else {
         bail!("{right} right and {wrong} wrong detections; expected at least {MIN_EXAMPLES} of each to fit scores on");
     };
     printer.status(&format!("scores: fitted on {right} right and {wrong} wrong detections"));
-    Ok(scores)
+    let mut names: Vec<&ObjectClass> = renamed.iter().map(|example| &example.class).collect();
+    names.sort();
+    names.dedup();
+    for class in names {
+        let those: Vec<FusedScoreExample> = renamed.iter().filter(|example| example.class == *class).cloned().collect();
+        let [right, wrong] = counts(&those);
+        let fitted = if renamed_scores.classes().any(|fitted| fitted == class) { "fitted on them" } else { "too few" };
+        printer.status(&format!("renamed to {class}: {right} right and {wrong} wrong detections: {fitted}"));
+    }
+    Ok((scores, renamed_scores))
+}
+
+/// How many of `examples` are right, and how many wrong.
+fn counts(examples: &[FusedScoreExample]) -> [usize; 2] {
+    let right = examples.iter().filter(|example| example.is_right).count();
+    [right, examples.len() - right]
 }
 
 /// How far the vehicles of a place may be from the mean size of their region, as a standard deviation of the logarithm:
@@ -136,6 +160,19 @@ struct ClassifiedPair {
     is_scaled: bool,
 }
 
+/// A detection of which is known whether it is right, by what the detector takes it for.
+struct NamedExample {
+    first: FusedScoreExample,
+    /// What the refiner takes it for.
+    second: ObjectClass,
+}
+
+impl NamedExample {
+    fn by_the_refiner(&self) -> FusedScoreExample {
+        FusedScoreExample { class: self.second.clone(), ..self.first.clone() }
+    }
+}
+
 /// A frame with the answers of both stages.
 struct TwoStageFrame {
     region: Option<Region>,
@@ -164,20 +201,24 @@ impl TwoStageFrame {
         told(&self.judged_by(&named)).filter_map(example).collect()
     }
 
-    /// What speaks for each detection after both stages, and whether it is right where they place it.
-    fn score_examples(&self, fusion: &StageFusion) -> Vec<FusedScoreExample> {
+    /// What speaks for each detection after both stages, and whether it is right where they place it: what the refiner
+    /// renames, whether any vehicle is there, as car, van and truck are easily taken for one another.
+    fn score_examples(&self, fusion: &StageFusion) -> Vec<NamedExample> {
         let both = self.first.iter().zip(&self.second);
         let joined: Vec<Detection> =
             both.map(|(first, second)| fusion.fused(first, second.as_ref(), &self.camera, self.image_size)).collect();
         let example = |(place, target): (usize, Option<Target>)| {
             let (first, second) = (&self.first[place], self.second[place].as_ref()?);
-            Some(FusedScoreExample {
-                class: first.class.clone(),
-                evidence: fusion.evidence(first, second, &self.camera, self.image_size),
-                is_right: target.is_some(),
-            })
+            let evidence = fusion.evidence(first, second, &self.camera, self.image_size);
+            let first = FusedScoreExample { class: first.class.clone(), evidence, is_right: target.is_some() };
+            Some(NamedExample { first, second: joined[place].class.clone() })
         };
-        told(&self.judged_by(&joined)).filter_map(example).collect()
+        let is_renamed = |place: usize| joined[place].class != self.first[place].class;
+        let frame = self.judged_by(&joined);
+        let kept: Vec<_> = told(&frame).filter(|(place, _)| !is_renamed(*place)).collect();
+        let frame = frame.with_vehicles_as_cars();
+        let renamed = told(&frame).filter(|(place, _)| is_renamed(*place));
+        kept.into_iter().chain(renamed).filter_map(example).collect()
     }
 
     fn judged_by(&self, detections: &[Detection]) -> Frame {
