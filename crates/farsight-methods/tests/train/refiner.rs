@@ -148,6 +148,36 @@ fn false_positives_are_the_background_class() {
     assert!(missing.contains("results") && missing.contains("000002.txt"), "{missing}");
 }
 
+/// A detector that sees the left half of each car only: from its boxes alone the refiner learns where the whole is.
+#[test]
+fn objects_are_learnt_where_the_detector_has_them() {
+    let folder = data_set(4);
+    let mut run = run(folder.path());
+    run.train.epochs = 400;
+    let results = folder.path().join("results");
+    fs::create_dir(&results).unwrap();
+    let half = |frame: usize| {
+        let car = car(frame);
+        let x2 = f64::midpoint(car.box2d.x1, car.box2d.x2);
+        detection(Box2d { x2, ..car.box2d }, car.box3d)
+    };
+    for frame in 0..4 {
+        write_results(&results.join(format!("{frame:06}.txt")), &[half(frame)]).unwrap();
+    }
+    run.task.detections = Some(results);
+    run.task.detected_share = 1.0;
+    let out = folder.path().join("run");
+    trained(&run, &out, false).unwrap();
+    let model = RefinerModel::read(&out.join("refiner.safetensors")).unwrap();
+    let frame = 2;
+    let image = image::open(folder.path().join(format!("training/image_2/{frame:06}.png"))).unwrap().into_rgb8();
+    let found = runner(&model).refine_boxes(&image, &camera(), &[half(frame).box2d], Flip::Off).unwrap();
+    let center = |box3d: &Box3d| camera().pixel_from_point(box3d.center()).unwrap()[0];
+    let (seen, truth) = (center(&found[0].unwrap().box3d), center(&car(frame).box3d));
+    let cut = f64::midpoint(half(frame).box2d.x1, half(frame).box2d.x2);
+    assert!((seen - truth).abs() < 0.5 * (cut - truth).abs(), "at {seen}, the car at {truth}, what was cut out at {cut}");
+}
+
 #[test]
 fn a_run_starts_from_another_refiner() {
     let folder = data_set(4);
@@ -257,6 +287,8 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("method = \"refiner\"\n[train]\nepochs = 0", "train.epochs is 0; expected a positive number"),
         ("method = \"refiner\"\n[train]\nlearning_rate = -1", "train.learning_rate is -1"),
         ("method = \"refiner\"\n[train]\nema_decay = 1.0", "train.ema_decay is 1; expected a number between 0 and 1"),
+        ("method = \"refiner\"\n[task]\ndetected_share = 1.5", "detected_share is 1.5; expected 0 to 1"),
+        ("method = \"refiner\"\n[task]\ndetected_share = 0.5", "detected_share needs detections"),
         ("method = \"refiner\"\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
         ("method = \"refiner\"\n[model]\nsides = 96", "unknown field `sides`"),
         ("method = \"refiner\"\n[data.rendered]\n[task]\ndetections = \"x\"", "task.detections needs data.root"),

@@ -70,3 +70,76 @@ pub(super) fn jittered(found: &Box2d, rng: &mut impl Rng) -> Box2d {
     let ([x1, x2], [y1, y2]) = (side(found.x1, found.x2), side(found.y1, found.y2));
     Box2d::new(x1, y1, x2, y2)
 }
+
+#[cfg(test)]
+mod tests {
+    use farsight_core::{Box3d, Camera, Dimensions, ObjectClass};
+    use farsight_data::kitti::write_results;
+    use image::RgbImage;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    fn label(class: ObjectClass, box2d: Box2d) -> Label {
+        let dimensions = Dimensions { height: 1.5, width: 1.6, length: 3.9 };
+        let box3d = Box3d { dimensions, location: [0.0, 1.6, 20.0], yaw: 0.0 };
+        Label { class, truncation: 0.0, occlusion: 0, alpha: 0.0, box2d, box3d }
+    }
+
+    fn found(class: ObjectClass, box2d: Box2d) -> Detection {
+        let Label { class, box2d, box3d, .. } = label(class, box2d);
+        Detection { class, score: 0.5, box2d, box3d, range_sigma_m: None }
+    }
+
+    #[test]
+    fn each_box_is_of_what_it_overlaps_most_or_of_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let lorry = Box2d::new(100.0, 50.0, 200.0, 150.0);
+        let labels = vec![
+            label(ObjectClass::Truck, lorry),
+            label(ObjectClass::Car, Box2d::new(190.0, 100.0, 260.0, 150.0)),
+            label(ObjectClass::Pedestrian, Box2d::new(300.0, 50.0, 330.0, 150.0)),
+        ];
+        let half = Box2d::new(100.0, 90.0, 200.0, 150.0);
+        let nothing = Box2d::new(400.0, 50.0, 460.0, 100.0);
+        let boxes = [
+            found(ObjectClass::Car, half),
+            found(ObjectClass::Car, lorry),
+            // On a lorry, but too little of it; on a person, but no person; too low.
+            found(ObjectClass::Car, Box2d::new(100.0, 130.0, 130.0, 150.0)),
+            found(ObjectClass::Car, labels[2].box2d),
+            found(ObjectClass::Car, Box2d::new(500.0, 50.0, 520.0, 65.0)),
+            found(ObjectClass::Cyclist, Box2d::new(302.0, 50.0, 330.0, 150.0)),
+            found(ObjectClass::Car, nothing),
+        ];
+        write_results(&folder.path().join("000001.txt"), &boxes).unwrap();
+        let camera = Camera::from_intrinsics(700.0, 700.0, 300.0, 100.0).unwrap();
+        let frame = Frame::new("000001", RgbImage::new(600, 200), camera, labels);
+        let read = DetectedBoxes::read(folder.path(), &frame, 20.0).unwrap();
+        assert_eq!(read.of_labels[0], [half, lorry]);
+        assert!(read.of_labels[1].is_empty());
+        assert_eq!(read.of_labels[2], [boxes[5].box2d]);
+        assert_eq!(read.of_nothing, [boxes[2].box2d, nothing]);
+        assert!(DetectedBoxes::read(folder.path(), &Frame { id: "000002".to_owned(), ..frame }, 20.0).is_err());
+    }
+
+    #[test]
+    fn errors_of_boxes_are_shares_of_their_sides_and_none_in_the_mean() {
+        let mut rng = Pcg64Mcg::seed_from_u64(7);
+        let box2d = Box2d::new(100.0, 50.0, 300.0, 150.0);
+        let count = 4000;
+        let (mut centers, mut squares, mut widths) = (0.0, 0.0, 0.0);
+        for _ in 0..count {
+            let drawn = jittered(&box2d, &mut rng);
+            let off = (f64::midpoint(drawn.x1, drawn.x2) - 200.0) / 200.0;
+            centers += off;
+            squares += off * off;
+            widths += (drawn.width() / 200.0).ln();
+            assert!(drawn.width() > 0.0 && drawn.height() > 0.0);
+        }
+        let count = f64::from(count);
+        assert!((centers / count).abs() < 0.002 && (widths / count).abs() < 0.003);
+        assert!(((squares / count).sqrt() - CENTER_ERROR).abs() < 0.002);
+    }
+}
