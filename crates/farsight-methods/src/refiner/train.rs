@@ -47,7 +47,13 @@ pub struct RefinerTaskConfig {
 
 impl Default for RefinerTaskConfig {
     fn default() -> Self {
-        Self { objects_per_frame: 8, least_height_px: 20.0, detections: None, detected_share: 0.0, false_positives_per_frame: 3 }
+        Self {
+            objects_per_frame: 8,
+            least_height_px: 20.0,
+            detections: None,
+            detected_share: 0.0,
+            false_positives_per_frame: 3,
+        }
     }
 }
 

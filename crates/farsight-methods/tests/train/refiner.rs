@@ -175,7 +175,10 @@ fn objects_are_learnt_where_the_detector_has_them() {
     let center = |box3d: &Box3d| camera().pixel_from_point(box3d.center()).unwrap()[0];
     let (seen, truth) = (center(&found[0].unwrap().box3d), center(&car(frame).box3d));
     let cut = f64::midpoint(half(frame).box2d.x1, half(frame).box2d.x2);
-    assert!((seen - truth).abs() < 0.5 * (cut - truth).abs(), "at {seen}, the car at {truth}, what was cut out at {cut}");
+    assert!(
+        (seen - truth).abs() < 0.5 * (cut - truth).abs(),
+        "at {seen}, the car at {truth}, what was cut out at {cut}"
+    );
 }
 
 #[test]

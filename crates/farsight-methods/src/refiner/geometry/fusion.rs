@@ -206,7 +206,8 @@ mod tests {
         let [car, van, truck] = [ObjectClass::Car, ObjectClass::Van, ObjectClass::Truck];
         let examples = |class: &ObjectClass, right: u32| -> Vec<FusedScoreExample> {
             let evidence = |i: u32| Evidence { score: 0.3 + 0.001 * f64::from(i), kind: 1.0, overlap: 0.8 };
-            let example = |i| FusedScoreExample { class: class.clone(), evidence: evidence(i), is_right: i % 10 < right };
+            let example =
+                |i| FusedScoreExample { class: class.clone(), evidence: evidence(i), is_right: i % 10 < right };
             (0..200).map(example).collect()
         };
         let scores = FusedScores::fit(&examples(&car, 3), &[car.clone(), van, truck.clone()]).expect("enough");
@@ -222,10 +223,8 @@ mod tests {
         let [as_car, as_van, as_truck] = [ObjectClass::Car, ObjectClass::Van, truck].map(|class| score(&class));
         assert!(as_truck > as_car + 0.2, "{as_truck} and {as_car}");
         assert!((as_van - as_car).abs() < 1e-12, "no van was renamed when it was fitted");
-        let bad = [("Truck", [1e9, 0.0, 0.0, 0.0])].map(|(class, [score, kind, overlap, bias])| {
-            format!(r#"{{"{class}": {{"score": {score}, "kind": {kind}, "overlap": {overlap}, "bias": {bias}}}}}"#)
-        });
-        let bad: FusedScores = serde_json::from_str(&bad[0]).expect("numbers");
+        let bad = r#"{"Truck": {"score": 1e9, "kind": 0.0, "overlap": 0.0, "bias": 0.0}}"#;
+        let bad: FusedScores = serde_json::from_str(bad).expect("numbers");
         assert!(!StageFusion { renamed_scores: bad, ..fusion }.is_usable());
     }
 

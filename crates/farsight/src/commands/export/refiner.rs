@@ -111,7 +111,7 @@ fn counts(examples: &[FusedScoreExample]) -> [usize; 2] {
 
 /// How far the vehicles of a place may be from the mean size of their region, as a standard deviation of the logarithm:
 /// an old town has smaller cars than its country, and photographs are not rendered scenes. By so much are the mean
-/// distances of KITTI's, DDAD's and SUSTechPOINTS's vehicles off (root mean square of +7, +2 and -6%).
+/// distances of vehicles off in photographs of Karlsruhe, California and Shenzhen (root mean square of +7, +2 and -6%).
 const PLACE_SIGMA: f64 = 0.055;
 
 /// What the distances of an image's vehicles have in common, by region, and error bars without it: where the frames are
