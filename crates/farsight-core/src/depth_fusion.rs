@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::range_error::WITHIN_ONE_SIGMA;
 use crate::score::MIN_EXAMPLES;
-use crate::statistics::{quantile, sorted};
+use crate::statistics::{conformal_quantile, quantile, sorted};
 
 /// The shares of truths that the intervals beside the error bar hold; the error bar is half of the interval that holds
 /// 68%.
@@ -13,11 +13,23 @@ const INTERVAL_SHARES: [f64; 2] = [0.5, 0.9];
 /// Half the width of those intervals in standard deviations of a normal distribution.
 pub const NORMAL_INTERVAL_SIGMAS: [f64; 2] = [0.674_489_750_196_081_7, 1.644_853_626_951_472_2];
 
-/// Between these lies the factor on error bars that leave out what an image's objects share.
+/// Between these lies the factor on the error bars of what each object errs by itself.
 const JOINT_FACTORS: [f64; 2] = [0.1, 10.0];
 
 /// A factor is known to a billionth after so many halvings.
 const HALVINGS: usize = 40;
+
+/// The powers that are tried: from 0.5 to 2.5 in tenths.
+const JOINT_POWERS: std::ops::RangeInclusive<u8> = 5..=25;
+
+/// Before errors are seen, the logarithm of the power is 0 with this standard deviation: where they cannot tell, it is 1.
+const POWER_LOG_SIGMA: f64 = 1.0;
+
+/// An error bar that no power changes.
+const POWER_UNIT: f64 = 0.05;
+
+/// Degrees of freedom of the distribution (Student's) by which errors are likely: it has their long tails.
+const TAIL_FREEDOM: f64 = 5.0;
 
 /// A depth and how sure it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +70,9 @@ pub struct DepthFusion {
     pub correlation: f64,
     /// Factor on the error bars of both together.
     pub joint_error_factor: f64,
+    /// Power of these: above 1 the narrow ones are narrower than they were said to be, and the wide ones wider.
+    #[serde(skip_serializing_if = "is_one")]
+    pub joint_error_power: f64,
     /// Half the width of the intervals that hold half of the truths and 90% of them, joint error bars.
     pub interval_sigmas: [f64; 2],
     /// The first one has no say: it measures nothing.
@@ -71,6 +86,12 @@ fn is_false(value: &bool) -> bool {
     !*value
 }
 
+/// Files of before error bars had a power do not name it.
+#[expect(clippy::trivially_copy_pass_by_ref, clippy::float_cmp, reason = "serde passes a reference; the very default")]
+fn is_one(value: &f64) -> bool {
+    *value == 1.0
+}
+
 impl Default for DepthFusion {
     /// Unfitted.
     fn default() -> Self {
@@ -79,6 +100,7 @@ impl Default for DepthFusion {
             error_factor: 1.0,
             correlation: 0.5,
             joint_error_factor: 1.0,
+            joint_error_power: 1.0,
             interval_sigmas: NORMAL_INTERVAL_SIGMAS,
             is_second_alone: false,
         }
@@ -102,46 +124,54 @@ impl DepthFusion {
         let offs: Vec<[f64; 2]> = pairs.iter().map(offs).collect();
         let product = |a: usize, b: usize| offs.iter().map(|pair| pair[a] * pair[b]).sum::<f64>();
         let fitted = Self { correlation: product(0, 1) / (product(0, 0) * product(1, 1)).sqrt(), ..fitted };
-        let joint = |pair: &DepthPair| fitted.joint(Some(pair.first), pair.second).off(pair.true_m);
-        let fitted = Self { joint_error_factor: one_sigma(pairs.iter().map(joint)), ..fitted };
-        let joint = |pair: &DepthPair| fitted.joint(Some(pair.first), pair.second).off(pair.true_m).abs();
-        let offs = sorted(pairs.iter().map(joint));
-        let fitted = Self { interval_sigmas: INTERVAL_SHARES.map(|share| quantile(&offs, share)), ..fitted };
+        let fitted = fitted.with_shared_error(pairs, &vec![0.0; pairs.len()]);
         fitted.is_usable().then_some(fitted)
     }
 
     /// The same with error bars of what each object errs by itself: `shared` are the standard deviations of what the
     /// logarithms of the depths of `pairs` have in common with others in their images. Both together hold two thirds of
-    /// the errors. The intervals are multiples of both together.
+    /// the errors, by the power under which the errors are likeliest. The intervals are multiples of both together, by
+    /// split conformal prediction.
     #[must_use]
     pub fn with_shared_error(self, pairs: &[DepthPair], shared: &[f64]) -> Self {
-        let plain = Self { joint_error_factor: 1.0, ..self };
-        let errors: Vec<[f64; 3]> = pairs
+        let plain = Self { joint_error_factor: 1.0, joint_error_power: 1.0, ..self };
+        let errors: Vec<JointError> = pairs
             .iter()
             .zip(shared)
             .map(|(pair, shared)| {
                 let joint = plain.joint(Some(pair.first), pair.second);
-                [(joint.depth_m / pair.true_m).ln().abs(), joint.log_sigma, *shared]
+                JointError { error: (joint.depth_m / pair.true_m).ln(), own: joint.log_sigma, shared: *shared }
             })
             .collect();
-        let offs = |factor: f64| {
-            sorted(errors.iter().map(|[error, own, shared]| error / (own * factor).hypot(shared.max(f64::EPSILON))))
+        let of_power = |tenths: u8| {
+            let fitted = Self { joint_error_power: f64::from(tenths) / 10.0, ..plain };
+            let fitted = Self { joint_error_factor: fitted.holding_factor(&errors), ..fitted };
+            let prior = 0.5 * (fitted.joint_error_power.ln() / POWER_LOG_SIGMA).powi(2);
+            (fitted, prior + errors.iter().map(|error| error.surprise(&fitted)).sum::<f64>())
         };
-        // The larger the error bars, the smaller are the errors in them: the factor is looked for by halves.
+        let likeliest = JOINT_POWERS.map(of_power).min_by(|(_, a), (_, b)| a.total_cmp(b));
+        let Some((fitted, _)) = likeliest else { return self };
+        let offs = sorted(errors.iter().map(|error| error.off(&fitted)));
+        let fitted = Self { interval_sigmas: INTERVAL_SHARES.map(|share| conformal_quantile(&offs, share)), ..fitted };
+        if fitted.is_usable() { fitted } else { self }
+    }
+
+    /// The factor by which the error bars hold two thirds of `errors`.
+    fn holding_factor(&self, errors: &[JointError]) -> f64 {
+        // The larger the error bars, the smaller are the errors in them: it is looked for by halves.
         let [mut least, mut most] = JOINT_FACTORS;
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(least, most);
-            let is_large = quantile(&offs(middle), WITHIN_ONE_SIGMA) < 1.0;
-            if is_large { most = middle } else { least = middle }
+            let tried = Self { joint_error_factor: middle, ..*self };
+            let offs = sorted(errors.iter().map(|error| error.off(&tried)));
+            if conformal_quantile(&offs, WITHIN_ONE_SIGMA) < 1.0 { most = middle } else { least = middle }
         }
-        let factor = f64::midpoint(least, most);
-        let offs = offs(factor);
-        let fitted = Self {
-            joint_error_factor: factor,
-            interval_sigmas: INTERVAL_SHARES.map(|share| quantile(&offs, share)),
-            ..self
-        };
-        if fitted.is_usable() { fitted } else { self }
+        f64::midpoint(least, most)
+    }
+
+    /// The error bar of both together where this comes out of them.
+    fn joint_sigma(&self, log_sigma: f64) -> f64 {
+        self.joint_error_factor * POWER_UNIT * (log_sigma / POWER_UNIT).powf(self.joint_error_power)
     }
 
     /// By what the joint error bars of `pairs` are to be multiplied, so that they hold two thirds of the errors; none
@@ -155,9 +185,10 @@ impl DepthFusion {
     pub fn is_usable(&self) -> bool {
         let factors = [self.depth_factor, self.error_factor, self.joint_error_factor];
         let are_factors = factors.iter().all(|factor| (0.01..100.0).contains(factor));
+        let is_power = (0.1..4.0).contains(&self.joint_error_power);
         let [half, most] = self.interval_sigmas;
         let are_intervals = half > 0.0 && half <= most && most < 100.0;
-        are_factors && are_intervals && (-0.99..=0.99).contains(&self.correlation)
+        are_factors && is_power && are_intervals && (-0.99..=0.99).contains(&self.correlation)
     }
 
     /// The best linear combination of both measurements, of which the first may be missing or have no say.
@@ -166,12 +197,41 @@ impl DepthFusion {
         let first = first.filter(|_| !self.is_second_alone);
         let MeasuredDepth { depth_m, log_sigma } =
             first.map_or(second, |first| combined(first, second, self.correlation));
-        MeasuredDepth { depth_m, log_sigma: log_sigma * self.joint_error_factor }
+        MeasuredDepth { depth_m, log_sigma: self.joint_sigma(log_sigma) }
     }
 
     /// The second measurement as it counts.
     pub fn corrected(&self, second: MeasuredDepth) -> MeasuredDepth {
         MeasuredDepth { depth_m: second.depth_m * self.depth_factor, log_sigma: second.log_sigma * self.error_factor }
+    }
+}
+
+/// How far off the depth from two measurements is.
+#[derive(Debug, Clone, Copy)]
+struct JointError {
+    /// Logarithm of found over true depth.
+    error: f64,
+    /// The error bar that comes out of the measurements.
+    own: f64,
+    /// Standard deviation of what others in the image err by as well.
+    shared: f64,
+}
+
+impl JointError {
+    /// The error bar with what is shared.
+    fn sigma(&self, fusion: &DepthFusion) -> f64 {
+        fusion.joint_sigma(self.own).hypot(self.shared).max(f64::EPSILON)
+    }
+
+    /// How far off it is, in standard deviations.
+    fn off(&self, fusion: &DepthFusion) -> f64 {
+        self.error.abs() / self.sigma(fusion)
+    }
+
+    /// The negative logarithm of its likelihood, but for what all have.
+    fn surprise(&self, fusion: &DepthFusion) -> f64 {
+        let tail = f64::midpoint(TAIL_FREEDOM, 1.0) * (self.off(fusion).powi(2) / TAIL_FREEDOM).ln_1p();
+        self.sigma(fusion).ln() + tail
     }
 }
 
@@ -189,7 +249,7 @@ fn combined(first: MeasuredDepth, second: MeasuredDepth, correlation: f64) -> Me
 
 /// What as many of the values lie within, either way, as of a normal distribution within one standard deviation.
 fn one_sigma(values: impl Iterator<Item = f64>) -> f64 {
-    quantile(&sorted(values.map(f64::abs)), WITHIN_ONE_SIGMA)
+    conformal_quantile(&sorted(values.map(f64::abs)), WITHIN_ONE_SIGMA)
 }
 
 #[cfg(test)]
@@ -269,6 +329,30 @@ mod tests {
         let missing = narrow.missing_error_factor(&pairs).expect("enough pairs");
         assert!((missing - 3.0).abs() < 1e-9, "{missing}");
         assert_eq!(narrow.missing_error_factor(&pairs[..3]), None);
+    }
+
+    #[test]
+    fn error_bars_that_do_not_spread_enough_are_spread() {
+        let truth = DepthFusion { joint_error_factor: 1.3, joint_error_power: 1.7, ..DepthFusion::default() };
+        let pairs: Vec<DepthPair> = (0..4000)
+            .map(|k| {
+                let [_, own, other] = normals(k);
+                let said = 0.03 + 0.09 * f64::from(k % 97) / 97.0;
+                let second_m = 20.0 * (truth.joint_sigma(said) * own).exp();
+                let first = MeasuredDepth { depth_m: 20.0 * other.exp(), log_sigma: 1.0 };
+                DepthPair { true_m: 20.0, first, second: MeasuredDepth { depth_m: second_m, log_sigma: said } }
+            })
+            .collect();
+        let found = DepthFusion::fit(&pairs, true).expect("enough pairs");
+        assert!((found.joint_error_power - 1.7).abs() < 0.15, "{found:?}");
+        let sigma = |fusion: &DepthFusion, said: f64| {
+            fusion.joint(None, MeasuredDepth { depth_m: 20.0, log_sigma: said }).log_sigma
+        };
+        for said in [0.04, 0.06, 0.1] {
+            let off = sigma(&found, said) / truth.joint_sigma(said);
+            assert!((off - 1.0).abs() < 0.06, "{off} at {said}: {found:?}");
+        }
+        assert!(!DepthFusion { joint_error_power: 9.0, ..found }.is_usable());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::linear::{dot, solved};
 use crate::score::{MIN_EXAMPLES, logit};
-use crate::statistics::{quantile, sorted};
+use crate::statistics::{conformal_quantile, sorted};
 
 /// Errors smaller than this, metres, count as so large: labels are no better, and their logarithm would rule the fit.
 const MIN_ERROR_M: f64 = 0.02;
@@ -79,7 +79,7 @@ impl RangeError {
         let [bias, depth, score, cut] = solved(matrix, right)?;
         let fit = Self { bias, depth, score, cut };
         let over = examples.iter().map(|e| log_error(e) - fit.sigma_m(e.found_m, e.score, e.is_cut).ln());
-        let moved = Self { bias: bias + quantile(&sorted(over), WITHIN_ONE_SIGMA), ..fit };
+        let moved = Self { bias: bias + conformal_quantile(&sorted(over), WITHIN_ONE_SIGMA), ..fit };
         moved.is_usable().then_some(moved)
     }
 }

@@ -280,6 +280,11 @@ impl Pipeline {
         self.shared.has_error_bars
     }
 
+    /// Half the widths of its 50 and 90% intervals, error bars.
+    pub fn interval_sigmas(&self) -> [f64; 2] {
+        self.shared.interval_sigmas
+    }
+
     /// The classes that it knows.
     pub fn classes(&self) -> Vec<ObjectClass> {
         locked(&self.shared.template).detector.classes().iter().map(|known| known.class.clone()).collect()

@@ -36,10 +36,6 @@ pub struct CoveragePoint {
 const COVERAGE_STEPS: u32 = 30;
 const STEPS_PER_SIGMA: u32 = 10;
 
-/// Half the width of the 50%, 68% and 90% intervals, standard deviations: quartile and 95% quantile of a normal
-/// distribution; the standard deviation itself is half of the 68% interval by definition.
-const INTERVAL_SIGMAS: [f64; 3] = [0.674_489_750_196_081_7, 1.0, 1.644_853_626_951_472_2];
-
 /// The error bars in one part of the data.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CoverageRow {
@@ -53,9 +49,10 @@ pub struct CoverageRow {
     pub within_1_sigma: f64,
     /// The same for two.
     pub within_2_sigma: f64,
-    /// Share within the 50% interval.
+    /// Share within the 50% interval. All three intervals are in proportion, as the program tells them: a factor too far
+    /// is as likely as the same factor too near.
     pub within_50: Share,
-    /// Share within the 68% interval.
+    /// Share within the 68% interval, of one standard deviation.
     pub within_68: Share,
     /// Share within the 90% interval.
     pub within_90: Share,
@@ -85,10 +82,11 @@ impl Share {
 
 impl Calibration {
     /// The calibration over the found ones of `targets`; `None` when no detection carries an error bar.
-    pub(super) fn new(targets: &[&Target]) -> Option<Self> {
+    /// `interval_sigmas`: half the widths of the 50 and 90% intervals.
+    pub(super) fn new(targets: &[&Target], interval_sigmas: [f64; 2]) -> Option<Self> {
         let [heights, distances, occlusions, _] = Part::divisions();
         let rows = |parts: &mut dyn Iterator<Item = (&'static str, Part)>| -> Vec<_> {
-            parts.filter_map(|(name, part)| CoverageRow::new(name, part, targets)).collect()
+            parts.filter_map(|(name, part)| CoverageRow::new(name, part, targets, interval_sigmas)).collect()
         };
         let by_distance = rows(&mut std::iter::once(("all", Part::Whole)).chain(distances));
         (!by_distance.is_empty()).then(|| Self {
@@ -101,7 +99,7 @@ impl Calibration {
 }
 
 fn coverage(targets: &[&Target]) -> Vec<CoveragePoint> {
-    let bars: Vec<_> = targets.iter().filter_map(|target| error_and_sigma(target)).collect();
+    let bars: Vec<_> = targets.iter().filter_map(|target| ErrorBar::of(target)).collect();
     let points = (0..=COVERAGE_STEPS).map(|step| {
         let sigmas = f64::from(step) / f64::from(STEPS_PER_SIGMA);
         CoveragePoint {
@@ -113,28 +111,50 @@ fn coverage(targets: &[&Target]) -> Vec<CoveragePoint> {
     points.collect()
 }
 
-fn count_within(bars: &[(f64, f64)], sigmas: f64) -> usize {
-    bars.iter().filter(|(error, sigma)| *error <= sigmas * sigma).count()
+fn count_within(bars: &[ErrorBar], sigmas: f64) -> usize {
+    bars.iter().filter(|bar| bar.error_m <= sigmas * bar.sigma_m).count()
 }
 
-/// Absolute error of z and the standard deviation that the detection gives it, metres; `None` without either.
-fn error_and_sigma(target: &Target) -> Option<(f64, f64)> {
-    let found = target.found?;
-    Some(((found.depth_m - target.depth_m).abs(), found.sigma_m?))
+/// An error of z and what the detection says of it.
+struct ErrorBar {
+    /// Absolute, metres.
+    error_m: f64,
+    /// Absolute, of the logarithm.
+    log_error: f64,
+    /// Standard deviation, metres.
+    sigma_m: f64,
+    /// Standard deviation of the logarithm.
+    log_sigma: f64,
+}
+
+impl ErrorBar {
+    /// `None` of what was not found or has no error bar.
+    fn of(target: &Target) -> Option<Self> {
+        let found = target.found?;
+        let sigma_m = found.sigma_m?;
+        Some(Self {
+            error_m: (found.depth_m - target.depth_m).abs(),
+            log_error: (found.depth_m / target.depth_m).ln().abs(),
+            sigma_m,
+            log_sigma: sigma_m / found.depth_m,
+        })
+    }
 }
 
 impl CoverageRow {
-    fn new(part_name: &'static str, part: Part, targets: &[&Target]) -> Option<Self> {
+    fn new(part_name: &'static str, part: Part, targets: &[&Target], interval_sigmas: [f64; 2]) -> Option<Self> {
         let slice = Slice { group: Group::All, part };
-        let bars = targets.iter().filter(|target| slice.holds(target)).filter_map(|target| error_and_sigma(target));
+        let bars = targets.iter().filter(|target| slice.holds(target)).filter_map(|target| ErrorBar::of(target));
         let bars: Vec<_> = bars.collect();
         let count = bars.len();
         (count > 0).then(|| {
             let [within_1_sigma, within_2_sigma] =
                 [1.0, 2.0].map(|sigmas| count_within(&bars, sigmas) as f64 / count as f64);
-            let [within_50, within_68, within_90] =
-                INTERVAL_SIGMAS.map(|sigmas| Share::new(count_within(&bars, sigmas), count));
-            let mean_sigma_m = bars.iter().map(|(_, sigma)| sigma).sum::<f64>() / count as f64;
+            let [half, most] = interval_sigmas;
+            let [within_50, within_68, within_90] = [half, 1.0, most].map(|sigmas| {
+                Share::new(bars.iter().filter(|bar| bar.log_error <= sigmas * bar.log_sigma).count(), count)
+            });
+            let mean_sigma_m = bars.iter().map(|bar| bar.sigma_m).sum::<f64>() / count as f64;
             Self {
                 part: part_name,
                 count,

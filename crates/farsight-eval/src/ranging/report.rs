@@ -108,7 +108,7 @@ impl RangingReport {
     pub fn new(targets: &[Target], frames: usize, options: &RangingOptions) -> Self {
         let classes = EvaluatedClass::ALL.into_iter().filter_map(|class| {
             let of_class: Vec<_> = targets.iter().filter(|target| target.class == class).collect();
-            (!of_class.is_empty()).then(|| ClassRanging::new(class, &of_class, frames, options.bootstrap.as_ref()))
+            (!of_class.is_empty()).then(|| ClassRanging::new(class, &of_class, frames, options))
         });
         Self { classes: classes.collect() }
     }
@@ -121,7 +121,8 @@ impl RangingReport {
 }
 
 impl ClassRanging {
-    fn new(class: EvaluatedClass, targets: &[&Target], frames: usize, bootstrap: Option<&Bootstrap>) -> Self {
+    fn new(class: EvaluatedClass, targets: &[&Target], frames: usize, options: &RangingOptions) -> Self {
+        let bootstrap = options.bootstrap.as_ref();
         let slices = Slice::all();
         let mut errors = errors_of_slices(targets.iter().copied(), &slices, frames, bootstrap).into_iter();
         // The rows come in the order of `Slice::all`: group by group, the whole and then each table.
@@ -140,7 +141,7 @@ impl ClassRanging {
                 by_distance,
                 by_occlusion,
                 by_truncation,
-                calibration: Calibration::new(&members),
+                calibration: Calibration::new(&members, options.interval_sigmas),
             }
         });
         Self { class, groups: groups.into() }

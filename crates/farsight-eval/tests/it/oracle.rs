@@ -1,13 +1,15 @@
 //! What the truth replaces, and that it replaces nothing else.
 
 use crate::common::awkward::{awkward_frames, label};
+use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::{Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_eval::oracle::{OraclePart, OracleRow, with_truth};
 use farsight_eval::ranging::RangingOptions;
 use farsight_eval::{Bootstrap, Difficulty, Evaluation, Frame};
 
 const TOLERANCE: f64 = 1e-9;
-const OPTIONS: RangingOptions = RangingOptions { min_score: None, min_iou: 0.5, bootstrap: None };
+const OPTIONS: RangingOptions =
+    RangingOptions { min_score: None, min_iou: 0.5, bootstrap: None, interval_sigmas: NORMAL_INTERVAL_SIGMAS };
 
 fn direction(box3d: &Box3d) -> [f64; 2] {
     let [x, y, z] = box3d.center();

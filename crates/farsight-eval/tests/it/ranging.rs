@@ -1,6 +1,7 @@
 //! The ranging protocol: small scenes by hand, and two real result sets against an independent implementation.
 
 use crate::common::RealSets;
+use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_eval::ranging::{
     FalseAlarm, Group, MATCH_IOU, OperatingPoints, RangingComparison, RangingMetric, RangingOptions, RangingReport,
@@ -11,7 +12,8 @@ use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Frame, Prediction};
 /// How far a figure may be from the independent one, metres or shares: the order of summation.
 const TOLERANCE: f64 = 1e-9;
 
-const NO_INTERVALS: RangingOptions = RangingOptions { min_score: None, min_iou: MATCH_IOU, bootstrap: None };
+const NO_INTERVALS: RangingOptions =
+    RangingOptions { min_score: None, min_iou: MATCH_IOU, bootstrap: None, interval_sigmas: NORMAL_INTERVAL_SIGMAS };
 
 fn label(class: ObjectClass, left: f64, depth_m: f64) -> Label {
     Label {

@@ -22,6 +22,7 @@ use tch::{Device, Kind, Tensor};
 use super::geometry::{ERROR_UNIT, LOG_UNIT, MAX_ERROR_LOG, PLACE_CHANNELS};
 use super::{RefinerConfig, RefinerModel};
 use crate::roi::ANSWER;
+use crate::roi::train::MAX_TRUNCATED;
 use samples::{CropBatch, CropMaker, FrameCrops};
 
 /// A run that trains a refiner.
@@ -35,6 +36,8 @@ pub struct RefinerTaskConfig {
     pub objects_per_frame: usize,
     /// Objects whose box is lower than this are not learnt from, pixels.
     pub least_height_px: f64,
+    /// Objects of which the image's edge cuts a larger share are not learnt from.
+    pub most_truncated: f64,
     /// Folder of a detector's result files for the frames of `data.root`: its false positives are the background class.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detections: Option<PathBuf>,
@@ -50,6 +53,7 @@ impl Default for RefinerTaskConfig {
         Self {
             objects_per_frame: 8,
             least_height_px: 20.0,
+            most_truncated: MAX_TRUNCATED,
             detections: None,
             detected_share: 0.0,
             false_positives_per_frame: 3,
@@ -68,6 +72,9 @@ impl TaskConfig for RefinerTaskConfig {
         }
         if share > 0.0 && self.detections.is_none() {
             return Some("detected_share needs detections".to_owned());
+        }
+        if !(0.0..=1.0).contains(&self.most_truncated) {
+            return Some(format!("most_truncated is {}; expected 0 to 1", self.most_truncated));
         }
         let height = self.least_height_px;
         (self.objects_per_frame == 0).then(|| "objects_per_frame is 0; expected at least 1".to_owned()).or_else(|| {

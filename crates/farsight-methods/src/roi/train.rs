@@ -11,13 +11,14 @@ use rand::seq::SliceRandom;
 
 /// Objects of which less is seen are not learnt from.
 const MAX_OCCLUDED: i32 = 2;
-const MAX_TRUNCATED: f64 = 0.8;
+pub(crate) const MAX_TRUNCATED: f64 = 0.8;
 
-/// Whether enough is seen of what is labelled, and it is high enough, pixels.
-pub(crate) fn is_seen(label: &Label, least_height_px: f64) -> bool {
+/// Whether enough is seen of what is labelled: it is high enough, pixels, and at most this share is cut by the image's
+/// edge.
+pub(crate) fn is_seen(label: &Label, least_height_px: f64, most_truncated: f64) -> bool {
     label.class != ObjectClass::DontCare
         && (0..=MAX_OCCLUDED).contains(&label.occlusion)
-        && label.truncation <= MAX_TRUNCATED
+        && label.truncation <= most_truncated
         && label.box2d.height() >= least_height_px
 }
 

@@ -42,6 +42,7 @@ fn a_file_gives_back_what_was_written_and_is_no_refiner() {
         error_factor: 1.2,
         correlation: 0.1,
         joint_error_factor: 0.9,
+        joint_error_power: 1.4,
         interval_sigmas: [0.6, 1.8],
         ..DepthFusion::default()
     };

@@ -292,6 +292,7 @@ fn mistakes_in_a_config_are_told_with_file_and_field() {
         ("method = \"refiner\"\n[train]\nema_decay = 1.0", "train.ema_decay is 1; expected a number between 0 and 1"),
         ("method = \"refiner\"\n[task]\ndetected_share = 1.5", "detected_share is 1.5; expected 0 to 1"),
         ("method = \"refiner\"\n[task]\ndetected_share = 0.5", "detected_share needs detections"),
+        ("method = \"refiner\"\n[task]\nmost_truncated = 2", "most_truncated is 2; expected 0 to 1"),
         ("method = \"refiner\"\n[augmentation]\nflip_probability = 2", "augmentation.flip_probability is 2"),
         ("method = \"refiner\"\n[model]\nsides = 96", "unknown field `sides`"),
         ("method = \"refiner\"\n[data.rendered]\n[task]\ndetections = \"x\"", "task.detections needs data.root"),

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
+use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_eval::ap::Metric;
 use farsight_eval::compare::Comparison;
 use farsight_eval::oracle::OracleRow;
@@ -182,7 +183,7 @@ fn judge(args: &EvalArgs, mut source: Files, printer: &mut Printer) -> Result<Ou
     if let Some(images) = args.images.as_ref().filter(|images| !images.is_dir()) {
         bail!("{}: no such folder; expected a folder of images such as 000007.png", images.display());
     }
-    let options = args.ranging_options();
+    let options = args.ranging_options(source.interval_sigmas);
     let (evaluation, mut findings) = files.evaluate(&options)?;
     let others = args.against.as_deref().map(|against| other_results(against, &files, &options)).transpose()?;
     if let Some((_, _, found)) = &others {
@@ -281,9 +282,10 @@ impl EvalArgs {
         Bootstrap { resamples: self.resamples, seed: self.seed }
     }
 
-    fn ranging_options(&self) -> RangingOptions {
+    fn ranging_options(&self, interval_sigmas: Option<[f64; 2]>) -> RangingOptions {
         let bootstrap = (self.resamples > 0).then(|| self.bootstrap());
-        RangingOptions { min_score: self.min_score, min_iou: self.ranging_overlap, bootstrap }
+        let interval_sigmas = interval_sigmas.unwrap_or(NORMAL_INTERVAL_SIGMAS);
+        RangingOptions { min_score: self.min_score, min_iou: self.ranging_overlap, bootstrap, interval_sigmas }
     }
 }
 

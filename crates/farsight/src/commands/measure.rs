@@ -124,7 +124,8 @@ fn measured(
 
     let files = FrameFiles::open(LabelSource::from(&dataset), results.path(), Some(ids.clone()))?.with_any_classes();
     let files = if set.vehicles { files.with_vehicles_as_cars() } else { files };
-    let options = RangingOptions { bootstrap: None, ..RangingOptions::default() };
+    let interval_sigmas = pipeline.interval_sigmas();
+    let options = RangingOptions { bootstrap: None, interval_sigmas, ..RangingOptions::default() };
     let (as_given, _) = files.evaluate(&options)?;
     let report = as_given.report();
     let by_place =

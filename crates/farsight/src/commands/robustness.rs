@@ -26,8 +26,8 @@ use conditions::{Condition, Weather};
 /// Arguments of `farsight robustness`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Figures are of cars of KITTI's Moderate difficulty with a score from 0.5: the share that is found, and the mean absolute
-error of their distance. Corruptions are those of ImageNet-C. Weather needs --twins, whose scenes are rendered anew.
+Figures are of cars of KITTI's Moderate difficulty with a score from 0.5: the share that is found, the mean absolute
+error of their distance, their mean error bar, and the shares of distances in their 68 and 90% intervals. Corruptions are those of ImageNet-C. Weather needs --twins, whose scenes are rendered anew.
 farsight robustness --data KITTI --split val --json worse.json --plot worse.png
 farsight robustness --twins KITTI --frames 100 --weather rain,fog,dusk,night --json weather.json")]
 pub(crate) struct RobustnessArgs {
@@ -88,12 +88,36 @@ struct Row {
     found: usize,
     /// Mean absolute error of the distance of those found, metres.
     mae_m: Option<f64>,
+    /// None of a model without error bars, or where nothing is found.
+    error_bars: Option<ErrorBars>,
+}
+
+/// Whether the error bars of those found grow with their errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct ErrorBars {
+    /// Their mean, metres.
+    mean_sigma_m: f64,
+    /// The share of distances that are in their 68% interval.
+    within_68: f64,
+    /// The same for 90%.
+    within_90: f64,
 }
 
 impl Row {
     /// Share of the cars that is found.
     fn share(&self) -> f64 {
         self.found as f64 / self.objects.max(1) as f64
+    }
+
+    /// The mean absolute error, in words.
+    fn mae(&self) -> String {
+        self.mae_m.map_or_else(|| "-".to_owned(), |mae| format!("{mae:.2} m"))
+    }
+
+    /// The shares in the error bars, in words.
+    fn within(&self) -> String {
+        let shares = |bars: ErrorBars| format!("{:.0} / {:.0}%", 100.0 * bars.within_68, 100.0 * bars.within_90);
+        self.error_bars.map_or_else(|| "-".to_owned(), shares)
     }
 }
 
@@ -108,7 +132,7 @@ pub(crate) fn run(args: &RobustnessArgs, printer: &mut Printer) -> Result<Outcom
     let (clear, conditions) = conditions::all(args, scratch.path(), printer)?;
     let whole = measured("as it is", 0, &pipeline, &clear, scratch.path(), printer)?;
     ensure!(whole.objects > 0, "{}: no car of Moderate difficulty", clear.name());
-    printer.line("condition         severity   found    share      MAE");
+    printer.line("condition         severity   found    share      MAE  error bar  in 68 / in 90%");
     tell(&whole, printer);
     let mut rows = vec![whole];
     for condition in &conditions {
@@ -145,10 +169,7 @@ fn table(args: &RobustnessArgs, rows: &[Row]) -> MeasuredTable {
     let severities: Vec<String> = args.severities.iter().map(u8::to_string).collect();
     let command = format!("farsight robustness {data} --severities {}", severities.join(","));
     let mut table = MeasuredTable { columns, ..MeasuredTable::new(&command, ["condition"]) };
-    let cell = |row: &Row| {
-        let mae = row.mae_m.map_or_else(|| "-".to_owned(), |mae| format!("{mae:.2} m"));
-        format!("{:.0}%, {mae}", 100.0 * row.share())
-    };
+    let cell = |row: &Row| format!("{:.0}%, {}, {}", 100.0 * row.share(), row.mae(), row.within());
     let (whole, worse) = rows.split_at(1);
     table.rows = whole
         .iter()
@@ -162,10 +183,11 @@ fn table(args: &RobustnessArgs, rows: &[Row]) -> MeasuredTable {
 }
 
 fn tell(row: &Row, printer: &mut Printer) {
-    let mae = row.mae_m.map_or_else(|| "-".to_owned(), |mae| format!("{mae:.2} m"));
     let found = format!("{}/{}", row.found, row.objects);
-    let share = 100.0 * row.share();
-    printer.line(&format!("{:<18}{:>8}{found:>8}{share:>8.1}%{mae:>9}", row.condition, row.severity));
+    let (share, mae, within) = (100.0 * row.share(), row.mae(), row.within());
+    let bar = row.error_bars.map_or_else(|| "-".to_owned(), |bars| format!("{:.2} m", bars.mean_sigma_m));
+    printer
+        .line(&format!("{:<18}{:>8}{found:>8}{share:>8.1}%{mae:>9}{bar:>11}{within:>15}", row.condition, row.severity));
 }
 
 /// What `pipeline` makes of a data set; its results go to a folder of their own in `scratch`.
@@ -181,16 +203,24 @@ fn measured(
     let ids = write_results_of(pipeline, &**dataset, 0..dataset.len(), results.path(), printer)?;
     let failed = dataset.len() - ids.len();
     ensure!(failed == 0, "{}: {} failed", dataset.name(), counted(failed, "frame"));
+    let interval_sigmas = pipeline.interval_sigmas();
+    let options = RangingOptions { bootstrap: None, interval_sigmas, ..RangingOptions::default() };
     let files = FrameFiles::open(LabelSource::from(dataset), results.path(), Some(ids))?.with_any_classes();
-    let (evaluation, _) = files.evaluate(&RangingOptions { bootstrap: None, ..RangingOptions::default() })?;
+    let (evaluation, _) = files.evaluate(&options)?;
     let report = evaluation.report();
-    let errors =
-        report.ranging.group(EvaluatedClass::Car, Group::Level(Difficulty::Moderate)).map(|group| &group.whole);
+    let cars = report.ranging.group(EvaluatedClass::Car, Group::Level(Difficulty::Moderate));
+    let errors = cars.map(|group| &group.whole);
+    let bars = cars.and_then(|group| group.calibration.as_ref()?.rows.first());
     Ok(Row {
         condition: condition.to_owned(),
         severity,
         objects: errors.map_or(0, |errors| errors.objects),
         found: errors.map_or(0, |errors| errors.found),
         mae_m: errors.and_then(|errors| errors.metrics.get(RangingMetric::MaeZ)),
+        error_bars: bars.map(|row| ErrorBars {
+            mean_sigma_m: row.mean_sigma_m,
+            within_68: row.within_68.share,
+            within_90: row.within_90.share,
+        }),
     })
 }

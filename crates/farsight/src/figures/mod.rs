@@ -106,6 +106,10 @@ pub(crate) struct ErrorBars {
     pub(crate) within_1_sigma: f64,
     pub(crate) within_2_sigma: f64,
     pub(crate) mean_sigma_m: f64,
+    /// In the intervals that are said to hold 50, 68 and 90%: the share, and the ends of its 95% interval. Files of
+    /// before do not have it.
+    #[serde(default)]
+    pub(crate) within_intervals: Option<[[f64; 3]; 3]>,
 }
 
 /// What is found with detections from one score on.

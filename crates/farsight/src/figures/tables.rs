@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::layout::table;
 use crate::printer::grouped;
 
-use super::{AveragePrecision, ClassFigures, Errors, Figures, Operating, SetFigures};
+use super::{AveragePrecision, ClassFigures, ErrorBars, Errors, Figures, Operating, SetFigures};
 
 /// The columns of the table `found`.
 const FOUND_HEADING: [&str; 9] = [
@@ -198,12 +198,19 @@ fn error_bars(options: &Options) -> Result<Vec<String>> {
             grouped(bars.count),
             signed_metres(figures.all_scores.bias_m),
             metres(Some(bars.mean_sigma_m)),
-            percent(bars.within_1_sigma),
-            percent(bars.within_2_sigma),
-        ])
+        ]
+        .into_iter()
+        .chain(within_intervals(&bars))
+        .collect())
     });
-    let heading = ["data", "with an error bar", "mean error", "mean error bar", "within one", "within two"];
+    let heading = ["data", "with an error bar", "mean error", "mean error bar", "in 50%", "in 68%", "in 90% interval"];
     Ok(table(&heading, &rows.collect::<Result<Vec<_>>>()?))
+}
+
+/// The share of distances in each interval with what it can tell, where that was measured.
+fn within_intervals(bars: &ErrorBars) -> [String; 3] {
+    let cell = |[share, low, high]: [f64; 3]| format!("{} [{:.0}, {:.0}]", percent(share), 100.0 * low, 100.0 * high);
+    bars.within_intervals.map_or_else(|| [dash(), percent(bars.within_1_sigma), dash()], |shares| shares.map(cell))
 }
 
 fn average_precision(options: &Options) -> Vec<String> {

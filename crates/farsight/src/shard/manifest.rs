@@ -21,7 +21,7 @@ const MAX_MANIFEST: u64 = 256 << 20;
 const CHUNK: usize = 1 << 16;
 
 /// What all parts of a job have in common.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Run {
     /// Version of the program.
     pub(crate) program_version: String,
@@ -29,6 +29,9 @@ pub(crate) struct Run {
     pub(crate) words: Vec<String>,
     /// The models that look, if any do.
     pub(crate) model: Option<ModelRecord>,
+    /// Half the widths of its 50 and 90% intervals, error bars, where what is found is judged.
+    #[serde(default)]
+    pub(crate) interval_sigmas: Option<[f64; 2]>,
     /// Files that every part reads, such as a calibration.
     pub(crate) shared: Vec<Hashed>,
     /// How many items there are in all parts.
@@ -49,6 +52,7 @@ impl Run {
             program_version: farsight::VERSION.to_owned(),
             words: super::words(),
             model,
+            interval_sigmas: None,
             shared: shared.collect(),
             items: items.len(),
             items_sha256: hexadecimal(&Sha256::digest(lines)),
@@ -59,7 +63,8 @@ impl Run {
     /// What of this run is another in `other`, and both values.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
         let values = |run: &Self| {
-            let Self { program_version, words, model, shared, items, items_sha256, parts } = run;
+            // Intervals follow from the models.
+            let Self { program_version, words, model, interval_sigmas: _, shared, items, items_sha256, parts } = run;
             [
                 ("version of the program", format!("{program_version:?}")),
                 ("command line", format!("{:?}", words.join(" "))),
@@ -164,7 +169,7 @@ impl Output {
 }
 
 /// All that a part says about itself.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Manifest {
     /// What it has in common with the other parts.
     #[serde(flatten)]

@@ -58,6 +58,11 @@ impl Parts {
         self.0.first().map_or(&[], |(_, manifest)| &manifest.run.words)
     }
 
+    /// Half the widths of the model's 50 and 90% intervals, where they were kept.
+    pub(crate) fn interval_sigmas(&self) -> Option<[f64; 2]> {
+        self.0.first().and_then(|(_, manifest)| manifest.run.interval_sigmas)
+    }
+
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
         self.0.len()

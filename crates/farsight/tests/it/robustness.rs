@@ -33,6 +33,10 @@ fn corruptions_and_weather_are_judged_beside_the_images_as_they_are() {
     for (cell, row) in [(&told[0][1], &all[0]), (&told[1][1], &all[1]), (&told[1][2], &all[2])] {
         let expected = 100.0 * found(row) as f64 / row["objects"].as_f64().unwrap();
         assert!((share(cell) - expected).abs() <= 0.5, "{cell} of {row}");
+        let bars = &row["error_bars"];
+        let within = |key: &str| bars[key].as_f64().is_some_and(|share| (0.0..=1.0).contains(&share));
+        let are_told = within("within_68") && within("within_90") && bars["mean_sigma_m"].as_f64() > Some(0.0);
+        assert_eq!(are_told, found(row) > 0, "{row}");
     }
 
     let asked = ["--frames", "1", "--weather", "fog", "--severities", "5", "--refiner", "none"];

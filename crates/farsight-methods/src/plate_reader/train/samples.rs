@@ -11,7 +11,7 @@ use tch::{Device, Tensor};
 use super::PlateReaderTaskConfig;
 use crate::plate_reader::geometry::{INPUT_CHANNELS, PlateCrop, carries_plate};
 use crate::refiner::geometry::input_rules;
-use crate::roi::train::{BoxErrors, drawn, is_seen, jittered};
+use crate::roi::train::{BoxErrors, MAX_TRUNCATED, drawn, is_seen, jittered};
 
 /// Errors of the depths are twice those that come: so what is read says little about what was known.
 const REFINER_ERRORS: BoxErrors = BoxErrors { depth: 0.1, size: 0.04, center: 0.03, heading_rad: 0.07 };
@@ -69,8 +69,9 @@ impl PlateMaker {
         let frame = self.source.item(key)?;
         let mut rng = key.rng();
         let labels = frame.labels.iter().enumerate();
-        let labels =
-            labels.filter(|(_, label)| carries_plate(&label.class) && is_seen(label, self.task.least_height_px));
+        let labels = labels.filter(|(_, label)| {
+            carries_plate(&label.class) && is_seen(label, self.task.least_height_px, MAX_TRUNCATED)
+        });
         let plates = frame.annotation::<Plates>().map_or(&[][..], |Plates(plates)| plates);
         let vehicles = labels.map(|(place, label)| {
             let plate = plates.iter().find(|plate| plate.label == place).map(|plate| plate.ends);

@@ -70,7 +70,11 @@ impl CropMaker {
             Some(folder) => DetectedBoxes::read(folder, &frame, least_height_px)?,
             None => DetectedBoxes::none(&frame),
         };
-        let labels = frame.labels.iter().zip(&of_labels).filter(|(label, _)| is_seen(label, least_height_px));
+        let labels = frame
+            .labels
+            .iter()
+            .zip(&of_labels)
+            .filter(|(label, _)| is_seen(label, least_height_px, self.task.most_truncated));
         let object = |(label, boxes): (&Label, &Vec<Box2d>)| {
             let Label { box3d, ref class, .. } = *label;
             let is_detected = !boxes.is_empty() && rng.random_bool(self.task.detected_share);

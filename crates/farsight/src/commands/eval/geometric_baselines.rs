@@ -16,7 +16,7 @@ type CameraOf<'a> = &'a dyn Fn(&str) -> Result<Camera>;
 /// Prints the errors of the geometric baselines on the detections of `files`. Detections that a ranger can say nothing
 /// about count as not found.
 pub(super) fn run(args: &EvalArgs, source: &Files, files: &FrameFiles, printer: &mut Printer) -> Result<()> {
-    let options = RangingOptions { bootstrap: None, ..args.ranging_options() };
+    let options = RangingOptions { bootstrap: None, ..args.ranging_options(None) };
     for (name, evaluation) in evaluations(&|id| source.camera(id), files, args.camera_height, &options)? {
         printer.line("");
         printer.heading(&format!("the same detections, ranged by {}", name.description()));

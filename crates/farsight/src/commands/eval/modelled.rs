@@ -45,6 +45,8 @@ pub(super) struct Files {
     pub(super) ids: Option<Vec<String>>,
     /// Whether a model has made the results just now.
     pub(super) by_model: bool,
+    /// Half the widths of the model's 50 and 90% intervals, error bars, where it is known.
+    pub(super) interval_sigmas: Option<[f64; 2]>,
     /// Frames that the model could not look at; they are not among the ids.
     pub(super) failed: usize,
     /// Removed when the evaluation is over.
@@ -67,6 +69,7 @@ impl Files {
                     results: results.clone(),
                     ids,
                     by_model: false,
+                    interval_sigmas: None,
                     failed: 0,
                     _folder: None,
                 })
@@ -109,7 +112,8 @@ fn modelled(args: &EvalArgs, results: Option<&Path>, data: &Path, printer: &mut 
     let failed = dataset.len() - ids.len();
     ensure!(!ids.is_empty(), "nothing was evaluated: {} failed", counted(failed, "frame"));
     printer.status(&format!("{} looked at by {}", counted(ids.len(), "frame"), pipeline.engine()));
-    Ok(Files { _folder: folder, ..looked_at_already(args, dataset, results, ids) })
+    let sigmas = Some(pipeline.interval_sigmas());
+    Ok(Files { _folder: folder, ..looked_at_already(args, dataset, results, ids, sigmas) })
 }
 
 /// What looks at so many images.
@@ -119,12 +123,13 @@ pub(super) fn open(args: &EvalArgs, images: usize, printer: &mut Printer) -> Res
     pipeline_args::open_and_tell(&builder, printer)
 }
 
-/// The model's `results` of the frames `ids` of a data set; the others failed.
+/// The results of the frames `ids` of a data set by a model with these intervals; the others failed.
 pub(super) fn looked_at_already(
     args: &EvalArgs,
     dataset: Arc<dyn Dataset>,
     results: PathBuf,
     ids: Vec<String>,
+    interval_sigmas: Option<[f64; 2]>,
 ) -> Files {
     let labels = LabelSource::from(&dataset);
     let failed = dataset.len() - ids.len();
@@ -134,7 +139,7 @@ pub(super) fn looked_at_already(
         let indices = dataset.ids().into_iter().zip(0..).collect();
         Cameras::Dataset(dataset, indices)
     };
-    Files { labels, cameras, results, ids: Some(ids), by_model: true, failed, _folder: None }
+    Files { labels, cameras, results, ids: Some(ids), by_model: true, interval_sigmas, failed, _folder: None }
 }
 
 /// Writes a result file for each frame of `block` of `dataset` to the folder `results`. Frames that fail are told and

@@ -50,7 +50,7 @@ pub(super) fn rows(
     if parts.len() > 1 {
         sets.push(parts);
     }
-    let options = RangingOptions { bootstrap: None, ..args.ranging_options() };
+    let options = RangingOptions { bootstrap: None, ..args.ranging_options(None) };
     let row = |parts: Vec<OraclePart>| {
         // What is odd about the files has been told.
         let (evaluation, _) = files.evaluate_changed(&options, |frame| with_truth(&frame, &parts, &options))?;

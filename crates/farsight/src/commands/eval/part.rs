@@ -40,7 +40,10 @@ pub(super) fn run(args: &EvalArgs, printer: &mut Printer) -> Result<Outcome> {
     let pipeline = open(args, dataset.len() / shard.count.max(1) + 1, printer)?;
     let ids = dataset.ids();
     let shared: Vec<PathBuf> = args.split.iter().filter(|split| split.is_file()).cloned().collect();
-    let run = Run::new(&ids, &shared, Some(ModelRecord::from(pipeline.info())), shard.count);
+    let run = Run {
+        interval_sigmas: Some(pipeline.interval_sigmas()),
+        ..Run::new(&ids, &shared, Some(ModelRecord::from(pipeline.info())), shard.count)
+    };
     let files = |item: usize| vec![PathBuf::from(dataset.origin(item))];
     let Some(part) = Part::begin(asked, run, &ids, files)? else {
         printer.note(&format!("part {shard} is there already"));
@@ -73,7 +76,7 @@ pub(in crate::commands) fn merged(
     let failed: BTreeSet<&str> = parts.failed().into_iter().collect();
     let done: Vec<String> = ids.into_iter().filter(|id| !failed.contains(id.as_str())).collect();
     ensure!(!done.is_empty(), "nothing was evaluated: {} failed", counted(failed.len(), "frame"));
-    let source = looked_at_already(&args, dataset, folder.join(results), done);
+    let source = looked_at_already(&args, dataset, folder.join(results), done, parts.interval_sigmas());
     let inside = |path: &Option<PathBuf>| path.as_ref().map(|path| folder.join(path));
     let args = EvalArgs { json: inside(&args.json), report: inside(&args.report), ..args };
     args.check_outputs()?;

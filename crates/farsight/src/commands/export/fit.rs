@@ -184,12 +184,13 @@ pub(super) fn fitted_depths(
     };
     printer.status(&format!(
         "fitted on {} objects: {second}'s distances times {:.3}, its error bars times {:.2}; errors correlated by {:.2}, \
-         error bars of both times {:.2}{}",
+         error bars of both times {:.2} and to the power of {:.1}{}",
         pairs.len(),
         depths.depth_factor,
         depths.error_factor,
         depths.correlation,
         depths.joint_error_factor,
+        depths.joint_error_power,
         if depths.is_second_alone { "; the detector's distances have no say" } else { "" }
     ));
     Ok(depths)

@@ -151,7 +151,10 @@ fn fitted_scales(
             (region, scale.widened(PLACE_SIGMA))
         })
         .collect();
-    printer.status(&format!("error bars beside that: {:.2} times", fitted.joint_error_factor));
+    printer.status(&format!(
+        "error bars beside that: {:.2} times, to the power of {:.1}",
+        fitted.joint_error_factor, fitted.joint_error_power
+    ));
     (fitted, scales)
 }
 

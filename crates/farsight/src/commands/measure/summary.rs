@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use farsight_eval::ap::{ApReport, Metric, OverlapSet};
 use farsight_eval::ranging::{Calibration, Group, OperatingPoint, RangingMetric, RangingReport, SliceErrors};
-use farsight_eval::{Difficulty, EvaluatedClass, Report};
+use farsight_eval::{Difficulty, EvaluatedClass, Interval, Report};
 
 use crate::figures::{AveragePrecision, ClassFigures, DistanceErrors, ErrorBars, Errors, Operating};
 
@@ -86,6 +86,10 @@ fn coverage(calibration: Option<&Calibration>, metres: &str) -> Option<ErrorBars
         within_1_sigma: rounded(row.within_1_sigma),
         within_2_sigma: rounded(row.within_2_sigma),
         mean_sigma_m: rounded(row.mean_sigma_m),
+        within_intervals: Some([row.within_50, row.within_68, row.within_90].map(|within| {
+            let Interval { low, high } = within.interval;
+            [within.share, low, high].map(rounded)
+        })),
     })
 }
 
