@@ -22,7 +22,8 @@ const HALVINGS: usize = 40;
 /// The powers that are tried: from 0.5 to 2.5 in tenths.
 const JOINT_POWERS: std::ops::RangeInclusive<u8> = 5..=25;
 
-/// Before errors are seen, the logarithm of the power is 0 with this standard deviation: where they cannot tell, it is 1.
+/// Before errors are seen, the logarithm of the power is 0 with this standard deviation: where they cannot tell, it is
+/// 1.
 const POWER_LOG_SIGMA: f64 = 1.0;
 
 /// An error bar that no power changes.

@@ -49,8 +49,8 @@ pub struct CoverageRow {
     pub within_1_sigma: f64,
     /// The same for two.
     pub within_2_sigma: f64,
-    /// Share within the 50% interval. All three intervals are in proportion, as the program tells them: a factor too far
-    /// is as likely as the same factor too near.
+    /// Share within the 50% interval. All three intervals are in proportion, as the program tells them: a factor too
+    /// far is as likely as the same factor too near.
     pub within_50: Share,
     /// Share within the 68% interval, of one standard deviation.
     pub within_68: Share,
