@@ -5,7 +5,7 @@ use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::{Box2d, Box3d, Detection, Dimensions, Label, ObjectClass};
 use farsight_eval::ranging::{
     FalseAlarm, Group, MATCH_IOU, OperatingPoints, RangingComparison, RangingMetric, RangingOptions, RangingReport,
-    match_frame, targets,
+    Target, match_frame, targets,
 };
 use farsight_eval::{Bootstrap, Difficulty, EvaluatedClass, Frame, Prediction};
 
@@ -171,6 +171,18 @@ fn figures_of_a_scene_by_hand() {
     assert_eq!(all.fixed_recall.as_ref().map(|fixed| fixed.score), Some(0.7));
     let coverage = &all.calibration.as_ref().unwrap().rows[0];
     assert_eq!((coverage.count, coverage.within_1_sigma, coverage.within_2_sigma), (3, 1.0 / 3.0, 2.0 / 3.0));
+    // Intervals are in proportion, and as wide as the model says.
+    let log_off = |target: &Target| {
+        let found = target.found.unwrap();
+        (found.depth_m / target.depth_m).ln().abs() * found.depth_m / found.sigma_m.unwrap()
+    };
+    let found = targets(&frame, 0, &NO_INTERVALS);
+    let mut offs: Vec<f64> = found.iter().filter(|target| target.found.is_some()).map(log_off).collect();
+    offs.sort_unstable_by(f64::total_cmp);
+    let told = RangingOptions { interval_sigmas: [offs[0] + 1e-9, offs[1] + 1e-9], ..NO_INTERVALS };
+    let report = RangingReport::new(&found, 1, &told);
+    let coverage = &report.group(EvaluatedClass::Car, Group::All).unwrap().calibration.as_ref().unwrap().rows[0];
+    assert_eq!((coverage.within_50.share, coverage.within_90.share), (1.0 / 3.0, 2.0 / 3.0));
     let (bin, second) = &all.by_distance.0[1];
     assert_eq!(
         (*bin, second.objects, second.found, second.metrics.get(RangingMetric::BiasZ)),
