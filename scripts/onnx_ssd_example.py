@@ -8,6 +8,7 @@ import numpy as np
 from onnx_example import MEAN, STD, main
 
 SCALES, MIN_SCORE, MOST = [0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.0], 0.25, 50
+FIRST = [6, 6, 22, 22, 22, 150]
 
 
 def anchors(level):
@@ -45,13 +46,16 @@ def look(session, view, image, P):
     for level, (ah, aw) in enumerate(map(anchors, range(6))):
         two = maps[2 * level : 2 * level + 2]
         boxes, classes = (np.float64(m[0]).reshape(len(ah), 4, *m.shape[2:]).swapaxes(0, 1) for m in two)
-        v, u = (np.indices(boxes.shape[2:])[:, None] + 0.5) * 16 * 2**level + boxes[:2] / 10 * np.array([ah, aw])
+        centers = np.indices(boxes.shape[2:])[:, None] * 16 * 2**level + FIRST[level]
+        v, u = centers + boxes[:2] / 10 * np.array([ah, aw])
         h, w = np.exp(boxes[2:] / 5) * np.array([ah, aw]) / 2
         edges = [(at - 0.5 - d) / scale for at, d in ((u - w, dx), (v - h, dy), (u + w, dx), (v + h, dy))]
         scores = 1 / (1 + np.exp(-np.array([np.maximum(*classes[2:]), classes[1], classes[0]])))
         found.append(np.concatenate([edges, scores]).reshape(7, -1))
     x1, y1, x2, y2, *scores = np.concatenate(found, 1)
     is_cut = (first > 0) & (y1 < first + 4 / scale) | (last < height) & (y2 > last - 4 / scale)
+    aside, below = 0.04 * (x2 - x1), 0.03 * (y2 - y1)
+    x1, x2, y2 = x1 - aside, x2 + aside, y2 + below
     x1, y1, x2, y2 = np.clip(x1, 0, width), np.clip(y1, 0, height), np.clip(x2, 0, width), np.clip(y2, 0, height)
     return np.array([x1, y1, x2, y2, *scores])[:, ~is_cut & (x2 - x1 >= 1) & (y2 - y1 >= 1)]
 

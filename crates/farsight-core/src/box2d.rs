@@ -48,6 +48,12 @@ impl Box2d {
         self.x1 <= 0.0 || self.y1 <= 0.0 || self.x2 >= max_x || self.y2 >= max_y
     }
 
+    /// The smallest box around this one and `other`.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self::new(self.x1.min(other.x1), self.y1.min(other.y1), self.x2.max(other.x2), self.y2.max(other.y2))
+    }
+
     /// The part inside `[0, max_x] x [0, max_y]`; edges outside move to the border.
     pub fn clamped(&self, max_x: f64, max_y: f64) -> Self {
         let clamp_x = |v: f64| v.max(0.0).min(max_x);

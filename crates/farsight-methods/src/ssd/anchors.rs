@@ -15,6 +15,9 @@ pub const STRIDES: [usize; LEVELS] = [16, 32, 64, 128, 256, 512];
 /// The side of the image that the network learnt from, pixels.
 pub const SIDE_PX: f64 = 300.0;
 
+/// Cells of each map along a side of that image.
+const CELLS_300: [usize; LEVELS] = [19, 10, 5, 3, 2, 1];
+
 /// Sides of the anchors of each level, and of what would be the next level's, as shares of the image.
 const SCALES: [f64; LEVELS + 1] = [0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.0];
 
@@ -46,11 +49,21 @@ pub fn shapes(level: usize) -> Vec<[f64; 2]> {
     RATIOS.into_iter().map(|ratio| shape(ratio, scale)).chain([shape(1.0, between)]).collect()
 }
 
+/// Where the first cell of a level has its anchors, pixels from the edge of the input.
+///
+/// The network learnt with a cell's anchors at `(i + 1/2) 300 / cells`, a little less than a stride apart. Its features
+/// are a stride apart, and what a cell says does not depend on which one it is. So anchors stand a stride apart, and
+/// where they were in the mean over the cells of that image: their middle is its middle. At half a stride they would be
+/// 2 pixels off at the first level and 106 at the last, because every other convolution has its odd zero at the end.
+fn first_anchor(level: usize) -> f64 {
+    (SIDE_PX - (CELLS_300[level] - 1) as f64 * STRIDES[level] as f64) / 2.0
+}
+
 /// The box that `encoded` (y, x, height, width) stands for at `cell` (column, row) of a level with an anchor of `shape`
 /// (height, width). Pixels of the input, whose edges, not middles, are whole numbers.
 pub fn decoded(level: usize, cell: [usize; 2], shape: [f64; 2], encoded: [f64; 4]) -> Box2d {
     let stride = STRIDES[level] as f64;
-    let [x, y] = cell.map(|place| (place as f64 + 0.5) * stride);
+    let [x, y] = cell.map(|place| first_anchor(level) + place as f64 * stride);
     let [anchor_height, anchor_width] = shape;
     let center = [x + encoded[1] / CENTER_SCALE * anchor_width, y + encoded[0] / CENTER_SCALE * anchor_height];
     let [height, width] = [(encoded[2], anchor_height), (encoded[3], anchor_width)]
@@ -64,18 +77,30 @@ mod tests {
 
     #[test]
     fn an_image_of_300_pixels_has_1917_anchors() {
-        let cells = STRIDES.map(|stride| 300_usize.div_ceil(stride).pow(2));
-        let anchors: usize = cells.iter().enumerate().map(|(level, cells)| cells * shapes(level).len()).sum();
+        let of_level = |(level, cells): (usize, usize)| cells.pow(2) * shapes(level).len();
+        let anchors: usize = CELLS_300.into_iter().enumerate().map(of_level).sum();
         assert_eq!(anchors, 1917);
+    }
+
+    #[test]
+    fn anchors_lie_in_the_mean_where_the_network_learnt_them() {
+        for (level, cells) in CELLS_300.into_iter().enumerate() {
+            assert_eq!(cells, 300_usize.div_ceil(STRIDES[level]), "level {level}");
+            let middle = |cell: usize| decoded(level, [cell, 0], [0.0; 2], [0.0; 4]).x1;
+            let mean = (0..cells).map(middle).sum::<f64>() / cells as f64;
+            assert!((mean - SIDE_PX / 2.0).abs() < 1e-9, "level {level}: {mean}");
+            // As docs/onnx.md has them.
+            assert!((middle(0) - [6.0, 6.0, 22.0, 22.0, 22.0, 150.0][level]).abs() < 1e-9, "level {level}");
+        }
     }
 
     #[test]
     fn zeros_stand_for_the_anchor_itself() {
         let found = decoded(0, [2, 3], [60.0, 120.0], [0.0; 4]);
-        assert_eq!(found, Box2d::new(40.0 - 60.0, 56.0 - 30.0, 40.0 + 60.0, 56.0 + 30.0));
+        assert_eq!(found, Box2d::new(38.0 - 60.0, 54.0 - 30.0, 38.0 + 60.0, 54.0 + 30.0));
         // Ten for the centre is a whole anchor.
         let moved = decoded(0, [2, 3], [60.0, 120.0], [10.0, -10.0, 5.0 * 2.0_f64.ln(), 0.0]);
         assert!((moved.height() - 120.0).abs() < 1e-9 && (moved.width() - 120.0).abs() < 1e-9);
-        assert!((moved.x1 - (40.0 - 120.0 - 60.0)).abs() < 1e-9 && (moved.y1 - (56.0 + 60.0 - 60.0)).abs() < 1e-9);
+        assert!((moved.x1 - (38.0 - 120.0 - 60.0)).abs() < 1e-9 && (moved.y1 - (54.0 + 60.0 - 60.0)).abs() < 1e-9);
     }
 }

@@ -9,10 +9,14 @@ use super::{Evidence, FusedScores, Refinement, kind_of};
 use farsight_core::overlap::iou_2d;
 use farsight_core::scale::is_scaled;
 use farsight_core::score::SCORE_LIMITS;
-use farsight_core::{Camera, DepthFusion, Detection, MeasuredDepth, ObjectClass, Region, ScalePrior};
+use farsight_core::{Box2d, Camera, DepthFusion, Detection, MeasuredDepth, ObjectClass, Region, ScalePrior};
 
 /// Boxes in the image that overlap less are of two different things.
 const MIN_OVERLAP: f64 = 0.3;
+
+/// A box of which an edge is nearer to the image's, as a share of the image's side, shows an object that may go on
+/// beyond it.
+const BORDER: f64 = 0.01;
 
 /// How the two stages go together, fitted on labelled frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,6 +33,10 @@ pub struct StageFusion {
     /// detector's. A detector that is sure of cars may be unsure of lorries, which it takes for cars.
     #[serde(skip_serializing_if = "FusedScores::is_empty")]
     pub renamed_scores: FusedScores,
+    /// How much of the sides of a vehicle's box in the image is the detector's, 0 to 1; the rest is the projection of
+    /// the 3D box. None where that is the box, as in files of before there was a choice.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub side_share: Option<f64>,
     /// What the distances of an image's vehicles have in common, by region; empty where that was not fitted.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub scales: BTreeMap<Region, ScalePrior>,
@@ -39,7 +47,8 @@ impl Default for StageFusion {
     fn default() -> Self {
         let scores = FusedScores::default();
         let (depths, renamed_scores) = (DepthFusion::default(), scores.clone());
-        Self { depths, people_error_factor: 1.0, scores, renamed_scores, scales: BTreeMap::new() }
+        let scales = BTreeMap::new();
+        Self { depths, people_error_factor: 1.0, scores, renamed_scores, side_share: None, scales }
     }
 }
 
@@ -59,7 +68,8 @@ impl StageFusion {
         let are_people = (least..=most).contains(&self.people_error_factor);
         let are_scales = self.scales.values().all(ScalePrior::is_usable);
         let are_scores = self.scores.is_usable() && self.renamed_scores.is_usable();
-        are_people && are_scales && are_scores && self.depths.is_usable()
+        let is_share = self.side_share.is_none_or(|share| (0.0..=1.0).contains(&share));
+        are_people && are_scales && are_scores && is_share && self.depths.is_usable()
     }
 
     /// `first`, found in an image of this size (width, height) that `camera` takes, with what the refiner says of it,
@@ -69,6 +79,10 @@ impl StageFusion {
     /// distance, to the depth on which both agree best. A detector without error bar has no say in that. Where the
     /// refiner sees something else than the detector, or something that is not in the image, the place of `first`
     /// stays. The score is that of both, the class the likeliest of those that are easily taken for that of `first`.
+    ///
+    /// A vehicle's box in the image is the projection of the 3D box, whose sides move towards those of the detector's
+    /// box ([`Self::side_share`]); where the image's edge cuts it, of which the refiner sees too little then, it is the
+    /// smallest box around both.
     pub fn fused(
         &self,
         first: &Detection,
@@ -83,7 +97,17 @@ impl StageFusion {
         let class = likeliest(&second.kinds, &first.class);
         let score = self.score(&first.class, &class, &evidence).clamp(least, most);
         let agreed = placed.filter(|_| evidence.overlap >= MIN_OVERLAP);
-        Detection { class, score, ..agreed.unwrap_or_else(|| first.clone()) }
+        let agreed = agreed.unwrap_or_else(|| first.clone());
+        let box2d = match self.side_share.filter(|_| is_scaled(&first.class)) {
+            Some(_) if is_cut(&first.box2d, image_size) => agreed.box2d.union(&first.box2d),
+            Some(share) => {
+                let side = |refined: f64, detected: f64| refined + share * (detected - refined);
+                let (x1, x2) = (side(agreed.box2d.x1, first.box2d.x1), side(agreed.box2d.x2, first.box2d.x2));
+                Box2d { x1, x2, ..agreed.box2d }
+            }
+            None => agreed.box2d,
+        };
+        Detection { class, score, box2d, ..agreed }
     }
 
     /// How likely it is that what the detector takes for `first` and the refiner for `second` is there; unfitted, the
@@ -125,6 +149,14 @@ impl StageFusion {
         let box2d = box3d.projected(camera)?.clamped(width, height);
         Some(Detection { box2d, box3d, range_sigma_m: Some(log_sigma * depth_m), ..first.clone() })
     }
+}
+
+/// Whether the edge of an image of this size (width, height) may cut what a detector found in `box2d`.
+fn is_cut(box2d: &Box2d, image_size: [usize; 2]) -> bool {
+    let [width, height] = image_size.map(|side| side as f64);
+    let [x, y] = [BORDER * width, BORDER * height];
+    let Box2d { x1, y1, x2, y2 } = *box2d;
+    Box2d::new(x1 - x, y1 - y, x2 + x, y2 + y).reaches_border(width, height)
 }
 
 /// What speaks for `first`, which the refiner places so, or nowhere.
@@ -174,6 +206,31 @@ mod tests {
         let unsure = detection(first.box3d, None);
         let alone = fusion.fused(&unsure, Some(&second), &camera(), IMAGE);
         assert!((alone.box3d.depth_m() - 22.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn sides_in_the_image_are_means_and_what_the_image_cuts_has_a_box_around_both() {
+        let second = refinement([-14.0, 1.6, 20.0], 0.4, 0.05);
+        let projected = second.box3d.projected(&camera()).expect("in front");
+        let fused = |class: ObjectClass, box2d: Box2d| {
+            let first = Detection { class, box2d, ..detection(second.box3d, None) };
+            let fusion = StageFusion { side_share: Some(0.3), ..StageFusion::default() };
+            fusion.fused(&first, Some(&second), &camera(), IMAGE).box2d
+        };
+        let beside = Box2d::new(projected.x1 - 10.0, projected.y1 + 4.0, projected.x2 + 5.0, projected.y2 - 1.0);
+        let is_near = |found: Box2d, expected: Box2d| {
+            let edges = |b: Box2d| [b.x1, b.y1, b.x2, b.y2];
+            edges(found).into_iter().zip(edges(expected)).all(|(found, expected)| (found - expected).abs() < 1e-9)
+        };
+        let mean = Box2d { x1: projected.x1 - 3.0, x2: projected.x2 + 1.5, ..projected };
+        assert!(is_near(fused(ObjectClass::Car, beside), mean));
+        assert!(is_near(fused(ObjectClass::Pedestrian, beside), projected));
+        // A hundredth of the width from the left edge.
+        let cut = Box2d { x1: 12.0, ..beside };
+        assert!(is_near(fused(ObjectClass::Car, cut), projected.union(&cut)));
+        assert!(is_near(fused(ObjectClass::Pedestrian, cut), projected));
+        assert!(fused(ObjectClass::Car, Box2d { x1: 13.0, ..beside }).x1 > 13.0);
+        assert!(!StageFusion { side_share: Some(-0.1), ..StageFusion::default() }.is_usable());
     }
 
     #[test]
