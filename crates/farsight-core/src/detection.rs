@@ -9,7 +9,7 @@ pub struct Detection {
     pub class: ObjectClass,
     /// Height of its peak, 0 to 1; of a model with calibrated scores the probability that it is right.
     pub score: f64,
-    /// Around the projected 3D box, clipped to the image, pixels of the original image.
+    /// Around what is seen of it: the projected 3D box, or what the detector saw, clipped to the image, its pixels.
     pub box2d: Box2d,
     /// Where it is, rectified camera coordinates, metres.
     pub box3d: Box3d,

@@ -33,7 +33,7 @@ pub struct DetectedObject {
     pub class: ObjectClass,
     /// 0 to 1; of a model with calibrated scores the probability that it is right.
     pub score: f64,
-    /// Around the projected 3D box, clipped to the image, pixels.
+    /// Around what is seen of it: about the projected 3D box, clipped to the image, pixels.
     pub box2d: Box2d,
     /// Where it is, rectified camera coordinates, metres.
     pub box3d: Box3d,
