@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Seconds of one training step: Farsight against eager PyTorch 2.11, interleaved, medians.
+"""Seconds of one training step: Farsight against PyTorch 2.11, interleaved, medians.
 
     cargo xtask exec cargo build --workspace --features farsight/train --example step_speed
     cargo xtask exec python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed \
         --table docs/results/training-step.json
 
-python3 must have PyTorch 2.11. All but a few milliseconds of a step are libtorch's, so the build profile does not matter.
+python3 must have PyTorch 2.11. It is eager and in single precision; with --best it is compiled (torch.compile, for which
+it needs g++ and Python's headers), with channels last and autocast to bfloat16, and Farsight in bf16, too. All but a few milliseconds of a step are libtorch's, so the build profile does not matter.
 
 The PyTorch half is the same network (DLA-34, neck, heads), the same batch, focal and corner loss and torch.optim.Adam. Its
 deformable convolution is the same nine bilinear taps; --torchvision uses torchvision.ops.deform_conv2d instead. --table
@@ -114,7 +115,7 @@ class Deform(nn.Module):
         xs = (offset[:, :, 1] + columns) * (2 / w) + (1 / w - 1)
         grid = torch.stack([xs, y], -1).view(n, 9 * h, w, 2)
         samples = F.grid_sample(x, grid, align_corners=False).view(n, c, 9, h, w) * mask.view(n, 1, 9, h, w)
-        return F.conv2d(samples.view(n, c * 9, h, w), self.weight.view(self.weight.shape[0], -1, 1, 1), self.bias)
+        return F.conv2d(samples.reshape(n, c * 9, h, w), self.weight.reshape(self.weight.shape[0], -1, 1, 1), self.bias)
 
 
 class Merge(nn.Module):
@@ -191,8 +192,9 @@ class Objective:
         return focal + sum((box - self.truth).abs().sum() for box in boxes) / (37.5 * self.batch)
 
 
-def smoke_config(neck, kind, width, size):
-    return f'method = "smoke"\n[model]\ninput = {list(size)}\nwidth = {width}\nnorm = "{kind}"\nneck = "{neck}"\n'
+def smoke_config(neck, kind, width, size, precision):
+    model = f'method = "smoke"\n[model]\ninput = {list(size)}\nwidth = {width}\nnorm = "{kind}"\nneck = "{neck}"\n'
+    return model + f'[train]\nprecision = "{precision}"\n'
 
 
 def main():
@@ -207,6 +209,7 @@ def main():
     p.add_argument("--rounds", type=int, default=15)
     p.add_argument("--threads", type=int, default=2)
     p.add_argument("--torchvision", action="store_true")
+    p.add_argument("--best", action="store_true", help="PyTorch compiled, channels last, bfloat16; Farsight in bf16")
     p.add_argument("--table", help="put the medians into this table (JSON)")
     args = p.parse_args()
     TORCHVISION = args.torchvision
@@ -217,16 +220,23 @@ def main():
     optimizer = torch.optim.Adam(model.parameters(), 1e-4, weight_decay=5e-4)
     objective = Objective(args.batch, *args.size)
     batch = torch.randn(args.batch, 3, args.size[1], args.size[0])
+    forward = model
+    if args.best:
+        model.to(memory_format=torch.channels_last)
+        batch = batch.contiguous(memory_format=torch.channels_last)
+        forward = torch.compile(model)
 
     def pytorch_step():
         start = time.perf_counter()
         optimizer.zero_grad()
-        objective(*model(batch)).backward()
+        with torch.autocast("cpu", torch.bfloat16, enabled=args.best):
+            logits, raw = forward(batch)
+        objective(logits.float(), raw.float()).backward()
         optimizer.step()
         return time.perf_counter() - start
 
     with tempfile.NamedTemporaryFile("w", suffix=".toml") as config:
-        config.write(smoke_config(args.neck, args.norm, args.width, args.size))
+        config.write(smoke_config(args.neck, args.norm, args.width, args.size, "bf16" if args.best else "f32"))
         config.flush()
         command = ["env", f"OMP_NUM_THREADS={args.threads}", args.farsight, config.name, str(args.batch)]
         farsight = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -248,6 +258,7 @@ def main():
         command = "python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed --neck NECK --norm NORM"
         table = MeasuredTable.opened(args.table, f"{command} --rounds {args.rounds} --threads {args.threads}", COLUMNS)
         network = f"{args.neck} neck, {args.norm} norm, width {args.width}" + ", torchvision" * args.torchvision
+        network += ", bf16, compiled" * args.best
         size = f"{args.size[0]}x{args.size[1]}"
         table.put(network, size, str(args.batch), f"{theirs:.3f}", f"{ours:.3f}", f"{ratio:.2f}")
         table.write(args.table)

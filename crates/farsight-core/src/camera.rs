@@ -169,6 +169,13 @@ impl Camera {
         [(c * e - b * f) / determinant, (a * f - c * d) / determinant, z]
     }
 
+    /// Whether a pixel's column alone says how far it looks to the side, and its row how far it looks down: the axes of
+    /// the image are those of the camera.
+    pub fn is_upright(&self) -> bool {
+        let [first, second, third] = self.projection;
+        [first[1], second[0], third[0], third[1]].iter().all(|across| *across == 0.0)
+    }
+
     /// The direction in camera coordinates, of any length, whose points far away have these homogeneous pixels.
     pub fn direction(&self, homogeneous: [f64; 3]) -> Option<[f64; 3]> {
         solved([0, 1, 2].map(|i| self.row(i)), homogeneous)

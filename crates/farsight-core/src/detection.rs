@@ -110,9 +110,12 @@ impl DecodeOptions {
     }
 }
 
-/// A peak of 0.25, as official SMOKE; where scores are probabilities, what is more likely right than wrong.
+/// Where scores are probabilities: what is more likely right than wrong.
+pub const CALIBRATED_MIN_SCORE: f64 = 0.5;
+
+/// [`CALIBRATED_MIN_SCORE`], or a peak of 0.25, as official SMOKE.
 pub fn default_min_score(classes: &[ClassReference]) -> f64 {
-    if is_calibrated(classes) { 0.5 } else { 0.25 }
+    if is_calibrated(classes) { CALIBRATED_MIN_SCORE } else { 0.25 }
 }
 
 /// Whether scores are probabilities.

@@ -50,4 +50,4 @@ pub use shadow::Shadow;
 pub use sharpness::Sharpness;
 pub use transform::{Sample, Transform};
 pub use undistort::Undistorter;
-pub use warp::{network_input, network_input_into, warp};
+pub use warp::{network_input, network_input_in, network_input_into, warp};

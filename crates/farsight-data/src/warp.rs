@@ -35,9 +35,24 @@ pub fn network_input_into(
     rules: &InputRules,
     jitter: Option<&ColorJitter>,
 ) {
+    input.resize(3 * rules.size[0] * rules.size[1], 0.0);
+    network_input_in(input, image, affine, rules, jitter);
+}
+
+/// As [`network_input`], in the `3 * height * width` values of `input`, whatever they are.
+///
+/// # Panics
+/// When `input` has another length.
+pub fn network_input_in(
+    input: &mut [f32],
+    image: &RgbImage,
+    affine: &Affine2,
+    rules: &InputRules,
+    jitter: Option<&ColorJitter>,
+) {
     let [width, height] = rules.size;
     let area = width * height;
-    input.resize(3 * area, 0.0);
+    assert_eq!(input.len(), 3 * area, "three planes of the input");
     let paint = Paint::new(rules, jitter);
     // Rows from here on, of every plane, still hold what they held before.
     let mut row_to_fill = 0;

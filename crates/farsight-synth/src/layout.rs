@@ -43,7 +43,7 @@ pub fn scene_from_labels(
     view.device = device;
     let unusual = rng.chance(config.unusual_share);
     let weather = rng.weighted(&config.weather.table());
-    let light = Light::of(weather, config.severity, unusual, [seed, 0], &mut rng);
+    let light = Light::of(weather, config, unusual, [seed, 0], &mut rng);
     let plan = Plan::around(&estimated_road(&objects), region, &mut rng);
     let mut builder = SceneBuilder::new(view, ground, light, unusual, region);
     for label in &objects {

@@ -218,6 +218,46 @@ pub struct Sky {
     pub skyline: f32,
     /// Which clouds.
     pub seed: u32,
+    /// What is seen and mirrored of it instead of colours and clouds.
+    pub photograph: Option<SkyPhotograph>,
+}
+
+/// A photographed sky.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SkyPhotograph {
+    /// Which.
+    pub map: SkyMap,
+    /// The unit direction on the ground, x and z, where its brightest place is: below the sun.
+    pub towards_sun: [f32; 2],
+    /// Its median radiance.
+    pub gain: f32,
+}
+
+/// Radiance maps by Poly Haven, CC0 (`NOTICE`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SkyMap {
+    /// Grey, above high-rises.
+    City,
+    /// Violet, above mountains, just before sunrise.
+    Dawn,
+    /// Between pines.
+    Forest,
+    /// Clear, above a meadow.
+    Park,
+    /// Sun between clouds.
+    Sky,
+    /// Clear, a low sun in haze.
+    Sunrise,
+    /// A square with a low sun.
+    Sunset,
+    /// Thin clouds above a waterfront after sunset.
+    Venice,
+}
+
+impl SkyMap {
+    /// All of them.
+    pub const ALL: [Self; 8] =
+        [Self::City, Self::Dawn, Self::Forest, Self::Park, Self::Sky, Self::Sunrise, Self::Sunset, Self::Venice];
 }
 
 /// Fog, haze and rain.

@@ -163,7 +163,7 @@ impl PipelineBuilder {
         Self { region, ..self }
     }
 
-    /// What has a lower score is not told; 0.25 by default, 0.5 for a model whose scores are probabilities.
+    /// What has a lower score is not told; 0.5 by default, 0.25 where scores are no probabilities.
     #[must_use]
     pub fn min_score(mut self, min_score: f64) -> Self {
         self.decode.min_score = Some(min_score);

@@ -5,7 +5,6 @@ use std::slice;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use farsight_core::box3d::Dimensions;
-use farsight_core::detection::default_min_score;
 use farsight_core::road::{HeightConflict, Road};
 use farsight_core::{Box3d, Camera, Detection, ObjectClass, ScalePrior};
 use farsight_data::denoised;
@@ -292,7 +291,7 @@ impl Pipeline {
 
     /// The score that counts unless another is asked for: 0.5 where scores are probabilities.
     pub fn default_min_score(&self) -> f64 {
-        default_min_score(locked(&self.shared.template).detector.classes())
+        locked(&self.shared.template).default_min_score()
     }
 
     /// Width and height, pixels, of the network's input for an image of `image_size` taken by `camera`.

@@ -1,7 +1,7 @@
 //! What a pipeline is made of, for one thread: detector, refiner, plate reader, suppression, road.
 
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
-use farsight_core::detection::{DecodeOptions, default_min_score};
+use farsight_core::detection::{CALIBRATED_MIN_SCORE, DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
 use farsight_core::road::{HeightConflict, Road, SURE_SCORE, fit_to_road};
 use farsight_core::{Camera, Detection, ScalePrior};
@@ -141,7 +141,14 @@ impl Stages {
     }
 
     fn min_score(&self, settings: &Settings) -> f64 {
-        settings.decode.min_score.unwrap_or_else(|| default_min_score(self.detector.classes()))
+        settings.decode.min_score.unwrap_or_else(|| self.default_min_score())
+    }
+
+    /// The score that counts unless another is asked for: 0.5 where scores are probabilities, the refiner's or the
+    /// detector's own.
+    pub(crate) fn default_min_score(&self) -> f64 {
+        let is_calibrated = self.refiner.as_ref().is_some_and(Refiner::is_calibrated);
+        if is_calibrated { CALIBRATED_MIN_SCORE } else { default_min_score(self.detector.classes()) }
     }
 }
 

@@ -1,11 +1,13 @@
 //! One row of an image, as planes of 0 to 255.
 
 /// A row as three planes, one after the other.
+#[derive(Debug, Default)]
 pub(super) struct Planes(pub(super) Vec<f32>);
 
 impl Planes {
-    pub(super) fn new(len: usize) -> Self {
-        Self(vec![0.0; 3 * len])
+    /// Makes room for `len` pixels; what they hold is left over from before.
+    pub(super) fn resize(&mut self, len: usize) {
+        self.0.resize(3 * len, 0.0);
     }
 
     pub(super) fn len(&self) -> usize {

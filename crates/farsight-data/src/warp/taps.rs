@@ -34,18 +34,20 @@ pub(super) fn taps(position: f64, len: usize, sampling: Sampling) -> Option<Taps
     }
 }
 
-/// The taps of `count` output pixels, the first at `start` and each `step` further, and the range of those that see the
-/// source.
+/// Makes `found` the taps of `count` output pixels, the first at `start` and each `step` further; the range of those
+/// that see the source.
 pub(super) fn axis_taps(
+    found: &mut Vec<Taps>,
     start: f64,
     step: f64,
     count: usize,
     len: usize,
     sampling: Sampling,
-) -> (Vec<Taps>, Range<usize>) {
-    let found: Vec<Option<Taps>> = (0..count).map(|i| taps(start + step * i as f64, len, sampling)).collect();
-    let covered = covered_range(found.iter().map(Option::is_some));
-    (found.into_iter().map(Option::unwrap_or_default).collect(), covered)
+) -> Range<usize> {
+    let at = |i: usize| taps(start + step * i as f64, len, sampling);
+    found.clear();
+    found.extend((0..count).map(|i| at(i).unwrap_or_default()));
+    covered_range((0..count).map(|i| at(i).is_some()))
 }
 
 /// From the first to the last `true`; the source is convex, so there is no gap between.

@@ -94,24 +94,36 @@ impl Crop {
 
     /// The channels of the input that tell about the camera, `[3, side, side]`.
     pub fn rays(&self) -> Vec<f32> {
-        let mut planes = Vec::new();
-        self.rays_into(&mut planes);
+        let mut planes = vec![0.0; 3 * self.side * self.side];
+        self.rays_in(&mut planes);
         planes
     }
 
-    /// Adds [`Crop::rays`] to `input`.
-    pub fn rays_into(&self, input: &mut Vec<f32>) {
-        let area = self.side * self.side;
-        let first = input.len();
-        input.resize(first + 2 * area, 0.0);
-        let (across, down) = input[first..].split_at_mut(area);
-        for (cell, (across, down)) in across.iter_mut().zip(down).enumerate() {
-            let pixel = [cell % self.side, cell / self.side].map(|place| place as f64);
-            let [x, y, z] = self.camera.point_from_pixel(pixel, RAY_DEPTH_M);
-            (*across, *down) = ((x / z) as f32, (y / z) as f32);
+    /// Writes [`Crop::rays`] to `planes`, which has as many values.
+    pub fn rays_in(&self, planes: &mut [f32]) {
+        let side = self.side;
+        let area = side * side;
+        let (across, rest) = planes.split_at_mut(area);
+        let (down, focal) = rest.split_at_mut(area);
+        let ray = |column: usize, row: usize| {
+            let [x, y, z] = self.camera.point_from_pixel([column, row].map(|place| place as f64), RAY_DEPTH_M);
+            [x / z, y / z].map(|tangent| tangent as f32)
+        };
+        if self.camera.is_upright() {
+            // All pixels of a column, or of a row, look as far to the side, or down.
+            for (column, tangent) in across.iter_mut().take(side).enumerate() {
+                *tangent = ray(column, 0)[0];
+            }
+            for (row, tangents) in down.chunks_exact_mut(side).enumerate() {
+                across.copy_within(..side, row * side);
+                tangents.fill(ray(0, row)[1]);
+            }
+        } else {
+            for (cell, (across, down)) in across.iter_mut().zip(down).enumerate() {
+                [*across, *down] = ray(cell % side, cell / side);
+            }
         }
-        let focal = (self.focal_sides() / REFERENCE_FOCAL).ln() as f32;
-        input.resize(first + 3 * area, focal);
+        focal.fill((self.focal_sides() / REFERENCE_FOCAL).ln() as f32);
     }
 
     /// How far the corners of this cut-out lie from those of `other` at most, as a share of the side of `other`;
@@ -270,19 +282,24 @@ mod tests {
         }
 
         #[test]
-        fn rays_point_where_the_pixels_look(x in -10.0..10.0, z in 8.0..60.0) {
+        fn rays_point_where_the_pixels_look(x in -10.0..10.0, z in 8.0..60.0, roll in prop_oneof![Just(0.0), -0.2..0.2]) {
             let crop = crop(&car([x, 1.6, z], 0.3));
+            let (sin, cos) = f64::sin_cos(roll);
+            let rolled = crop.camera.transformed(&Affine2 { matrix: [[cos, -sin, 5.0], [sin, cos, -9.0]] });
+            let crop = Crop { camera: rolled, ..crop };
+            prop_assert_eq!(crop.camera.is_upright(), roll == 0.0);
             let planes = crop.rays();
             let area = crop.side * crop.side;
             for cell in [0, 95, 40 * 96 + 17, area - 1] {
-                let pixel = [(cell % 96) as f64, (cell / 96) as f64];
-                let [px, py, pz] = crop.camera.point_from_pixel(pixel, 40.0);
+                let [px, py, pz] = crop.camera.point_from_pixel([cell % 96, cell / 96].map(|at| at as f64), RAY_DEPTH_M);
+                let seen = [planes[cell], planes[area + cell]].map(f32::to_bits);
+                prop_assert_eq!(seen, [px / pz, py / pz].map(|tangent| (tangent as f32).to_bits()));
                 // The fourth column moves the camera by six centimetres: a few thousandths of a ray here.
+                let [px, py, pz] = crop.camera.point_from_pixel([cell % 96, cell / 96].map(|at| at as f64), 40.0);
                 prop_assert!((f64::from(planes[cell]) - px / pz).abs() < 2e-3);
                 prop_assert!((f64::from(planes[area + cell]) - py / pz).abs() < 2e-3);
             }
         }
-
     }
 
     #[test]

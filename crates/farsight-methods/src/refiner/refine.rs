@@ -4,7 +4,7 @@ use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement
 use crate::refiner::{Effort, RefinerConfig};
 use farsight_core::nms::{SAME_OBJECT_OVERLAP, class_nms, soft_suppression};
 use farsight_core::{Box2d, Camera, ClassReference, Detection, Region, ScalePrior};
-use farsight_data::network_input_into;
+use farsight_data::network_input_in;
 use farsight_runtime::EngineError;
 use image::RgbImage;
 
@@ -47,14 +47,12 @@ pub struct Refiner {
     effort: Effort,
     /// The input, kept from call to call.
     input: Vec<f32>,
-    /// One cut-out of it.
-    pixels: Vec<f32>,
 }
 
 impl Refiner {
     /// The network of `config`, which `network` runs, with the effort [`Effort::Best`].
     pub fn new(network: RoiRunner, config: RefinerConfig) -> Self {
-        Self { network, config, effort: Effort::Best, input: Vec::new(), pixels: Vec::new() }
+        Self { network, config, effort: Effort::Best, input: Vec::new() }
     }
 
     /// The same with another effort.
@@ -69,6 +67,11 @@ impl Refiner {
     /// When the engine fails.
     pub fn share(&self) -> Result<Self, EngineError> {
         Ok(Self::new(self.network.share()?, self.config.clone()).with_effort(self.effort))
+    }
+
+    /// Whether the scores that it gives are probabilities, fitted on labelled frames.
+    pub fn is_calibrated(&self) -> bool {
+        !self.config.fusion.scores.is_empty()
     }
 
     /// Half the widths of the intervals that hold 50 and 90% of the truths, error bars.
@@ -203,18 +206,23 @@ impl Refiner {
     /// Writes what the network is to see of some cut-outs to the input.
     fn see(&mut self, image: &RgbImage, shots: &[Shot]) {
         let side = self.config.side;
-        let rules = input_rules(side);
-        self.input.clear();
-        for Shot { crop, known, mirrored } in shots {
-            network_input_into(&mut self.pixels, image, &crop.window, &rules, None);
-            if known.is_none() {
-                self.input.extend_from_slice(&self.pixels);
-                crop.rays_into(&mut self.input);
+        let (pixels, look) = (3 * side * side, INPUT_CHANNELS * side * side);
+        let looks = |shot: &Shot| usize::from(shot.known.is_none()) + usize::from(shot.mirrored);
+        self.input.resize(look * shots.iter().map(looks).sum::<usize>(), 0.0);
+        let mut inputs = self.input.as_mut_slice();
+        for shot in shots {
+            let (own, rest) = inputs.split_at_mut(look * looks(shot));
+            inputs = rest;
+            network_input_in(&mut own[..pixels], image, &shot.crop.window, &input_rules(side), None);
+            if shot.known.is_none() {
+                shot.crop.rays_in(&mut own[pixels..look]);
             }
-            if *mirrored {
-                self.pixels.chunks_exact_mut(side).for_each(<[f32]>::reverse);
-                self.input.extend_from_slice(&self.pixels);
-                crop.mirrored().rays_into(&mut self.input);
+            if shot.mirrored {
+                let start = own.len() - look;
+                own.copy_within(..pixels, start);
+                let mirrored = &mut own[start..];
+                mirrored[..pixels].chunks_exact_mut(side).for_each(<[f32]>::reverse);
+                shot.crop.mirrored().rays_in(&mut mirrored[pixels..]);
             }
         }
     }

@@ -43,6 +43,9 @@ pub struct SceneConfig {
     pub left_hand_share: f64,
     /// Share of scenes whose surfaces carry patterns that they do not have in life: blotches, stripes, tiles.
     pub textured_share: f64,
+    /// Share of the scenes by day and at dusk whose sky was photographed.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub photographed_sky_share: f64,
     /// Of sequences: from the exposure of a picture's first row to that of its last one, seconds (rolling shutter); 0
     /// exposes all rows at once. A single picture knows no motion.
     #[serde(skip_serializing_if = "is_zero")]
@@ -243,6 +246,7 @@ impl Default for SceneConfig {
             clutter: 0.0,
             left_hand_share: 0.08,
             textured_share: 0.0,
+            photographed_sky_share: 0.0,
             readout_s: 0.0,
         }
     }
@@ -308,6 +312,7 @@ impl SceneConfig {
             .or_else(|| share("distractor_share", self.distractor_share))
             .or_else(|| share("left_hand_share", self.left_hand_share))
             .or_else(|| share("textured_share", self.textured_share))
+            .or_else(|| share("photographed_sky_share", self.photographed_sky_share))
             .or_else(|| {
                 let readout_s = self.readout_s;
                 (!(0.0..=0.1).contains(&readout_s))

@@ -1,9 +1,10 @@
 //! Sun, sky and atmosphere.
 
-use super::config::Weather;
+use super::config::{SceneConfig, Weather};
 use crate::palette::{any_color, times};
 use crate::rng::SceneRng;
-use crate::scene::{Atmosphere, Canopy, Color, Sky, Sun, Vec3};
+use crate::scene::{Atmosphere, Canopy, Color, Sky, SkyMap, SkyPhotograph, Sun, Vec3};
+use crate::vector;
 
 /// The light of a scene.
 #[derive(Debug, Clone, Copy)]
@@ -20,21 +21,53 @@ pub(crate) struct Light {
 /// The stream of draws of light that is drawn apart; scenes, layouts and sensors have 0 to 2.
 const LIGHT_STREAM: u64 = 3;
 
+/// The stream of draws of photographed skies, so that scenes are as they would be without.
+const PHOTOGRAPH_STREAM: u64 = 4;
+
+/// Shares of red, green and blue in how bright a colour is (Rec. 709).
+const LUMINANCE: Color = [0.2126, 0.7152, 0.0722];
+
 impl Light {
     /// Draws the light of scene `index` of `seed`.
     ///
     /// Where a severity is said, it comes from a stream of its own, so that `rng` goes on as it would in other weather.
     pub(crate) fn of(
         weather: Weather,
-        severity: Option<u8>,
+        config: &SceneConfig,
         unusual: bool,
         [seed, index]: [u64; 2],
         rng: &mut SceneRng,
     ) -> Self {
-        let Some(severity) = severity else { return Self::sample(weather, unusual, rng) };
-        let mut light = Self::sample(weather, unusual, &mut SceneRng::new(seed, index, LIGHT_STREAM));
-        light.strengthen(weather, usize::from(severity.clamp(1, 5)) - 1);
+        let mut light = if let Some(severity) = config.severity {
+            let mut light = Self::sample(weather, unusual, &mut SceneRng::new(seed, index, LIGHT_STREAM));
+            light.strengthen(weather, usize::from(severity.clamp(1, 5)) - 1);
+            light
+        } else {
+            Self::sample(weather, unusual, rng)
+        };
+        let mut rng = SceneRng::new(seed, index, PHOTOGRAPH_STREAM);
+        if rng.chance(config.photographed_sky_share) && !unusual {
+            light.sky.photograph = light.photograph(weather, &mut rng);
+        }
         light
+    }
+
+    /// A photographed sky that suits the weather and is about as bright as the sky that it stands for.
+    fn photograph(&self, weather: Weather, rng: &mut SceneRng) -> Option<SkyPhotograph> {
+        let maps: &[SkyMap] = match weather {
+            Weather::Clear => &[SkyMap::Park, SkyMap::Sky, SkyMap::Sunrise, SkyMap::Forest],
+            Weather::Cloudy => &[SkyMap::Sky, SkyMap::Park, SkyMap::Venice],
+            Weather::Overcast | Weather::Rain | Weather::Fog => &[SkyMap::City],
+            Weather::Dusk => &[SkyMap::Dawn, SkyMap::Sunset, SkyMap::Sunrise, SkyMap::Venice],
+            Weather::Night => return None,
+        };
+        let map = rng.pick(maps);
+        let [across, _, ahead] = self.sun.direction;
+        let [across, _, ahead] = vector::normalized([across, 0.0, ahead]);
+        let Sky { zenith, horizon, clouds, cloud_color, .. } = self.sky;
+        let seen = vector::mix(vector::mix(zenith, horizon, 0.5), cloud_color, clouds);
+        let gain = vector::dot(seen, LUMINANCE) * rng.log_range(0.7, 1.4) as f32;
+        Some(SkyPhotograph { map, towards_sun: [across, ahead], gain })
     }
 
     /// Weather and darkness in step `step` of five, from 0.
@@ -140,6 +173,7 @@ fn clear(rng: &mut SceneRng, most_clouds: f32) -> Light {
             cloud_color: times([1.0, 1.0, 1.0], rng.range32(0.8, 1.5)),
             skyline: skyline(rng),
             seed: rng.seed(),
+            photograph: None,
         },
         atmosphere: Atmosphere {
             fog_color: times(horizon, 0.8),
@@ -172,6 +206,7 @@ fn overcast(rng: &mut SceneRng) -> Light {
             cloud_color: times([1.0, 1.0, 1.02], grey * rng.range32(0.7, 1.2)),
             skyline: skyline(rng),
             seed: rng.seed(),
+            photograph: None,
         },
         atmosphere: Atmosphere {
             fog_color: times(horizon, 0.9),
@@ -216,6 +251,7 @@ fn night(rng: &mut SceneRng) -> Light {
             cloud_color: times(horizon, 0.7),
             skyline: skyline(rng),
             seed: rng.seed(),
+            photograph: None,
         },
         atmosphere: Atmosphere {
             fog_color: times(horizon, 0.6),

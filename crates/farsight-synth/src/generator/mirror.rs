@@ -15,6 +15,10 @@ pub(crate) fn mirror(generated: &mut LabelledScene) {
         vertex.normal[0] = -vertex.normal[0];
     }
     scene.sun.direction[0] = -scene.sun.direction[0];
+    // The photograph itself is not mirrored: its sun moves to where the scene's is.
+    if let Some(photograph) = &mut scene.sky.photograph {
+        photograph.towards_sun[0] = -photograph.towards_sun[0];
+    }
     for lamp in &mut scene.lamps {
         lamp.position[0] = -lamp.position[0];
         lamp.direction[0] = -lamp.direction[0];

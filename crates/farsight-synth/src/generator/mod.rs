@@ -57,7 +57,7 @@ fn drawn(config: &SceneConfig, [seed, index]: [u64; 2], told_left: Option<bool>)
     let place = rng.weighted(&config.places.table());
     let weather = rng.weighted(&config.weather.table());
     let unusual = rng.chance(config.unusual_share);
-    let light = Light::of(weather, config.severity, unusual, [seed, index], &mut rng);
+    let light = Light::of(weather, config, unusual, [seed, index], &mut rng);
     let ground = Ground::sample(view.height_m, &mut rng);
     let left_hand = rng.chance(region.map_or(config.left_hand_share, |region| region.left_hand_share));
     let left_hand = told_left.unwrap_or(left_hand);

@@ -33,6 +33,7 @@ mod lamps;
 mod lanes;
 mod noise;
 mod pattern;
+mod photographs;
 mod pieces;
 mod projected;
 mod raster;

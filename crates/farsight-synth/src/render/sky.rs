@@ -16,17 +16,23 @@ const SURROUNDINGS_M: f32 = 6.0;
 pub(crate) fn color(scene: &Scene, d: Vec3s) -> Vec3s {
     let up = (-d[1]).fast_max(Lanes::ZERO);
     let facing = dot(d, all3(scene.sun.direction)).fast_max(Lanes::ZERO);
-    let clear = add(gradient(scene, up), scale(all3(scene.sun.color), glow(scene, facing)));
-    let cover = clouds(scene, d, up);
+    let sun = scale(all3(scene.sun.color), glow(scene, facing));
+    let seen = match scene.sky.photograph {
+        Some(photograph) => add(photograph.color(d), sun),
+        None => mix(add(gradient(scene, up), sun), cloud(scene, facing), clouds(scene, d, up)),
+    };
     let fog = exp(all(-scene.atmosphere.fog_density * FOG_THICKNESS_M) / (up + all(0.03)));
-    mix(all3(scene.atmosphere.fog_color), mix(clear, cloud(scene, facing), cover), fog)
+    mix(all3(scene.atmosphere.fog_color), seen, fog)
 }
 
 /// What a smooth surface at `position` mirrors in unit directions `d`: the sky, houses and trees, the ground.
 pub(crate) fn mirrored(scene: &Scene, position: Vec3s, d: Vec3s) -> Vec3s {
     let sky = &scene.sky;
     let up = -d[1];
-    let above = mix(gradient(scene, up.fast_max(Lanes::ZERO)), all3(sky.cloud_color), all(0.85 * sky.clouds));
+    let above = match sky.photograph {
+        Some(photograph) => photograph.color(d),
+        None => mix(gradient(scene, up.fast_max(Lanes::ZERO)), all3(sky.cloud_color), all(0.85 * sky.clouds)),
+    };
     let towards = add_scaled(d, position, all(1.0 / SURROUNDINGS_M));
     let roofs = Noise { scale: 0.35, octaves: 4, seed: sky.seed }.at([towards[0], towards[2]], Lanes::ZERO);
     let roof = all(sky.skyline) + all(0.9) * roofs;

@@ -62,7 +62,7 @@ pub(super) fn sequence_from_labels(config: &SceneConfig, layout: &SequenceLayout
     view.device = device;
     let unusual = rng.chance(config.unusual_share);
     let weather = rng.weighted(&config.weather.table());
-    let mut light = Light::of(weather, config.severity, unusual, [seed, 0], &mut rng);
+    let mut light = Light::of(weather, config, unusual, [seed, 0], &mut rng);
     // As in other sequences.
     light.sun.canopy = None;
     let road = road(layout, &tracks);

@@ -161,7 +161,7 @@ impl SequenceStream {
         let place = rng.weighted(&config.places.table());
         let weather = rng.weighted(&config.weather.table());
         let unusual = rng.chance(config.unusual_share);
-        let mut light = Light::of(weather, config.severity, unusual, [seed, index], &mut rng);
+        let mut light = Light::of(weather, config, unusual, [seed, index], &mut rng);
         // Patches of sun are fixed to the camera's axes, in which they would move along with it.
         light.sun.canopy = None;
         let ground = Ground::sample(view.height_m, &mut rng);

@@ -5,7 +5,7 @@
 
 use farsight_core::{Box3d, Camera, Dimensions, Label, ObjectClass};
 use farsight_data::Frame;
-use farsight_synth::{SceneConfig, SceneStream, frame_from_labels};
+use farsight_synth::{SceneConfig, SceneStream, WeatherWeights, frame_from_labels};
 
 /// Fowler, Noll and Vo's hash of an image and of what its labels say.
 fn hash(frame: &Frame) -> u64 {
@@ -30,6 +30,21 @@ fn random_scenes_have_the_bytes_that_they_always_had() {
         (0..6).fold(0u64, |sum, index| sum.wrapping_mul(31) ^ hash(&stream.frame(index)))
     });
     assert_eq!(found, [14_942_211_420_033_905_772, 14_276_656_112_349_311_269, 6_599_092_731_516_512_032]);
+}
+
+#[test]
+fn photographed_skies_change_pictures_and_no_labels() {
+    let stream = |photographed_sky_share: f64| {
+        let weather = WeatherWeights { night: 0.0, ..WeatherWeights::default() };
+        let config = SceneConfig { photographed_sky_share, weather, unusual_share: 0.0, ..SceneConfig::default() };
+        SceneStream { config: small(config), seed: 43 }
+    };
+    let (drawn, photographed) = (stream(0.0), stream(1.0));
+    for index in 0..4 {
+        let (drawn, photographed) = (drawn.frame(index), photographed.frame(index));
+        assert_eq!(drawn.labels, photographed.labels);
+        assert_ne!(drawn.image, photographed.image);
+    }
 }
 
 #[test]

@@ -58,7 +58,7 @@ pub(crate) struct RangeArgs {
     /// Which distance to give
     #[arg(long, value_enum, default_value_t = RangeName::Depth)]
     range: RangeName,
-    /// Leave out what has a lower score [default: 0.25, or 0.5 for a model whose scores are probabilities]
+    /// Leave out what has a lower score [default: 0.5, or 0.25 where scores are no probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
     /// What once asked for the exit status that failed images have anyway

@@ -73,7 +73,7 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "FILE", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
     /// A detection of this score begins a track; lower ones may continue one
-    /// [default: 0.25, or 0.5 for a model whose scores are probabilities]
+    /// [default: 0.5, or 0.25 where scores are no probabilities]
     #[arg(long, value_name = "SCORE", value_parser = score, allow_negative_numbers = true)]
     min_score: Option<f64>,
     // Last, because their help headings would go on to what follows.

@@ -87,6 +87,7 @@ pub fn empty(camera: Camera, image_size: [usize; 2]) -> Scene {
             cloud_color: [0.8, 0.8, 0.82],
             skyline: 0.13,
             seed: 5,
+            photograph: None,
         },
         atmosphere: Atmosphere { fog_color: [0.6, 0.66, 0.75], fog_density: 0.002, wetness: 0.0, rain: 0.0 },
         device: Device::Any,
