@@ -1,11 +1,13 @@
 //! Which methods can be trained: a config file says the method by its tag.
 
+mod parts;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use farsight_data::Dataset;
 use farsight_graph::model::NetworkConfig;
-use farsight_train::config::{RunConfig, RunConfigError, method_of, read_method};
+use farsight_train::config::{RunConfig, RunConfigError, method_of, read_table};
 use farsight_train::task::{RunOf, Task};
 use farsight_train::training::{Callback, FileOptions, Job, TrainError, fit_file, fit_on};
 
@@ -57,13 +59,18 @@ pub const TAGS: [&str; TASKS.len()] = {
     tags
 };
 
-/// Trains the method that the config file at `path` names. Returns the path of the model.
+/// Trains the method that the config file at `path` names, part after part where it has `[[parts]]`. Returns the path
+/// of the model.
 ///
 /// # Errors
 /// When the file names no method that is known here, and as [`farsight_train::training::fit`].
 pub fn train(path: &Path, options: &FileOptions, callback: &mut dyn Callback) -> Result<PathBuf, TrainError> {
-    let tag = read_method(path, &TAGS)?;
-    (method(&tag).train)(path, options, callback)
+    let table = read_table(path)?;
+    let tag = method_of(&table, &TAGS, path)?;
+    match parts::parts(table, path)? {
+        Some(parts) => parts::train(&parts, path, options, callback),
+        None => (method(&tag).train)(path, options, callback),
+    }
 }
 
 /// Trains the method that the config `table` names on `dataset`, whatever data it names itself; `path` is only what
@@ -82,14 +89,18 @@ pub fn train_on(
     (method(&tag).train_on)(table, path, dataset, options, callback)
 }
 
-/// Checks the config of a training that is in memory; `path` is only what errors call it.
+/// Checks the config of a training that is in memory, all of its parts where it has `[[parts]]`; `path` is only what
+/// errors call it.
 ///
 /// # Errors
 /// When it names no method that is known here, has a field that its method does not have, or a value that cannot be
 /// used.
 pub fn check(table: &toml::Table, path: &Path) -> Result<(), RunConfigError> {
     let tag = method_of(table, &TAGS, path)?;
-    (method(&tag).check)(table.clone(), path)
+    match parts::parts(table.clone(), path)? {
+        Some(_) => Ok(()),
+        None => (method(&tag).check)(table.clone(), path),
+    }
 }
 
 /// The method of a tag that is known.

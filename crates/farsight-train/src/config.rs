@@ -64,12 +64,12 @@ pub struct ValidateConfig {
     pub limit: usize,
 }
 
-/// The tag of the method that the config file at `path` is of, which must be one of `known`.
+/// A config file as it is written.
 ///
 /// # Errors
-/// When the file cannot be read, is no TOML, or names no method that is known.
-pub fn read_method(path: &Path, known: &[&str]) -> Result<String, RunConfigError> {
-    method_of(&parsed(path)?, known, path)
+/// When the file cannot be read or is no TOML.
+pub fn read_table(path: &Path) -> Result<toml::Table, RunConfigError> {
+    parsed(path)
 }
 
 /// The tag of the method that a config in memory is of, which must be one of `known`; `path` is only what errors call

@@ -70,6 +70,11 @@ pub struct Start {
 
 /// Told how a run goes, and asked to measure.
 pub trait Callback {
+    /// Part `number`, from 1, of `of` parts begins; a run that has none says nothing.
+    fn on_part(&mut self, name: &str, number: usize, of: usize) {
+        let _ = (name, number, of);
+    }
+
     /// The run starts, or goes on.
     fn on_start(&mut self, start: Start);
 

@@ -30,6 +30,8 @@ struct RunFile {
     _task: toml::Table,
     #[serde(default, rename = "validate")]
     _validate: toml::Table,
+    #[serde(default, rename = "parts")]
+    _parts: Vec<toml::Table>,
 }
 
 impl RunFile {

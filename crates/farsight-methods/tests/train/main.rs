@@ -16,6 +16,7 @@ mod golden_network;
 mod golden_support;
 mod gs3d;
 mod imported_checkpoints;
+mod in_parts;
 mod monodle;
 mod monogrnet;
 mod oftnet;

@@ -96,6 +96,10 @@ pub(crate) mod progress {
     }
 
     impl Callback for Progress<'_> {
+        fn on_part(&mut self, name: &str, number: usize, of: usize) {
+            self.printer.status(&format!("part {name}, {number} of {of}"));
+        }
+
         fn on_start(&mut self, Start { done, total, loaded, precision, is_emulated }: Start) {
             if is_emulated {
                 self.printer.warning(
