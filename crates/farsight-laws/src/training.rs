@@ -4,15 +4,21 @@ use std::path::Path;
 
 use farsight_graph::weights::{FILE_SHA256_KEY, Weights};
 use farsight_methods::each_task;
-use farsight_methods::training::TaskVisitor;
+use farsight_methods::training::{TaskVisitor, check};
 use farsight_train::checkpoint::{data_of, read};
-use farsight_train::config::RunConfig;
+use farsight_train::config::{RunConfig, read_table};
 use farsight_train::task::{RunOf, Task};
 
 use crate::text::{accepted, as_file};
 
-/// A config of a training, of every method, through a file as users have it.
+/// A config of a training, of every method, through a file as users have it; or of one in parts.
 pub(crate) fn config(bytes: &[u8]) -> bool {
+    let (_folder, path) = as_file("input.toml", bytes);
+    if let Ok(table) = read_table(&path)
+        && table.contains_key("parts")
+    {
+        return accepted(check(&table, &path), &path).is_some();
+    }
     let mut runs = Runs { bytes, accepted: false };
     each_task(&mut runs);
     runs.accepted
