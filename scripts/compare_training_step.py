@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Seconds of one training step: Farsight against PyTorch 2.11, interleaved, medians.
 
-    cargo xtask exec cargo build --workspace --features farsight/train --example step_speed
-    cargo xtask exec python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed \
+    cargo xtask exec cargo build --release -p farsight-methods --features train --example step_speed
+    cargo xtask exec python3 scripts/compare_training_step.py --farsight target/release/examples/step_speed \
         --table docs/results/training-step.json
 
-python3 must have PyTorch 2.11. It is eager and in single precision; with --best it is compiled (torch.compile, for which
-it needs g++ and Python's headers), with channels last and autocast to bfloat16, and Farsight in bf16, too. All but a few milliseconds of a step are libtorch's, so the build profile does not matter.
+python3 must have PyTorch 2.11. It is eager and in single precision; with --best it is compiled (torch.compile, for
+which it needs g++ and Python's headers), with channels last and autocast to bfloat16, and Farsight in bf16, too.
 
 The PyTorch half is the same network (DLA-34, neck, heads), the same batch, focal and corner loss and torch.optim.Adam. Its
 deformable convolution is the same nine bilinear taps; --torchvision uses torchvision.ops.deform_conv2d instead. --table
@@ -255,7 +255,8 @@ def main():
     print(f"{args.neck} {args.norm} width {args.width} {args.size[0]}x{args.size[1]} batch {args.batch} threads {args.threads}")
     print(f"PyTorch {theirs:.3f} s   Farsight {ours:.3f} s   median ratio {ratio:.3f}")
     if args.table:
-        command = "python3 scripts/compare_training_step.py --farsight target/debug/examples/step_speed --neck NECK --norm NORM"
+        command = "python3 scripts/compare_training_step.py --farsight target/release/examples/step_speed"
+        command += " --neck NECK --norm NORM [--best]"
         table = MeasuredTable.opened(args.table, f"{command} --rounds {args.rounds} --threads {args.threads}", COLUMNS)
         network = f"{args.neck} neck, {args.norm} norm, width {args.width}" + ", torchvision" * args.torchvision
         network += ", bf16, compiled" * args.best

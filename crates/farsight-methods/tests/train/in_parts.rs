@@ -61,7 +61,7 @@ fn each_part_goes_on_from_the_one_before_or_from_a_mean() {
     let said = fs::read_to_string(root.join("out/second.toml")).unwrap();
     assert!(said.contains("out/first/model.safetensors") && said.contains("seed = 9"), "{said}");
 
-    // A run that was killed in its second part, and one that is done.
+    // A run that was killed after its second part, and one that is done.
     fs::remove_dir_all(root.join("out/third")).unwrap();
     let (again, steps) = trained(root, PARTS, true);
     assert_eq!((again.unwrap().tensors, steps), (third.tensors.clone(), 2));
