@@ -18,6 +18,7 @@ pub mod detectors;
 mod file;
 pub mod input_spec;
 pub mod method;
+pub mod patch;
 pub mod roi;
 #[macro_use]
 mod table;

@@ -3,6 +3,9 @@
 use crate::rng::SceneRng;
 use crate::scene::{Color, Material, MaterialId, Pattern};
 
+/// Share of red, green and blue in what the eye sees as grey (ITU-R BT.709, linear light).
+pub(crate) const LUMA: Color = [0.2126, 0.7152, 0.0722];
+
 /// Colours of cars and how often they are drawn: mostly black, grey, silver and white, as in Europe's streets. Chosen
 /// by eye, not counted.
 pub(crate) const CAR_COLORS: [(Color, f64); 14] = [

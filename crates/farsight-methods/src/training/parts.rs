@@ -20,6 +20,7 @@ use farsight_train::training::{Callback, FileOptions, TrainError};
 use serde::Deserialize;
 
 use super::{TAGS, method};
+use crate::patch::lay_over;
 
 /// One part.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +82,7 @@ pub(super) fn parts(mut table: toml::Table, path: &Path) -> Result<Option<Vec<Pa
             return Err(refused(format!("part {name}: mean_of names {unknown:?}; expected a part before it")));
         }
         let mut config = table.clone();
-        merge(&mut config, changes);
+        lay_over(&mut config, &changes);
         let start = match (start_from(&config), mean_of) {
             (Some(_), Some(_)) => {
                 return Err(refused(format!("part {name} has mean_of and train.start_from; expected one of them")));
@@ -156,7 +157,7 @@ impl Part {
         let mut config = self.config.clone();
         if self.start != Start::AsSaid {
             let start_from = toml::Table::from_iter([("start_from".to_owned(), start.display().to_string().into())]);
-            merge(&mut config, toml::Table::from_iter([("train".to_owned(), start_from.into())]));
+            lay_over(&mut config, &toml::Table::from_iter([("train".to_owned(), start_from.into())]));
         }
         config
     }
@@ -165,14 +166,4 @@ impl Part {
 /// What a config says of where it starts.
 fn start_from(config: &toml::Table) -> Option<&toml::Value> {
     config.get("train")?.get("start_from")
-}
-
-/// Puts `changes` into `table`: tables are changed themselves, everything else is replaced.
-fn merge(table: &mut toml::Table, changes: toml::Table) {
-    for (key, value) in changes {
-        match (table.get_mut(&key), value) {
-            (Some(toml::Value::Table(inner)), toml::Value::Table(changes)) => merge(inner, changes),
-            (_, value) => drop(table.insert(key, value)),
-        }
-    }
 }

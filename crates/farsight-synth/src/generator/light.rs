@@ -1,7 +1,7 @@
 //! Sun, sky and atmosphere.
 
 use super::config::{SceneConfig, Weather};
-use crate::palette::{any_color, times};
+use crate::palette::{LUMA, any_color, times};
 use crate::rng::SceneRng;
 use crate::scene::{Atmosphere, Canopy, Color, Sky, SkyMap, SkyPhotograph, Sun, Vec3};
 use crate::vector;
@@ -23,9 +23,6 @@ const LIGHT_STREAM: u64 = 3;
 
 /// The stream of draws of photographed skies, so that scenes are as they would be without.
 const PHOTOGRAPH_STREAM: u64 = 4;
-
-/// Shares of red, green and blue in how bright a colour is (Rec. 709).
-const LUMINANCE: Color = [0.2126, 0.7152, 0.0722];
 
 impl Light {
     /// Draws the light of scene `index` of `seed`.
@@ -66,7 +63,7 @@ impl Light {
         let [across, _, ahead] = vector::normalized([across, 0.0, ahead]);
         let Sky { zenith, horizon, clouds, cloud_color, .. } = self.sky;
         let seen = vector::mix(vector::mix(zenith, horizon, 0.5), cloud_color, clouds);
-        let gain = vector::dot(seen, LUMINANCE) * rng.log_range(0.7, 1.4) as f32;
+        let gain = vector::dot(seen, LUMA) * rng.log_range(0.7, 1.4) as f32;
         Some(SkyPhotograph { map, towards_sun: [across, ahead], gain })
     }
 

@@ -4,11 +4,9 @@ use wide::{bytemuck::cast, f32x4, i32x4, u32x4};
 
 use super::curve::ToneCurve;
 use super::model::SensorModel;
+use crate::palette::LUMA;
 use crate::scene::Color;
 use crate::vector::float;
-
-/// Share of red, green and blue in what the eye sees as grey (ITU-R BT.709, linear light).
-const LUMA: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// The sum of four numbers of five bits has this mean and this standard deviation; it is close to normal.
 const SUM_MEAN: f32 = 62.0;

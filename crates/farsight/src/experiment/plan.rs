@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use farsight::shipped::Family;
 use farsight_files::read_config;
+use farsight_methods::patch::lay_over;
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -361,21 +362,6 @@ pub(crate) fn set(config: &mut Table, table: &str, field: &str, value: Value) {
     let table = config.entry(table).or_insert_with(|| Value::Table(Table::new()));
     if let Value::Table(table) = table {
         table.insert(field.to_owned(), value);
-    }
-}
-
-/// Lays `patch` over `config`: tables are joined, all else is replaced. A table with a `rule` or `kind` of its own is
-/// one value, as its fields go with it.
-fn lay_over(config: &mut Table, patch: &Table) {
-    for (name, value) in patch {
-        match (config.get_mut(name), value) {
-            (Some(Value::Table(old)), Value::Table(new)) if !new.contains_key("rule") && !new.contains_key("kind") => {
-                lay_over(old, new);
-            }
-            _ => {
-                config.insert(name.clone(), value.clone());
-            }
-        }
     }
 }
 
