@@ -192,6 +192,9 @@ impl PrecisionChoice {
 pub struct TrainConfig {
     /// Passes over the data.
     pub epochs: u64,
+    /// Steps after which the run ends, although its schedule is that of all epochs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_steps: Option<u64>,
     /// Frames a step.
     pub batch_size: usize,
     /// Initial learning rate. The paper gives none; 2.5e-4 is official SMOKE's.
@@ -244,6 +247,7 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             epochs: 140,
+            max_steps: None,
             batch_size: 8,
             learning_rate: 2.5e-4,
             weight_decay: 5e-4,
@@ -305,6 +309,7 @@ impl<M: NetworkConfig, C: TaskConfig> RunConfig<M, C> {
         let mut identity = self.clone();
         identity.data = self.data.identity();
         identity.validate = None;
+        identity.train.max_steps = train.max_steps;
         identity.train.checkpoint_steps = train.checkpoint_steps;
         identity.train.log_steps = train.log_steps;
         identity.train.statistics_batches = train.statistics_batches;
@@ -336,6 +341,7 @@ impl TrainConfig {
     pub fn problem(&self) -> Option<String> {
         let positive = [
             ("epochs", self.epochs as f64),
+            ("max_steps", self.max_steps.map_or(1.0, |steps| steps as f64)),
             ("batch_size", self.batch_size as f64),
             ("learning_rate", self.learning_rate),
             ("bias_rate_factor", self.bias_rate_factor),

@@ -288,13 +288,14 @@ impl<T: Task> Trainer<'_, T> {
         let loader = self.loader(progress.position, Some(train.epochs))?;
         let batches = loader.batches_per_epoch();
         let total = batches * train.epochs;
+        let end = train.max_steps.map_or(total, |steps| steps.min(total));
         let mut metrics = MetricsWriter::open(out, progress.steps).map_err(write_error)?;
         let precision = self.numbers();
         let is_emulated = precision == Precision::Bf16 && !has_bf16(learner.network.device());
-        callback.on_start(Start { done: progress.steps, total, loaded: learner.loaded, precision, is_emulated });
+        callback.on_start(Start { done: progress.steps, total: end, loaded: learner.loaded, precision, is_emulated });
 
         let mut window = Window::new();
-        for batch in loader {
+        for batch in loader.take(end.saturating_sub(progress.steps) as usize) {
             let Batch { position, items } =
                 batch.map_err(|source| TrainError::Sample { step: progress.steps, source })?;
             let rate = train.rate(progress.steps, total);
@@ -303,11 +304,11 @@ impl<T: Task> Trainer<'_, T> {
             if let Some(step) = &step {
                 callback.on_step(&window.add(step, progress.steps, position.epoch, rate).summary());
             }
-            let is_due = |every: u64| progress.steps.is_multiple_of(every) || progress.steps == total;
+            let is_due = |every: u64| progress.steps.is_multiple_of(every) || progress.steps == end;
             if is_due(train.log_steps) {
                 metrics.write(&window.finish(progress.steps, position.epoch, rate)).map_err(write_error)?;
             }
-            let stops = progress.steps < total && callback.stops();
+            let stops = progress.steps < end && callback.stops();
             if stops || is_due(train.checkpoint_steps) {
                 learner.write(&self.checkpoint_path(), progress, &run.identity(), &self.data)?;
             }

@@ -82,3 +82,23 @@ fn a_killed_run_ends_in_the_same_bytes() {
     };
     assert_eq!(losses("whole"), losses("killed"));
 }
+
+#[test]
+fn a_run_that_ends_early_can_go_on_to_the_same_bytes() {
+    let folder = data_set(6);
+    let data = folder.path();
+    let model = |out: &str| fs::read(data.join(out).join(SmokeTask::MODEL_FILE)).unwrap();
+    let train = |job: &Job<SmokeRun>| fit::<SmokeTask>(job, &mut Silent::default()).unwrap();
+    train(&job(data, "whole", false));
+
+    let mut first = job(data, "short", false);
+    first.run.train.max_steps = Some(5);
+    train(&first);
+    assert_eq!(lines(&data.join("short/metrics.jsonl")), 5);
+    let early = model("short");
+    // What is done stays done.
+    train(&Job { resume: true, ..first });
+    assert!(early == model("short") && early != model("whole"));
+    train(&job(data, "short", true));
+    assert!(model("short") == model("whole"), "the models differ");
+}
