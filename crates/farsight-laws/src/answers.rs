@@ -9,8 +9,6 @@ pub(crate) mod told_tracks;
 
 use std::path::Path;
 
-use serde_json::Value;
-
 use crate::experiment::results::Results;
 use crate::shard::manifest::{FILE, Manifest};
 use crate::text::{accepted, as_file};
@@ -40,7 +38,7 @@ fn ranged(bytes: &[u8]) -> bool {
         assert_eq!(again.len(), records.len());
         for ((first, _), (second, _)) in records.iter().zip(&again) {
             let [first, second] = [first, second].map(|record| serde_json::to_value(record).expect("what was read"));
-            assert!(same(&first, &second), "{first} is not {second}");
+            assert_eq!(first, second);
         }
     }
     is_accepted
@@ -76,22 +74,6 @@ fn results(bytes: &[u8]) -> bool {
     results.write(&path).expect("a file for the results");
     let again = Results::read(&path).expect("what was written");
     let [first, second] = [&results, &again].map(|results| serde_json::to_value(results).expect("what was read"));
-    assert!(same(&first, &second), "{first} is not {second}");
+    assert_eq!(first, second);
     true
-}
-
-/// Whether two values are the same up to the last bit of their numbers: the reader of JSON rounds numbers of many
-/// digits to a neighbour at times.
-fn same(a: &Value, b: &Value) -> bool {
-    match (a, b) {
-        (Value::Number(a), Value::Number(b)) => match (a.as_f64(), b.as_f64()) {
-            (Some(a), Some(b)) => (a - b).abs() <= 4.0 * f64::EPSILON * a.abs(),
-            _ => a == b,
-        },
-        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b)),
-        (Value::Object(a), Value::Object(b)) => {
-            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| same(a, b)))
-        }
-        _ => a == b,
-    }
 }

@@ -102,3 +102,15 @@ fn a_run_that_ends_early_can_go_on_to_the_same_bytes() {
     train(&job(data, "short", true));
     assert!(model("short") == model("whole"), "the models differ");
 }
+
+#[test]
+fn numbers_of_a_config_are_those_of_its_checkpoint_to_the_last_bit() {
+    let folder = data_set(6);
+    let data = folder.path();
+    for learning_rate in [1e-30, 1.0 / 3.0e10, 5e-324] {
+        let mut job = job(data, &format!("rate-{learning_rate:e}"), false);
+        (job.run.train.epochs, job.run.train.learning_rate) = (1, learning_rate);
+        fit::<SmokeTask>(&job, &mut Silent::default()).unwrap();
+        fit::<SmokeTask>(&Job { resume: true, ..job }, &mut Silent::default()).unwrap();
+    }
+}

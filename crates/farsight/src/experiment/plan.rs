@@ -233,6 +233,9 @@ impl Experiment {
             let is_there = is_there(&self.base) || self.arms.values().any(|arm| is_there(&arm.patch));
             ensure!(!is_there, "{table}.{field} is the experiment's to say; expected none in base and arms");
         }
+        let in_parts = |config: &Table| config.contains_key("parts");
+        let in_parts = in_parts(&self.base) || self.arms.values().any(|arm| in_parts(&arm.patch));
+        ensure!(!in_parts, "parts in base or an arm; a cell of an experiment is one training, expected none");
         Ok(())
     }
 
@@ -485,6 +488,11 @@ claims = { ap3d = 0.56 }
                 "method = \"smoke\"",
                 "method = \"smoke\"\ntrain = { seed = 1 }",
                 "train.seed is the experiment's to say; expected none in base and arms",
+            ),
+            (
+                "method = \"smoke\"",
+                "method = \"smoke\"\nparts = [{ name = \"first\" }]",
+                "parts in base or an arm; a cell of an experiment is one training, expected none",
             ),
             ("least_seeds = 2", "least_seeds = 0", "endpoints.least_seeds is 0; expected at least 1"),
             (
