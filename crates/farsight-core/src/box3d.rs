@@ -2,7 +2,7 @@
 
 use crate::linear::norm;
 use crate::scalar::Scalar;
-use crate::{Affine2, Box2d, Camera, wrapped_angle};
+use crate::{Affine2, Box2d, Camera, Pose, wrapped_angle};
 
 /// Size of an object in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,6 +125,16 @@ impl Box3d {
         let Dimensions { height, width, length } = self.dimensions;
         let dimensions = Dimensions { height: height * factor, width: width * factor, length: length * factor };
         Self { dimensions, location: self.location.map(|v| v * factor), yaw: self.yaw }
+    }
+
+    /// The box in other coordinates, into which `other_from_this` takes points; it stands upright there, with the heading
+    /// that it has as seen from above.
+    #[must_use]
+    pub fn moved(&self, other_from_this: &Pose) -> Self {
+        let (sin, cos) = self.yaw.sin_cos();
+        let heading = other_from_this.rotation.map(|row| row[0] * cos - row[2] * sin);
+        let location = other_from_this.apply(self.location);
+        Self { dimensions: self.dimensions, location, yaw: (-heading[2]).atan2(heading[0]) }
     }
 
     /// By so much depth, metres, the box can be moved over the ground along its ray until it overlaps the place where

@@ -2,9 +2,9 @@
 
 use thiserror::Error;
 
-use crate::Affine2;
 use crate::linear::{dot, norm, solved};
 use crate::scalar::Scalar;
+use crate::{Affine2, Pose};
 
 /// A camera: the 3x4 matrix from camera coordinates (metres) to homogeneous pixels.
 ///
@@ -186,6 +186,18 @@ impl Camera {
         let [first, second, third] = self.projection;
         let row = |m: [f64; 3]| [0, 1, 2, 3].map(|j| m[0] * first[j] + m[1] * second[j] + m[2] * third[j]);
         Self { projection: [row(map.matrix[0]), row(map.matrix[1]), third] }
+    }
+
+    /// The same camera in other coordinates, into which `other_from_camera` takes points.
+    #[must_use]
+    pub fn moved(&self, other_from_camera: &Pose) -> Self {
+        let Pose { rotation, translation_m } = other_from_camera.inverse();
+        let projection = self.projection.map(|row| {
+            let by = |axis: usize| (0..3).map(|k| row[k] * rotation[k][axis]).sum::<f64>();
+            let last = (0..3).map(|k| row[k] * translation_m[k]).sum::<f64>() + row[3];
+            [by(0), by(1), by(2), last]
+        });
+        Self { projection }
     }
 
     /// The camera that sees the left-right mirrored image of a mirrored world.

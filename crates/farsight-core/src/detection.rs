@@ -1,6 +1,6 @@
 //! What a detector says: the type that every method, stage and front end shares.
 
-use crate::{Box2d, Box3d, Camera, ClassReference, DepthReference, MeasuredDepth, ObjectClass};
+use crate::{Box2d, Box3d, Camera, ClassReference, DepthReference, MeasuredDepth, ObjectClass, Pose};
 
 /// One vehicle or person found in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +29,15 @@ impl Detection {
     pub fn move_to(&mut self, MeasuredDepth { depth_m, log_sigma }: MeasuredDepth) {
         self.box3d = self.box3d.scaled(depth_m / self.box3d.depth_m());
         self.range_sigma_m = Some(log_sigma * depth_m);
+    }
+
+    /// The detection in other coordinates, into which `other_from_this` takes points. Its error bar is the same share of
+    /// its depth.
+    #[must_use]
+    pub fn moved(&self, other_from_this: &Pose) -> Self {
+        let box3d = self.box3d.moved(other_from_this);
+        let range_sigma_m = self.sigma_of_m(box3d.depth_m());
+        Self { class: self.class.clone(), box3d, range_sigma_m, ..*self }
     }
 
     /// Observation angle, radians.

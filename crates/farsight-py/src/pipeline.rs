@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use farsight::builder::PITCHES_DEG;
 use farsight::{
     CameraSource, CameraSourceError, Device, Effort, EngineKind, EngineOptions, Exif, ImageLimits, LoadedImage,
     ModelSource, PipelineBuilder, Precision, ViewSource, load_image, model_file,
@@ -55,6 +56,7 @@ impl Pipeline {
         threads: Option<usize>,
         region: &str,
         above_road: Option<f64>,
+        pitch: Option<f64>,
         effort: &str,
         denoise: bool,
     ) -> PyResult<Self> {
@@ -73,11 +75,16 @@ impl Pipeline {
             region.parse().map_err(|expected| PyValueError::new_err(format!("region {region:?}: {expected}")))?;
         let road =
             above_road.map(|height_m| Road::below_by(height_m).ok_or_else(|| no_height(height_m))).transpose()?;
+        if let Some(degrees) = pitch.filter(|degrees| !(PITCHES_DEG[0]..=PITCHES_DEG[1]).contains(degrees)) {
+            let [least, most] = PITCHES_DEG;
+            return Err(PyValueError::new_err(format!("pitch is {degrees}; expected degrees, from {least} to {most}")));
+        }
         let effort = iterations(effort)?;
         let unhashed = model_file::hash_note(&model);
         let builder = farsight::Pipeline::builder().model(ModelSource::from_word(model)).engine_options(options);
         let builder =
             road.into_iter().fold(builder.region(region), PipelineBuilder::road).effort(effort).denoise(denoise);
+        let builder = pitch.map(f64::to_radians).into_iter().fold(builder, PipelineBuilder::pitch);
         let inner = py.detach(|| builder.open()).map_err(|error| errors::pipeline(&error))?;
         let notes = unhashed.into_iter().chain(inner.disabled_stages_note()).collect();
         Ok(Self { inner, notes, builder, above_road })

@@ -19,6 +19,9 @@ use crate::{Device, EngineKind, EngineOptions, Error, Precision, second_stage, s
 /// Two vehicles cannot overlap; what is told of them may, by the errors of their distances.
 pub const MAX_OVERLAP: f64 = 0.1;
 
+/// Cameras that look farther up or down see roads as no model here knows them, degrees.
+pub const PITCHES_DEG: [f64; 2] = [-45.0, 60.0];
+
 /// What errors call the plate reader.
 pub const PLATE_READER: &str = "the plate reader";
 
@@ -35,6 +38,7 @@ pub struct PipelineBuilder {
     refiner: StageSource,
     plates: StageSource,
     road: Option<Road>,
+    pitch_rad: Option<f64>,
     region: Region,
     decode: DecodeOptions,
     low_score: Option<f64>,
@@ -156,6 +160,13 @@ impl PipelineBuilder {
         Self { road: Some(road), ..self }
     }
 
+    /// How far down the camera looks, radians: between its optical axis and the road. By default what is seen tells. For
+    /// cameras whose calibration says nothing of it, and pipelines with a refiner.
+    #[must_use]
+    pub fn pitch(self, pitch_rad: f64) -> Self {
+        Self { pitch_rad: Some(pitch_rad), ..self }
+    }
+
     /// The part of the world that the images are from, by the sizes of its vehicles; anywhere by default. For a refiner
     /// that was fitted by regions.
     #[must_use]
@@ -261,6 +272,7 @@ impl PipelineBuilder {
                 .transpose()?,
             plate_reader: plates.map(|model| second_stage::plate_reader(&model, &second)).transpose()?,
             height_conflicts: Vec::new(),
+            pitches_rad: Vec::new(),
         };
         let needs_error_bars =
             [(PLATE_READER, self.plates.is_asked_for()), (ROAD, self.road.is_some_and(|road| road != Road::Ignored))];
@@ -280,6 +292,7 @@ impl PipelineBuilder {
             max_overlap: self.max_overlap.unwrap_or(MAX_OVERLAP),
             road: self.road.unwrap_or(usual_road),
             is_road_chosen: self.road.is_some(),
+            pitch_rad: self.pitch_rad,
             scale: scale.unwrap_or_default(),
             range: self.range,
             denoise: !self.keeps_noise,

@@ -71,7 +71,7 @@ pub use farsight_track::{EgoMotion, Frame, Track, TrackError, Tracker, TrackerOp
 pub use image::RgbImage;
 pub use libraries::{Library, LibraryError};
 pub use object::{DetectedObject, RangeKind};
-pub use pipeline::{ModelInfo, Pipeline};
+pub use pipeline::{ModelInfo, Pipeline, SeenPitches};
 pub use ranged::{RangeError, RangedImage};
 pub use source::{ModelSource, StageSource};
 pub use view::{View, ViewSource};

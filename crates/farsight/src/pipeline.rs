@@ -30,6 +30,17 @@ pub struct ModelInfo {
     pub plates_sha256: Option<String>,
 }
 
+/// Images that are taken to look down or up by what is seen in them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenPitches {
+    /// How many.
+    pub images: usize,
+    /// The least and the most that one looks down, degrees; negative ones look up.
+    pub least_deg: f64,
+    /// The most.
+    pub most_deg: f64,
+}
+
 /// Models ready to run on images: detector, second stages, suppression, road.
 ///
 /// A clone is the same pipeline. Several threads may use it at once: each gets networks of its own, which share their
@@ -53,6 +64,7 @@ struct Shared {
     idle: Mutex<Vec<Stages>>,
     /// How many images contradict the height that was given, and the surest of them.
     doubt: Mutex<Option<(usize, HeightConflict)>>,
+    pitches: Mutex<Option<SeenPitches>>,
 }
 
 impl Pipeline {
@@ -77,6 +89,7 @@ impl Pipeline {
                 template,
                 idle,
                 doubt: Mutex::default(),
+                pitches: Mutex::default(),
             }),
         })
     }
@@ -224,6 +237,7 @@ impl Pipeline {
         // After an error the networks are as good as before: what they keep from run to run is only memory.
         let answer = stages.detect_batch(&images, settings);
         self.shared.keep_height_conflicts(std::mem::take(&mut stages.height_conflicts));
+        self.shared.keep_pitches(std::mem::take(&mut stages.pitches_rad));
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
         answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
@@ -239,6 +253,11 @@ impl Pipeline {
     /// surely: vehicles on it would have sizes that none has.
     pub fn height_conflict(&self) -> Option<(usize, HeightConflict)> {
         *locked(&self.shared.doubt)
+    }
+
+    /// Of the images so far, those that look down or up by what is seen in them, where nobody said how far.
+    pub fn seen_pitches(&self) -> Option<SeenPitches> {
+        *locked(&self.shared.pitches)
     }
 
     /// What is made for the weights that come with the library and was left out for others: second stages and the road,
@@ -310,6 +329,18 @@ impl Shared {
     fn stages(&self) -> Result<Stages, EngineError> {
         let idle = locked(&self.idle).pop();
         idle.map_or_else(|| locked(&self.template).share(), Ok)
+    }
+
+    fn keep_pitches(&self, pitches_rad: Vec<f64>) {
+        let mut kept = locked(&self.pitches);
+        for degrees in pitches_rad.into_iter().map(f64::to_degrees) {
+            let before = kept.unwrap_or(SeenPitches { images: 0, least_deg: degrees, most_deg: degrees });
+            *kept = Some(SeenPitches {
+                images: before.images + 1,
+                least_deg: before.least_deg.min(degrees),
+                most_deg: before.most_deg.max(degrees),
+            });
+        }
     }
 
     fn keep_height_conflicts(&self, doubts: Vec<HeightConflict>) {

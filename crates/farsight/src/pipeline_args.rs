@@ -8,7 +8,7 @@ use anyhow::{Error, Result, anyhow, bail, ensure};
 use clap::{Args, ValueEnum};
 use farsight::{
     Device, Effort, EngineKind, EngineOptions, Error as PipelineError, ModelSource, Pipeline, PipelineBuilder,
-    Precision, Road, StageSource, model_file,
+    Precision, Road, SeenPitches, StageSource, model_file,
 };
 use farsight_core::Region;
 
@@ -233,6 +233,9 @@ pub(crate) struct RoadArgs {
     /// [default: any for the weights that come with the program, none for others]
     #[arg(long, value_name = "METRES|any|none", value_parser = road, allow_negative_numbers = true)]
     above_road: Option<Road>,
+    /// How far down the camera looks, degrees (negative: up), where no calibration says it [default: by what is seen]
+    #[arg(long, value_name = "DEG", value_parser = pitch, allow_negative_numbers = true)]
+    pitch: Option<f64>,
     /// Part of the world that the images are from, by the sizes of its vehicles: world, europe, north-america, china,
     /// japan or india; for farsight-w
     #[arg(long, value_name = "REGION", default_value_t)]
@@ -247,8 +250,15 @@ impl RoadArgs {
 
     /// `builder` with what is known.
     pub(crate) fn choose(&self, builder: PipelineBuilder) -> PipelineBuilder {
+        let builder = self.pitch.map(f64::to_radians).into_iter().fold(builder, PipelineBuilder::pitch);
         self.above_road.into_iter().fold(builder.region(self.region), PipelineBuilder::road)
     }
+}
+
+fn pitch(text: &str) -> Result<f64, String> {
+    let [least, most] = farsight::builder::PITCHES_DEG;
+    let degrees = text.parse().ok().filter(|degrees| (least..=most).contains(degrees));
+    degrees.ok_or_else(|| format!("expected degrees, from {least} to {most}"))
 }
 
 fn road(text: &str) -> Result<Road, String> {
@@ -326,8 +336,16 @@ impl PipelineArgs {
     }
 }
 
-/// Says when what was found contradicts what was said of the camera.
-pub(crate) fn tell_height_conflict(pipeline: &Pipeline, printer: &mut Printer) {
+/// Says what was found out about the camera: how far down it looks, and when its height contradicts what was said.
+pub(crate) fn tell_of_camera(pipeline: &Pipeline, printer: &mut Printer) {
+    if let Some(SeenPitches { images, least_deg, most_deg }) = pipeline.seen_pitches() {
+        let by = match [least_deg, most_deg].map(|degrees| format!("{degrees:.0}")) {
+            [least, most] if least == most => least,
+            [least, most] => format!("{least} to {most}"),
+        };
+        let images = counted(images, "image");
+        printer.note(&format!("{images} taken to look down by {by} degrees, by what is seen (--pitch tells)"));
+    }
     if let Some((images, doubt)) = pipeline.height_conflict() {
         printer.warning(&format!("{doubt} ({})", counted(images, "image")));
     }

@@ -3,8 +3,9 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{CALIBRATED_MIN_SCORE, DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
+use farsight_core::pitch::level_from_camera;
 use farsight_core::road::{HeightConflict, Road, SURE_SCORE, fit_to_road};
-use farsight_core::{Camera, Detection, ScalePrior};
+use farsight_core::{Camera, Detection, Pitch, Pose, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::{DetectError, Detector};
@@ -27,6 +28,8 @@ pub(crate) struct Settings {
     pub(crate) road: Road,
     /// Whether somebody said so, whatever is known of single cameras.
     pub(crate) is_road_chosen: bool,
+    /// How far down the camera looks, radians; without it what is seen tells.
+    pub(crate) pitch_rad: Option<f64>,
     /// What is known of the scale of all distances in an image.
     pub(crate) scale: ScalePrior,
     pub(crate) range: RangeKind,
@@ -55,10 +58,38 @@ pub(crate) struct Stages {
     /// Of images in which what was found contradicts the height of the camera that was given, since they were last
     /// taken.
     pub(crate) height_conflicts: Vec<HeightConflict>,
+    /// By how much images were taken to look down, radians, since these were last taken.
+    pub(crate) pitches_rad: Vec<f64>,
 }
 
 /// What has a first score above this share of the least score that counts is refined: the refiner can raise it so far.
 const CANDIDATE_SHARE: f64 = 0.2;
+
+/// How the camera of an image stands.
+struct Standing {
+    /// In the coordinates in which everything is looked for: level ones, where they are known.
+    camera: Camera,
+    /// To those coordinates; none where they are the camera's.
+    level_from_camera: Option<Pose>,
+}
+
+impl Standing {
+    /// Of a camera that somebody says looks down by `pitch_rad`. A turned one is level in its coordinates.
+    fn told(camera: &Camera, pitch_rad: Option<f64>) -> Self {
+        match pitch_rad.filter(|_| camera.is_upright()) {
+            Some(pitch_rad) => Self::pitched(camera, pitch_rad),
+            None => Self { camera: *camera, level_from_camera: None },
+        }
+    }
+
+    fn pitched(camera: &Camera, pitch_rad: f64) -> Self {
+        let level = level_from_camera(pitch_rad);
+        Self { camera: camera.moved(&level), level_from_camera: Some(level) }
+    }
+}
+
+/// Smaller pitches are within the error of what is seen, radians; nobody is told of them.
+const LEAST_TOLD_RAD: f64 = 0.035;
 
 impl Stages {
     /// The same for another thread; weights are shared where the engine can.
@@ -68,6 +99,7 @@ impl Stages {
             refiner: self.refiner.as_ref().map(Refiner::share).transpose()?,
             plate_reader: self.plate_reader.as_ref().map(PlateReader::share).transpose()?,
             height_conflicts: Vec::new(),
+            pitches_rad: Vec::new(),
         })
     }
 
@@ -89,27 +121,59 @@ impl Stages {
         settings: &Settings,
     ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
         let options = self.detector_options(settings);
-        let (answers, times) = self.detector.detect_batch(images, &options)?;
-        let (answers, refine) = timed(|| self.refined(images, answers, settings));
+        let mut standing: Vec<Standing> =
+            images.iter().map(|(_, camera)| Standing::told(camera, settings.pitch_rad)).collect();
+        let seen: Vec<(&RgbImage, &Camera)> =
+            images.iter().zip(&standing).map(|((image, _), standing)| (*image, &standing.camera)).collect();
+        let (mut answers, times) = self.detector.detect_batch(&seen, &options)?;
+        for ((found, standing), (image, _)) in answers.iter_mut().zip(&mut standing).zip(images) {
+            self.level(image, standing, found, settings);
+        }
+        let (answers, refine) = timed(|| self.refined(images, &standing, answers, settings));
         let min_score = self.told_score(settings);
         let answers = answers?;
         let doubt = |found: &Vec<Detection>| HeightConflict::of(found, settings.road, &settings.scale);
         self.height_conflicts.extend(answers.iter().filter_map(doubt));
-        let answers = answers.into_iter().map(|found| told(found, min_score, settings)).collect();
-        Ok((answers, StageTimes { refine, ..times }))
+        let answers = answers.into_iter().zip(&standing).map(|(found, standing)| {
+            let told = told(found, min_score, settings);
+            match standing.level_from_camera.map(|level| level.inverse()) {
+                Some(camera_from_level) => told.iter().map(|one| one.moved(&camera_from_level)).collect(),
+                None => told,
+            }
+        });
+        Ok((answers.collect(), StageTimes { refine, ..times }))
+    }
+
+    /// Turns camera and detections to level coordinates where what was found tells how far down an image looks, and
+    /// nothing else does: a refiner knows upright things.
+    fn level(&mut self, image: &RgbImage, standing: &mut Standing, found: &mut [Detection], settings: &Settings) {
+        let is_known = settings.pitch_rad.is_some() || matches!(settings.road, Road::Known(_));
+        if self.refiner.is_none() || is_known || !standing.camera.is_upright() {
+            return;
+        }
+        let size = [image.width(), image.height()].map(|side| side as usize);
+        let Some(pitch_rad) = Pitch::of(found, &standing.camera, size).worthwhile_rad() else { return };
+        if pitch_rad.abs() > LEAST_TOLD_RAD {
+            self.pitches_rad.push(pitch_rad);
+        }
+        *standing = Standing::pitched(&standing.camera, pitch_rad);
+        for detection in found {
+            *detection = detection.moved(&level_from_camera(pitch_rad));
+        }
     }
 
     /// The answers after the second stages, where there are such.
     fn refined(
         &mut self,
         images: &[(&RgbImage, &Camera)],
+        standing: &[Standing],
         answers: Vec<Vec<Detection>>,
         settings: &Settings,
     ) -> Result<Vec<Vec<Detection>>, EngineError> {
         let sought = self.least_score(settings);
         let (least_score, classes) = (sought.min(self.told_score(settings)), self.detector.classes());
-        let each = images.iter().zip(answers);
-        each.map(|((image, camera), mut found)| {
+        let each = images.iter().zip(standing).zip(answers);
+        each.map(|(((image, _), Standing { camera, .. }), mut found)| {
             if let Some(refiner) = &mut self.refiner {
                 found = refiner.refined(image, camera, found, classes, least_score, sought)?;
             }

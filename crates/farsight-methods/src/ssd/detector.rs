@@ -1,7 +1,7 @@
 //! From an image and its camera to detections.
 
 use farsight_core::detection::DecodeOptions;
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{Camera, ClassReference, Detection, Pitch};
 use farsight_data::network_input_into;
 use farsight_graph::model::NetworkConfig;
 use farsight_onnx::{INPUT, LocalHeadFile};
@@ -14,7 +14,7 @@ use super::anchors::{LEVELS, STRIDES, cells, shapes};
 use super::config::{LABELS, SsdView};
 use super::decode::Boxes;
 use super::network::{BOXES, CLASSES};
-use super::views::{Window, window};
+use super::views::{Window, pitch_tangent, window};
 use crate::batch::output;
 use crate::detector::{DetectError, Detector, UnfamiliarCamera};
 use crate::input_spec::InputSpec;
@@ -22,6 +22,9 @@ use crate::method::{DetectorMethod, Method};
 
 /// With a lower score nearly everything is nothing, whatever is asked for.
 const MIN_SCORE: f64 = 0.1;
+
+/// So many of the first view's detections say how far down the camera looks.
+const MOST_SEEN: usize = 50;
 
 /// The size for which multiply-accumulates are counted, pixels: that of its training, in whole cells.
 const COUNTED_INPUT: [usize; 2] = [320, 320];
@@ -79,6 +82,11 @@ impl SsdDetector {
     }
 }
 
+/// The tangent of how far down an upright camera looks, by what the first view shows.
+fn seen_tangent(found: Vec<Detection>, camera: &Camera, image: &RgbImage) -> f64 {
+    Pitch::of(&found, camera, size(image)).worthwhile_rad().map_or(0.0, f64::tan)
+}
+
 fn size(image: &RgbImage) -> [usize; 2] {
     [image.width() as usize, image.height() as usize]
 }
@@ -106,7 +114,7 @@ impl Detector for SsdDetector {
     }
 
     fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
-        let first = self.config.views.first().and_then(|view| window(view, image_size, camera));
+        let first = self.config.views.first().and_then(|view| window(view, image_size, camera, pitch_tangent(camera)));
         first.map_or([0, 0], |window| window.size)
     }
 
@@ -134,8 +142,12 @@ impl Detector for SsdDetector {
                 return Err(DetectError::Empty { width, height });
             }
             let mut boxes = Boxes::default();
-            for view in self.config.views.clone() {
-                if let Some(window) = window(&view, size(image), camera) {
+            let mut tangent = pitch_tangent(camera);
+            for (place, view) in self.config.views.clone().into_iter().enumerate() {
+                if place == 1 && camera.is_upright() {
+                    tangent = seen_tangent(boxes.clone().detections(&self.config, camera, MOST_SEEN), camera, image);
+                }
+                if let Some(window) = window(&view, size(image), camera, tangent) {
                     times = times.plus(&self.look(image, &window, min_score, &mut boxes)?);
                 }
             }

@@ -28,6 +28,7 @@ class Pipeline:
         threads: int | None,
         region: str,
         above_road: float | None,
+        pitch: float | None,
         effort: str,
         denoise: bool,
     ) -> Pipeline: ...

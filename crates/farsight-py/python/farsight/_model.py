@@ -44,6 +44,8 @@ class Model:
         region: Part of the world that the images are from, by the sizes of its vehicles: "world", "europe",
             "north-america", "china", "japan" or "india"; for farsight-w.
         above_road: Height of the camera above the road, metres, where it is known: all distances become surer.
+        pitch: How far down the camera looks, degrees (negative: up), where no calibration says it; by default what is
+            seen tells.
         effort: How much is done for each object: "fast", "normal" or "best".
         denoise: Whether images with much noise are smoothed before the networks see them.
         model: "farsight-w", which "shipped" stands for, "farsight-s", "farsight-n", or a file that `farsight train`,
@@ -63,6 +65,7 @@ class Model:
         threads: int | None = None,
         region: str = "world",
         above_road: float | None = None,
+        pitch: float | None = None,
         effort: str = "normal",
         denoise: bool = True,
         model: str | os.PathLike[str] = "shipped",
@@ -75,13 +78,14 @@ class Model:
             "threads": threads,
             "region": region,
             "above_road": above_road,
+            "pitch": pitch,
             "effort": effort,
             "denoise": denoise,
             "model": os.fspath(model),
         }
         library = _engine_path(engine)
         self._pipeline = Pipeline(
-            os.fspath(model), engine, library, precision, device, threads, region, above_road, effort, denoise
+            os.fspath(model), engine, library, precision, device, threads, region, above_road, pitch, effort, denoise
         )
         for text in self._pipeline.notes:
             warnings.warn(text, stacklevel=2)

@@ -172,7 +172,7 @@ pub(crate) fn run(args: &RangeArgs, printer: &mut Printer) -> Result<Outcome> {
     let job = Job::new(args, found.images, printer)?;
     let pipeline = args.open(job.image_count(), printer)?;
     let failed = found.problems.len() + job.run(&pipeline, printer)?.len();
-    pipeline_args::tell_height_conflict(&pipeline, printer);
+    pipeline_args::tell_of_camera(&pipeline, printer);
     Ok(outcome(failed))
 }
 

@@ -211,6 +211,7 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
     if is_auto && has_height {
         printer.note(&format!("ego motion estimated in {with_ego} of {}", counted(done as usize, "frame")));
     }
+    pipeline_args::tell_of_camera(detector.pipeline(), printer);
     let dropped = frames.dropped();
     if dropped > 0 {
         printer.note(&format!("{} left out to keep up (--realtime)", counted(dropped as usize, "frame")));

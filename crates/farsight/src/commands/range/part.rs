@@ -37,7 +37,7 @@ pub(super) fn run(args: &RangeArgs, found: Inputs, printer: &mut Printer) -> Res
         RangeArgs { json: inside(&args.json)?, out: inside(&args.out)?, kitti: inside(&args.kitti)?, ..args.clone() };
     let job = Job::new(&args_inside, found.images, printer)?.only(part.block());
     let failed = job.run(&pipeline, printer)?;
-    pipeline_args::tell_height_conflict(&pipeline, printer);
+    pipeline_args::tell_of_camera(&pipeline, printer);
     let count = found.problems.len() + failed.len();
     let json = args.json.as_deref();
     part.finish(failed, |path| match json {
