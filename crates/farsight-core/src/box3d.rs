@@ -1,6 +1,6 @@
 //! Upright boxes in the scene, their corners, angles and distances.
 
-use crate::linear::norm;
+use crate::linear::{norm, solved};
 use crate::scalar::Scalar;
 use crate::{Affine2, Box2d, Camera, Pose, wrapped_angle};
 
@@ -127,14 +127,25 @@ impl Box3d {
         Self { dimensions, location: self.location.map(|v| v * factor), yaw: self.yaw }
     }
 
-    /// The box in other coordinates, into which `other_from_this` takes points; it stands upright there, with the heading
-    /// that it has as seen from above.
+    /// The box in other coordinates, into which `other_from_this` takes points; it is upright there, with the heading
+    /// that it has as seen along their y axis.
     #[must_use]
     pub fn moved(&self, other_from_this: &Pose) -> Self {
         let (sin, cos) = self.yaw.sin_cos();
         let heading = other_from_this.rotation.map(|row| row[0] * cos - row[2] * sin);
         let location = other_from_this.apply(self.location);
         Self { dimensions: self.dimensions, location, yaw: (-heading[2]).atan2(heading[0]) }
+    }
+
+    /// The box of which this one is what [`Box3d::moved`] makes with `this_from_other`.
+    #[must_use]
+    pub fn moved_back(&self, this_from_other: &Pose) -> Self {
+        let Pose { rotation: [across, _, ahead], .. } = this_from_other;
+        let (sin, cos) = self.yaw.sin_cos();
+        // No heading is lost unless one's y axis lies across the other's.
+        let heading = solved([[across[0], across[2]], [ahead[0], ahead[2]]], [cos, -sin]).unwrap_or([cos, -sin]);
+        let location = this_from_other.inverse().apply(self.location);
+        Self { dimensions: self.dimensions, location, yaw: (-heading[1]).atan2(heading[0]) }
     }
 
     /// By so much depth, metres, the box can be moved over the ground along its ray until it overlaps the place where

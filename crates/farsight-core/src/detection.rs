@@ -31,13 +31,21 @@ impl Detection {
         self.range_sigma_m = Some(log_sigma * depth_m);
     }
 
-    /// The detection in other coordinates, into which `other_from_this` takes points. Its error bar is the same share of
-    /// its depth.
+    /// The detection in other coordinates, into which `other_from_this` takes points. Its error bar is the same share
+    /// of its depth.
     #[must_use]
     pub fn moved(&self, other_from_this: &Pose) -> Self {
-        let box3d = self.box3d.moved(other_from_this);
-        let range_sigma_m = self.sigma_of_m(box3d.depth_m());
-        Self { class: self.class.clone(), box3d, range_sigma_m, ..*self }
+        self.at(self.box3d.moved(other_from_this))
+    }
+
+    /// The detection of which this one is what [`Detection::moved`] makes with `this_from_other`.
+    #[must_use]
+    pub fn moved_back(&self, this_from_other: &Pose) -> Self {
+        self.at(self.box3d.moved_back(this_from_other))
+    }
+
+    fn at(&self, box3d: Box3d) -> Self {
+        Self { class: self.class.clone(), box3d, range_sigma_m: self.sigma_of_m(box3d.depth_m()), ..*self }
     }
 
     /// Observation angle, radians.
@@ -103,12 +111,15 @@ pub struct DecodeOptions {
     pub min_score: Option<f64>,
     /// At most so many detections an image.
     pub max_detections: usize,
+    /// Whether it is known how the camera stands, so that a detector that looks for the horizon has nothing to guess:
+    /// its coordinates are level.
+    pub is_level: bool,
 }
 
 impl Default for DecodeOptions {
     /// The usual score, at most 50 (as official SMOKE).
     fn default() -> Self {
-        Self { min_score: None, max_detections: 50 }
+        Self { min_score: None, max_detections: 50, is_level: false }
     }
 }
 

@@ -1,8 +1,8 @@
 //! How far down a camera looks, by what it sees.
 //!
 //! On a plane, where something ends below in the image follows from how high it is there: `bottom = height_px H / h -
-//! pitch`, as tangents, with the camera's height `H` over the object's `h`. Many objects, or a few far ones, so say where
-//! the horizon is.
+//! pitch`, as tangents, with the camera's height `H` over the object's `h`. Many objects, or a few far ones, so say
+//! where the horizon is.
 
 use crate::{Box2d, Camera, Detection, Pose};
 
@@ -69,8 +69,8 @@ impl Sight {
 }
 
 impl Pitch {
-    /// That of the `camera` that took an image of `image_size`, by what was found in it: boxes in the image, and heights
-    /// of the objects. Without any it is what cameras usually have.
+    /// That of the `camera` that took an image of `image_size`, by what was found in it: boxes in the image, and
+    /// heights of the objects. Without any it is what cameras usually have.
     pub fn of(detections: &[Detection], camera: &Camera, image_size: [usize; 2]) -> Self {
         let size = image_size.map(|side| side as f64);
         let mut sights: Vec<Sight> = detections.iter().filter_map(|one| Sight::of(one, camera, size)).collect();
@@ -97,10 +97,10 @@ impl Pitch {
     }
 }
 
-/// From the coordinates of a camera that looks down by `angle_rad` to level ones: y straight down, z ahead over the road.
-pub fn level_from_camera(angle_rad: f64) -> Pose {
+/// From level coordinates (y straight down, z ahead over the road) to those of a camera that looks down by `angle_rad`.
+pub fn camera_from_level(angle_rad: f64) -> Pose {
     let (sin, cos) = angle_rad.sin_cos();
-    Pose { rotation: [[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]], ..Pose::IDENTITY }
+    Pose { rotation: [[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]], ..Pose::IDENTITY }
 }
 
 /// Tangents of the pitch, and how likely each is with each height of the camera.
@@ -137,7 +137,7 @@ fn log_likelihoods(sights: &[Sight]) -> Vec<(f64, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Pitch, level_from_camera};
+    use super::{Pitch, camera_from_level};
     use crate::{Box2d, Box3d, Camera, Detection, Dimensions, ObjectClass};
 
     const SIZE: [usize; 2] = [1280, 720];
@@ -217,13 +217,29 @@ mod tests {
 
     #[test]
     fn level_coordinates_have_the_road_below() {
-        let (height_m, pitch_rad) = (1.6, 0.12_f64);
-        let level = level_from_camera(pitch_rad);
-        let (sin, cos) = pitch_rad.sin_cos();
-        for z in [5.0, 50.0] {
-            let camera = [1.0, cos * height_m - sin * z, sin * height_m + cos * z];
-            let [x, y, ahead] = level.apply(camera);
-            assert!((x - 1.0).abs() < 1e-12 && (y - height_m).abs() < 1e-12 && (ahead - z).abs() < 1e-12);
+        let seen = camera_from_level(0.12).apply([1.0, 1.6, 20.0]);
+        let (sin, cos) = 0.12_f64.sin_cos();
+        let expected = [1.0, cos * 1.6 - sin * 20.0, sin * 1.6 + cos * 20.0];
+        assert!((0..3).all(|axis| (seen[axis] - expected[axis]).abs() < 1e-12), "{seen:?}");
+        // The camera sees the same, whatever coordinates it is told in.
+        let level = camera().moved(&camera_from_level(0.12).inverse());
+        let [there, here] = [level.pixel_from_point([1.0, 1.6, 20.0]), camera().pixel_from_point(seen)];
+        let (there, here) = (there.unwrap(), here.unwrap());
+        assert!((there[0] - here[0]).abs() < 1e-9 && (there[1] - here[1]).abs() < 1e-9, "{there:?}, {here:?}");
+    }
+
+    #[test]
+    fn detections_come_back_from_other_coordinates() {
+        let camera_from_level = camera_from_level(0.3);
+        for yaw in [-3.0, -1.5, -0.4, 0.0, 0.7, 1.6, 3.1] {
+            let mut one = Detection { range_sigma_m: Some(1.5), ..plate(1.6, 0.0, [2.0, 18.0], 1.0) };
+            one.box3d.yaw = yaw;
+            let there = one.moved(&camera_from_level);
+            let sigma = |one: &Detection| one.range_sigma_m.unwrap() / one.box3d.depth_m();
+            assert!((sigma(&there) - sigma(&one)).abs() < 1e-12);
+            let back = there.moved_back(&camera_from_level);
+            assert!((back.box3d.yaw - yaw).abs() < 1e-9, "{yaw}: {back:?}");
+            assert!((0..3).all(|axis| (back.box3d.location[axis] - one.box3d.location[axis]).abs() < 1e-9));
         }
     }
 }

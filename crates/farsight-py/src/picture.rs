@@ -35,7 +35,8 @@ pub(crate) fn draw<'py>(py: Python<'py>, pixels: &[u8], record: &str) -> PyResul
     let lens = record.camera.as_ref().and_then(|camera| camera.lens.as_deref()).map(str::parse).transpose();
     let lens = lens.map_err(|error: LensError| PyValueError::new_err(error.to_string()))?;
     let drawn = py.detach(|| {
-        let objects: Vec<_> = record.detections.iter().map(object).collect();
+        let pitch_deg = record.camera.as_ref().and_then(|camera| camera.pitch_deg).unwrap_or(0.0);
+        let objects: Vec<_> = record.detections.iter().map(|one| object(one, pitch_deg)).collect();
         draw_through_lens(&image, &camera, lens, &objects, RangeKind::Depth)
     });
     let divisor = picture_divisor([image.width(), image.height()]);
@@ -94,6 +95,7 @@ pub(crate) fn detection(record: &DetectionRecord) -> Detection {
 }
 
 /// Its intervals are not drawn.
-fn object(record: &DetectionRecord) -> DetectedObject {
-    DetectedObject::new(detection(record), RangeKind::Depth, NORMAL_INTERVAL_SIGMAS)
+fn object(record: &DetectionRecord, pitch_deg: f64) -> DetectedObject {
+    let object = DetectedObject::new(detection(record), RangeKind::Depth, NORMAL_INTERVAL_SIGMAS);
+    object.with_pitch(pitch_deg.to_radians())
 }

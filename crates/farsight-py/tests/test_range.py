@@ -211,6 +211,7 @@ def test_wrong_models_say_what_was_expected(tmp_path):
         ({"precision": "bf16"}, "expected openvino"),
         ({"threads": 0}, "expected a number from 1 to 1024"),
         ({"above_road": 0}, "above_road is 0; expected metres, from 0.2 to 50"),
+        ({"pitch": 90}, "pitch is 90; expected degrees, from -45 to 60"),
         ({"effort": "most"}, "expected fast, normal or best"),
         ({"region": "texas"}, "expected world, europe, north-america"),
         ({"model": tmp_path / "none.safetensors"}, "no such file; expected a model"),

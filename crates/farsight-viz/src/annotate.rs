@@ -125,7 +125,7 @@ impl Drawing<'_> {
         let margin = 4.0 * LINE_PX * self.scale;
         let bounds = self.canvas.bounds();
         let window = Box2d::new(-margin, -margin, bounds.x2 + margin, bounds.y2 + margin);
-        let optics = Optics { camera: self.scene.camera, lens: self.options.lens };
+        let optics = Optics { camera: self.scene.camera, lens: self.options.lens, pitch_rad: self.options.pitch_rad };
         let wireframe = Wireframe::new(object, &optics, &window);
         let height = object.projected(self.scene.camera)?.height();
         let fullness = (height / (FULL_WIDTH_HEIGHT * TEXT_PX * self.scale)).clamp(0.5, 1.0);

@@ -41,11 +41,13 @@ pub struct DrawOptions {
     pub distance_m: fn(&Box3d) -> f64,
     /// What bends the image; boxes are drawn bent alike.
     pub lens: Option<Lens>,
+    /// How far down the camera looks, radians: boxes stand upright on the road, not across the camera's axis.
+    pub pitch_rad: f64,
 }
 
 impl Default for DrawOptions {
     /// Coloured and labelled by depth along the optical axis.
     fn default() -> Self {
-        Self { color_by: ColorBy::Distance, distance_m: Box3d::depth_m, lens: None }
+        Self { color_by: ColorBy::Distance, distance_m: Box3d::depth_m, lens: None, pitch_rad: 0.0 }
     }
 }

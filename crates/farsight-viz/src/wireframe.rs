@@ -1,6 +1,7 @@
 //! A box as the camera sees it: lines and faces in pixels, cut at the near plane and at the border of the picture.
 
 use farsight_core::box3d::{EDGES, FRONT_FACE, NEAR_PLANE_M, near_plane_crossing};
+use farsight_core::pitch::camera_from_level;
 use farsight_core::{Box2d, Box3d, Camera, Lens};
 
 use crate::canvas::Point;
@@ -16,6 +17,8 @@ const BENT_PIECES: usize = 12;
 pub(crate) struct Optics<'a> {
     pub(crate) camera: &'a Camera,
     pub(crate) lens: Option<Lens>,
+    /// How far down the camera looks against the road on which boxes stand upright, radians.
+    pub(crate) pitch_rad: f64,
 }
 
 impl Optics<'_> {
@@ -23,6 +26,15 @@ impl Optics<'_> {
     fn pixel(&self, point: [f64; 3]) -> Option<Point> {
         let pixel = self.camera.pixel_from_point(point)?;
         Some(self.lens.map_or(pixel, |lens| lens.distorted_pixel(self.camera, pixel)))
+    }
+
+    /// Corners of `object` where it stands upright on its road.
+    fn corners(&self, object: &Box3d) -> [[f64; 3]; 8] {
+        if self.pitch_rad == 0.0 {
+            return object.corners();
+        }
+        let camera_from_level = camera_from_level(self.pitch_rad);
+        object.moved_back(&camera_from_level).corners().map(|corner| camera_from_level.apply(corner))
     }
 
     /// The places along the line from `a` to `b` that are joined by straight lines.
@@ -53,8 +65,9 @@ pub(crate) struct Wireframe {
 impl Wireframe {
     /// The part of `object` that is shown within `window`.
     pub(crate) fn new(object: &Box3d, optics: &Optics, window: &Box2d) -> Self {
-        let corners = object.corners();
-        let towards = FACES.map(|face| looks_at_camera(&corners, face, object.center()));
+        let corners = optics.corners(object);
+        let center = [0, 1, 2].map(|axis| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 8.0);
+        let towards = FACES.map(|face| looks_at_camera(&corners, face, center));
         let line = |[a, b]: [usize; 2]| projected_line(corners[a], corners[b], optics, window);
         let mut wireframe = Self { faces_camera: towards[0], ..Self::default() };
         for edge in EDGES {
@@ -166,6 +179,7 @@ fn clipped_line(line: [Point; 2], window: &Box2d) -> Option<[Point; 2]> {
 #[cfg(test)]
 mod tests {
     use farsight_core::box3d::EDGES;
+    use farsight_core::pitch::camera_from_level;
     use farsight_core::{Box2d, Box3d, Camera, Dimensions, Lens};
     use proptest::prelude::*;
 
@@ -193,13 +207,13 @@ mod tests {
     fn a_car_driving_away_shows_its_rear_and_roof_or_neither_side() {
         let away = Wireframe::new(
             &car([0.0, 1.65, 20.0], -std::f64::consts::FRAC_PI_2),
-            &Optics { camera: &camera(), lens: None },
+            &Optics { camera: &camera(), lens: None, pitch_rad: 0.0 },
             &WINDOW,
         );
         assert!(!away.faces_camera);
         let oncoming = Wireframe::new(
             &car([0.0, 1.65, 20.0], std::f64::consts::FRAC_PI_2),
-            &Optics { camera: &camera(), lens: None },
+            &Optics { camera: &camera(), lens: None, pitch_rad: 0.0 },
             &WINDOW,
         );
         assert!(oncoming.faces_camera);
@@ -211,8 +225,8 @@ mod tests {
     fn a_lens_bends_edges_and_moves_their_ends_to_where_it_shows_them() {
         let (camera, lens) = (camera(), Lens::Brown([-0.3, 0.08, 0.0, 0.0, 0.0]));
         let object = car([-3.5, 1.65, 12.0], 0.4);
-        let bent = Wireframe::new(&object, &Optics { camera: &camera, lens: Some(lens) }, &WINDOW);
-        let straight = Wireframe::new(&object, &Optics { camera: &camera, lens: None }, &WINDOW);
+        let bent = Wireframe::new(&object, &Optics { camera: &camera, lens: Some(lens), pitch_rad: 0.0 }, &WINDOW);
+        let straight = Wireframe::new(&object, &Optics { camera: &camera, lens: None, pitch_rad: 0.0 }, &WINDOW);
         let ends = straight.near_edges.concat();
         assert!(!ends.is_empty() && bent.near_edges.len() == super::BENT_PIECES * straight.near_edges.len());
         let shown = |end: &[f64; 2]| lens.distorted_pixel(&camera, *end);
@@ -225,20 +239,36 @@ mod tests {
     #[test]
     fn nothing_is_drawn_of_a_car_behind_the_camera() {
         assert!(
-            Wireframe::new(&car([0.0, 1.65, -20.0], 0.3), &Optics { camera: &camera(), lens: None }, &WINDOW)
-                .is_empty()
+            Wireframe::new(
+                &car([0.0, 1.65, -20.0], 0.3),
+                &Optics { camera: &camera(), lens: None, pitch_rad: 0.0 },
+                &WINDOW
+            )
+            .is_empty()
         );
     }
 
     proptest! {
         #[test]
         fn all_points_lie_in_the_window(x in -10.0..10.0, y in -2.0..3.0, z in -5.0..60.0, yaw in -3.2..3.2) {
-            let wireframe = Wireframe::new(&car([x, y, z], yaw), &Optics { camera: &camera(), lens: None }, &WINDOW);
+            let wireframe = Wireframe::new(&car([x, y, z], yaw), &Optics { camera: &camera(), lens: None, pitch_rad: 0.0 }, &WINDOW);
             let lines = wireframe.near_edges.iter().chain(&wireframe.far_edges).chain(&wireframe.cross);
             for point in lines.flatten().chain(&wireframe.front) {
                 prop_assert!((-1e-6..=WINDOW.x2 + 1e-6).contains(&point[0]), "{point:?}");
                 prop_assert!((-1e-6..=WINDOW.y2 + 1e-6).contains(&point[1]), "{point:?}");
             }
+        }
+    }
+
+    #[test]
+    fn boxes_stand_on_the_road_of_a_camera_that_looks_down() {
+        let optics = Optics { camera: &camera(), lens: None, pitch_rad: 0.2 };
+        let dimensions = Dimensions { height: 1.5, width: 1.8, length: 4.0 };
+        let standing = Box3d { dimensions, location: [1.0, 1.6, 20.0], yaw: 0.4 };
+        let seen = standing.moved(&camera_from_level(0.2));
+        for (corner, level) in optics.corners(&seen).into_iter().zip(standing.corners()) {
+            let back = camera_from_level(0.2).inverse().apply(corner);
+            assert!((0..3).all(|axis| (back[axis] - level[axis]).abs() < 1e-9), "{back:?}, {level:?}");
         }
     }
 }

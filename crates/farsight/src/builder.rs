@@ -160,8 +160,8 @@ impl PipelineBuilder {
         Self { road: Some(road), ..self }
     }
 
-    /// How far down the camera looks, radians: between its optical axis and the road. By default what is seen tells. For
-    /// cameras whose calibration says nothing of it, and pipelines with a refiner.
+    /// How far down the camera looks, radians: between its optical axis and the road. By default what is seen tells.
+    /// For cameras whose calibration says nothing of it, and pipelines with a refiner.
     #[must_use]
     pub fn pitch(self, pitch_rad: f64) -> Self {
         Self { pitch_rad: Some(pitch_rad), ..self }

@@ -27,7 +27,8 @@ pub fn draw_through_lens(
     objects: &[DetectedObject],
     range: RangeKind,
 ) -> RgbImage {
-    let options = DrawOptions { distance_m: range.measure(), lens, ..DrawOptions::default() };
+    let pitch_rad = objects.first().map_or(0.0, |object| object.pitch_rad);
+    let options = DrawOptions { distance_m: range.measure(), lens, pitch_rad, ..DrawOptions::default() };
     picture(image, &Scene { camera, detections: &detections(objects), truth: &[] }, &options)
 }
 

@@ -86,6 +86,10 @@ pub struct CameraRecord {
     /// What it was estimated to be, where it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<CameraEstimateRecord>,
+    /// How far down it was taken to look, degrees, where nothing but what is seen tells or somebody does; none where
+    /// that is nothing. Positions are in its coordinates all the same, and boxes upright on the road.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch_deg: Option<f64>,
     /// What distorts the image, as `--lens` takes it; the projection is that of the pinhole behind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<String>,
@@ -132,13 +136,15 @@ impl ImageRecord {
         objects: &[DetectedObject],
         pipeline: &Pipeline,
     ) -> Self {
+        let pitch_deg = objects.first().map(|object| object.pitch_rad.to_degrees()).filter(|degrees| *degrees != 0.0);
+        let projection = camera.projection;
         Self {
             image: path.as_ref().to_string_lossy().into_owned(),
             width: image.width(),
             height: image.height(),
             detections: objects.iter().map(DetectionRecord::from).collect(),
             schema_version: SCHEMA_VERSION,
-            camera: Some(CameraRecord { projection: camera.projection, origin: None, estimate: None, lens: None }),
+            camera: Some(CameraRecord { projection, origin: None, estimate: None, pitch_deg, lens: None }),
             model: Some(pipeline.info().into()),
             program_version: Some(crate::VERSION.to_owned()),
         }

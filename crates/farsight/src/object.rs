@@ -44,6 +44,9 @@ pub struct DetectedObject {
     /// The distance lies between these with a probability of 50, 68 and 90%, metres; not numbers where the model has no
     /// error bars. The second is `range_m` give or take `range_sigma_m`, in proportion.
     pub range_intervals_m: [[f64; 2]; 3],
+    /// How far down the camera was taken to look, radians; 0 where nothing was. The box stands upright on the road, not
+    /// across the camera's axis.
+    pub pitch_rad: f64,
     /// Standard deviation of the depth, metres.
     depth_sigma_m: Option<f64>,
 }
@@ -60,7 +63,13 @@ impl DetectedObject {
         let [half, most] = interval_sigmas;
         let range_intervals_m =
             [half, 1.0, most].map(|sigmas| [-1.0, 1.0].map(|side: f64| range_m * (side * sigmas * log_sigma).exp()));
-        Self { class, score, box2d, box3d, range_m, range_sigma_m, range_intervals_m, depth_sigma_m }
+        Self { class, score, box2d, box3d, range_m, range_sigma_m, range_intervals_m, pitch_rad: 0.0, depth_sigma_m }
+    }
+
+    /// This object, seen by a camera that looks down by `pitch_rad`.
+    #[must_use]
+    pub fn with_pitch(self, pitch_rad: f64) -> Self {
+        Self { pitch_rad, ..self }
     }
 
     /// The error bar, where there is one.

@@ -14,7 +14,7 @@ use farsight_runtime::{EngineError, StageTimes};
 use image::RgbImage;
 
 use crate::object::{DetectedObject, RangeKind};
-use crate::stages::{Settings, Stages};
+use crate::stages::{Found, Settings, Stages};
 use crate::view::View;
 
 /// Which models a pipeline runs.
@@ -208,8 +208,10 @@ impl Pipeline {
         settings: &Settings,
     ) -> Result<(Vec<Vec<DetectedObject>>, StageTimes), DetectError> {
         let (answers, times) = self.detections(images, settings)?;
-        let object = |one: Detection| DetectedObject::new(one, settings.range, self.shared.interval_sigmas);
-        let objects = |found: Vec<Detection>| found.into_iter().map(object).collect();
+        let objects = |Found { detections, pitch_rad }| {
+            let object = |one| DetectedObject::new(one, settings.range, self.shared.interval_sigmas);
+            detections.into_iter().map(|one| object(one).with_pitch(pitch_rad)).collect()
+        };
         Ok((answers.into_iter().map(objects).collect(), times))
     }
 
@@ -221,14 +223,14 @@ impl Pipeline {
     pub fn detect_off_road(&self, image: &RgbImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
         let settings = Settings { road: Road::Ignored, scale: ScalePrior::default(), ..self.shared.settings };
         let (mut answers, _) = self.detections(&[(image, camera)], &settings)?;
-        Ok(answers.pop().unwrap_or_default())
+        Ok(answers.pop().unwrap_or_default().detections)
     }
 
     fn detections(
         &self,
         images: &[(&RgbImage, &Camera)],
         settings: &Settings,
-    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
+    ) -> Result<(Vec<Found>, StageTimes), DetectError> {
         let smooth = |image| if settings.denoise { denoised(image) } else { Cow::Borrowed(image) };
         let (smooth, smoothing) = timed(|| images.iter().map(|(image, _)| smooth(image)).collect::<Vec<_>>());
         let images: Vec<(&RgbImage, &Camera)> =
@@ -240,7 +242,7 @@ impl Pipeline {
         self.shared.keep_pitches(std::mem::take(&mut stages.pitches_rad));
         locked(&self.shared.idle).push(stages);
         let (answers, times) = answer.map_err(|error| error.of_model(&self.shared.info.name))?;
-        answers.iter().try_for_each(|found| check_answer_of_all(found, &self.shared.info.name))?;
+        answers.iter().try_for_each(|found| check_answer_of_all(&found.detections, &self.shared.info.name))?;
         Ok((answers, StageTimes { warp: times.warp + smoothing, ..times }))
     }
 

@@ -3,9 +3,9 @@
 use farsight_core::depth_fusion::NORMAL_INTERVAL_SIGMAS;
 use farsight_core::detection::{CALIBRATED_MIN_SCORE, DecodeOptions, default_min_score};
 use farsight_core::nms::bev_nms;
-use farsight_core::pitch::level_from_camera;
+use farsight_core::pitch::camera_from_level;
 use farsight_core::road::{HeightConflict, Road, SURE_SCORE, fit_to_road};
-use farsight_core::{Camera, Detection, Pitch, Pose, ScalePrior};
+use farsight_core::{Camera, Detection, Pitch, ScalePrior};
 use farsight_methods::plate_reader::PlateReader;
 use farsight_methods::refiner::Refiner;
 use farsight_methods::{DetectError, Detector};
@@ -40,6 +40,11 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
+    /// Whether it is known how the camera stands.
+    fn is_level(&self) -> bool {
+        self.pitch_rad.is_some() || matches!(self.road, Road::Known(_))
+    }
+
     /// These for an image of which more is known: the road under it, or how sure its focal length is. By as much as
     /// that is wrong all its distances are.
     pub(crate) fn of_view(&self, view: &View) -> Self {
@@ -65,12 +70,21 @@ pub(crate) struct Stages {
 /// What has a first score above this share of the least score that counts is refined: the refiner can raise it so far.
 const CANDIDATE_SHARE: f64 = 0.2;
 
+/// What is in an image.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Found {
+    /// In the coordinates of its camera.
+    pub(crate) detections: Vec<Detection>,
+    /// How far down the camera was taken to look, radians.
+    pub(crate) pitch_rad: f64,
+}
+
 /// How the camera of an image stands.
 struct Standing {
     /// In the coordinates in which everything is looked for: level ones, where they are known.
     camera: Camera,
-    /// To those coordinates; none where they are the camera's.
-    level_from_camera: Option<Pose>,
+    /// How far down it looks, radians; none where the coordinates are its own.
+    pitch_rad: Option<f64>,
 }
 
 impl Standing {
@@ -78,13 +92,12 @@ impl Standing {
     fn told(camera: &Camera, pitch_rad: Option<f64>) -> Self {
         match pitch_rad.filter(|_| camera.is_upright()) {
             Some(pitch_rad) => Self::pitched(camera, pitch_rad),
-            None => Self { camera: *camera, level_from_camera: None },
+            None => Self { camera: *camera, pitch_rad: None },
         }
     }
 
     fn pitched(camera: &Camera, pitch_rad: f64) -> Self {
-        let level = level_from_camera(pitch_rad);
-        Self { camera: camera.moved(&level), level_from_camera: Some(level) }
+        Self { camera: camera.moved(&camera_from_level(pitch_rad).inverse()), pitch_rad: Some(pitch_rad) }
     }
 }
 
@@ -119,7 +132,7 @@ impl Stages {
         &mut self,
         images: &[(&RgbImage, &Camera)],
         settings: &Settings,
-    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
+    ) -> Result<(Vec<Found>, StageTimes), DetectError> {
         let options = self.detector_options(settings);
         let mut standing: Vec<Standing> =
             images.iter().map(|(_, camera)| Standing::told(camera, settings.pitch_rad)).collect();
@@ -135,11 +148,12 @@ impl Stages {
         let doubt = |found: &Vec<Detection>| HeightConflict::of(found, settings.road, &settings.scale);
         self.height_conflicts.extend(answers.iter().filter_map(doubt));
         let answers = answers.into_iter().zip(&standing).map(|(found, standing)| {
-            let told = told(found, min_score, settings);
-            match standing.level_from_camera.map(|level| level.inverse()) {
-                Some(camera_from_level) => told.iter().map(|one| one.moved(&camera_from_level)).collect(),
-                None => told,
+            let mut detections = told(found, min_score, settings);
+            if let Some(pitch_rad) = standing.pitch_rad {
+                let camera_from_level = camera_from_level(pitch_rad);
+                detections = detections.iter().map(|one| one.moved(&camera_from_level)).collect();
             }
+            Found { detections, pitch_rad: standing.pitch_rad.unwrap_or(0.0) }
         });
         Ok((answers.collect(), StageTimes { refine, ..times }))
     }
@@ -147,8 +161,7 @@ impl Stages {
     /// Turns camera and detections to level coordinates where what was found tells how far down an image looks, and
     /// nothing else does: a refiner knows upright things.
     fn level(&mut self, image: &RgbImage, standing: &mut Standing, found: &mut [Detection], settings: &Settings) {
-        let is_known = settings.pitch_rad.is_some() || matches!(settings.road, Road::Known(_));
-        if self.refiner.is_none() || is_known || !standing.camera.is_upright() {
+        if self.refiner.is_none() || settings.is_level() || !standing.camera.is_upright() {
             return;
         }
         let size = [image.width(), image.height()].map(|side| side as usize);
@@ -158,7 +171,7 @@ impl Stages {
         }
         *standing = Standing::pitched(&standing.camera, pitch_rad);
         for detection in found {
-            *detection = detection.moved(&level_from_camera(pitch_rad));
+            *detection = detection.moved_back(&camera_from_level(pitch_rad));
         }
     }
 
@@ -189,7 +202,7 @@ impl Stages {
     fn detector_options(&self, settings: &Settings) -> DecodeOptions {
         let share = if self.refiner.is_some() { CANDIDATE_SHARE } else { 1.0 };
         let least = (share * self.least_score(settings)).min(self.told_score(settings));
-        DecodeOptions { min_score: Some(least), ..settings.decode }
+        DecodeOptions { min_score: Some(least), is_level: settings.is_level(), ..settings.decode }
     }
 
     /// What has a lower score is not told.

@@ -83,8 +83,8 @@ impl SsdDetector {
 }
 
 /// The tangent of how far down an upright camera looks, by what the first view shows.
-fn seen_tangent(found: Vec<Detection>, camera: &Camera, image: &RgbImage) -> f64 {
-    Pitch::of(&found, camera, size(image)).worthwhile_rad().map_or(0.0, f64::tan)
+fn seen_tangent(found: &[Detection], camera: &Camera, image: &RgbImage) -> f64 {
+    Pitch::of(found, camera, size(image)).worthwhile_rad().map_or(0.0, f64::tan)
 }
 
 fn size(image: &RgbImage) -> [usize; 2] {
@@ -144,8 +144,9 @@ impl Detector for SsdDetector {
             let mut boxes = Boxes::default();
             let mut tangent = pitch_tangent(camera);
             for (place, view) in self.config.views.clone().into_iter().enumerate() {
-                if place == 1 && camera.is_upright() {
-                    tangent = seen_tangent(boxes.clone().detections(&self.config, camera, MOST_SEEN), camera, image);
+                if place == 1 && !options.is_level && camera.is_upright() {
+                    let found = boxes.clone().detections(&self.config, camera, MOST_SEEN);
+                    tangent = seen_tangent(&found, camera, image);
                 }
                 if let Some(window) = window(&view, size(image), camera, tangent) {
                     times = times.plus(&self.look(image, &window, min_score, &mut boxes)?);

@@ -38,8 +38,8 @@ pub fn pitch_tangent(camera: &Camera) -> f64 {
     (camera.principal_point()[1] - ahead_row / ahead) / camera.focal_y()
 }
 
-/// The window of `view` of an image of `image_size` that `camera` takes, which looks down by `pitch_tangent`; none when it
-/// shows nothing.
+/// The window of `view` of an image of `image_size` that `camera` takes, which looks down by `pitch_tangent`; none when
+/// it shows nothing.
 pub fn window(view: &SsdView, image_size: [usize; 2], camera: &Camera, pitch_tangent: f64) -> Option<Window> {
     let [width, height] = image_size.map(|side| side as f64);
     let focal_px = camera.focal_y();
@@ -64,7 +64,7 @@ pub fn window(view: &SsdView, image_size: [usize; 2], camera: &Camera, pitch_tan
 
 #[cfg(test)]
 mod tests {
-    use farsight_core::pitch::level_from_camera;
+    use farsight_core::pitch::camera_from_level;
 
     use super::*;
 
@@ -84,8 +84,8 @@ mod tests {
     #[test]
     fn the_rows_of_a_camera_that_looks_down_are_nearer_to_its_horizon() {
         let camera = Camera::from_hfov(90.0, 1920, 1080).unwrap();
-        let turned = camera.moved(&level_from_camera(0.2));
-        assert_eq!(pitch_tangent(&camera), 0.0);
+        let turned = camera.moved(&camera_from_level(0.2).inverse());
+        assert!(pitch_tangent(&camera).abs() < 1e-12);
         assert!((pitch_tangent(&turned) - 0.2_f64.tan()).abs() < 1e-9);
         let view = SsdView { focal_px: 480.0, rows: Some([0.1, 0.1]) };
         let of = |camera: &Camera| window(&view, [1920, 1080], camera, pitch_tangent(camera)).unwrap();

@@ -298,7 +298,7 @@ fn images() -> Vec<RgbImage> {
 fn detections_at_the_peaks_are_those_of_the_dense_head() {
     let model = lively(SmokeConfig { input: [640, 192], ..small(NormKind::Batch, NeckKind::Plain, Msfe::A) });
     // All scores, so that there is something to compare whatever the weights are.
-    let options = DecodeOptions { min_score: Some(0.0), max_detections: 50 };
+    let options = DecodeOptions { min_score: Some(0.0), ..DecodeOptions::default() };
     let dense = engine(&Network::deployable(&model).unwrap(), &model, Target::Portable);
     let mut dense = SmokeDetector::new(Box::new(dense), &model.config, None);
     let (engine, head) = cut(&model);

