@@ -47,6 +47,12 @@ class Result(Objects):
         return np.array(self._record["camera"]["projection"], np.float64)
 
     @property
+    def pitch_deg(self) -> float:
+        """How far down the camera was taken to look, degrees; 0 where nothing said so. Boxes stand upright on the road,
+        not across the camera's axis."""
+        return float(self._record["camera"].get("pitch_deg", 0.0))
+
+    @property
     def alpha(self) -> Floats:
         """Observation angles, shape (N,), radians."""
         return self._numbers("alpha")
