@@ -142,6 +142,18 @@ impl Camera {
         dot(&self.row(axis), &last) / dot(&last, &last)
     }
 
+    /// Which way the second axis of the coordinates points, as the camera sees it: right, down and ahead by its own
+    /// axes; of length 1. It is straight down in level coordinates, as those of turned cameras are.
+    pub fn down(&self) -> [f64; 3] {
+        [self.across(0), self.across(1), self.row(2)].map(|axis| axis[1] / norm(&axis))
+    }
+
+    /// How far a camera looks down and how far it is rolled (to the left is positive), radians, in level coordinates.
+    pub fn attitude(&self) -> [f64; 2] {
+        let [right, down, ahead] = self.down();
+        [ahead.atan2(right.hypot(down)), (-right).atan2(down)]
+    }
+
     /// A row without its last number.
     fn row(&self, i: usize) -> [f64; 3] {
         [0, 1, 2].map(|j| self.projection[i][j])

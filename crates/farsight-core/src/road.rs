@@ -115,13 +115,15 @@ impl GroundContact {
         is_usable.then_some(Self { foot, sigma, is_scaled: scale.log_sigma > 0.0 && is_scaled(&detection.class) })
     }
 
-    /// How far, metres, it stands off the plane when it is `factor` times as far away, and how much that may be by
-    /// boxes and roads.
+    /// How far its lower edge lies below where the plane would have it when it is `factor` times as far away, and how
+    /// much that may be by boxes and roads: tangents of angles.
+    ///
+    /// Not metres off the plane: those shrink with the factor, so that many wrong edges would pull everything nearer.
     fn off(&self, common: &Common, factor: f64) -> (f64, f64) {
         let [x, y, z] = self.foot;
         let [slope, height, tilt, _] = *common;
-        let off = factor * (y + slope * z + tilt * x) - height;
-        let variance = (EDGE_ERROR * z).powi(2) + UNEVEN_M.powi(2) + (BENT * z).powi(2);
+        let off = y / z + slope + tilt * x / z - height / (factor * z);
+        let variance = EDGE_ERROR.powi(2) + (UNEVEN_M / z).powi(2) + BENT.powi(2);
         (off, variance.sqrt())
     }
 
@@ -131,8 +133,9 @@ impl GroundContact {
         let (off, sigma) = self.off(common, factor);
         let weight = 1.0 / (sigma * sigma * (1.0 + (off / sigma / ODD).powi(2)));
         let [x, _, z] = self.foot;
-        let by_log = off + common[1];
-        let by_plane = [factor * z, -1.0, factor * x, 0.0];
+        let by_height = -1.0 / (factor * z);
+        let by_log = -common[1] * by_height;
+        let by_plane = [1.0, by_height, x / z, 0.0];
         let precision = 1.0 / (self.sigma * self.sigma);
         let share = if self.is_scaled { 1.0 } else { 0.0 };
         let own = log - share * common[3];

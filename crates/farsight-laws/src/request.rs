@@ -64,7 +64,11 @@ fn is_complete(bytes: &[u8]) -> bool {
     const END: &[u8] = b"\r\n\r\n";
     let Some(at) = bytes.windows(END.len()).position(|window| window == END) else { return false };
     let (head, body) = (String::from_utf8_lossy(&bytes[..at]), &bytes[at + END.len()..]);
-    let length = head.lines().find_map(|line| line.strip_prefix("Content-Length: ")?.parse::<usize>().ok());
+    let length_of = |line: &str| {
+        let (name, value) = line.split_once(':')?;
+        name.trim().eq_ignore_ascii_case("content-length").then(|| value.trim().parse::<usize>().ok())?
+    };
+    let length = head.lines().find_map(length_of);
     head.contains("Connection: close") && length.unwrap_or(0) == body.len()
 }
 

@@ -12,7 +12,6 @@ use farsight_core::Camera;
 use farsight_core::statistics::{quantile, sorted};
 use farsight_data::open_labelled;
 use farsight_files::MeasuredTable;
-use farsight_methods::camera_estimator::geometry::attitude;
 
 /// One image: what is true and what was estimated.
 struct Judged {
@@ -80,7 +79,7 @@ fn judged(camera: &Camera, size: [usize; 2], estimate: &CameraEstimate) -> Judge
     let hfov = |focal: f64| 2.0 * (width / (2.0 * focal)).atan().to_degrees();
     // A camera that is taken to be level to the last digit was not measured.
     let is_known = camera.projection[2][1] != 0.0;
-    let [pitch, roll] = attitude(camera);
+    let [pitch, roll] = camera.attitude();
     let errors = [estimate.pitch_rad[0] - pitch, estimate.roll_rad[0] - roll];
     Judged {
         hfov_deg: [hfov(true_focal), hfov(estimate.focal_px)],

@@ -13,7 +13,6 @@ use farsight_core::overlap::iou_2d;
 use farsight_core::{Camera, Label, ObjectClass};
 use farsight_data::open_labelled;
 use farsight_files::MeasuredTable;
-use farsight_methods::camera_estimator::geometry::attitude;
 
 /// What is written down as the command.
 const COMMAND: &str = "cargo run --release -p farsight --example judge_pitch -- --table FILE.json NAME=FOLDER ...";
@@ -114,7 +113,7 @@ fn main() {
             let upright = upright(&calibrated);
             let ways = [(&pipeline, calibrated), (&pipeline, upright), (&level, upright)];
             let found = ways.map(|(pipeline, camera)| (camera, pipeline.detect(&image, &camera).unwrap()));
-            let [pitch, _] = attitude(&calibrated);
+            let [pitch, _] = calibrated.attitude();
             vehicles.extend(dataset.labels(index).unwrap().iter().filter(|label| is_judged(label)).map(|label| {
                 let off = std::array::from_fn(|way| off(label, &found[way].1, &found[way].0, &calibrated));
                 Vehicle { pitch_deg: pitch.to_degrees(), off }

@@ -25,6 +25,7 @@
 //! the centre of its bottom face.
 
 pub mod builder;
+pub mod calibrate;
 mod camera_estimates;
 pub mod camera_source;
 pub mod detector;
@@ -53,6 +54,7 @@ pub mod view;
 use std::path::Path;
 
 pub use builder::PipelineBuilder;
+pub use calibrate::{CalibrateError, CameraStand, RoadCalibrator};
 pub use camera_estimates::CameraEstimates;
 pub use camera_source::{CameraSource, CameraSourceError};
 pub use draw::{draw, draw_through_lens};

@@ -3,9 +3,9 @@
 use std::fmt::{self, Display};
 
 use super::{BENT, Common, EDGE_ERROR, Fit, GroundContact, ODD, Prior, Road, UNEVEN_M};
-use crate::linear::{cross, dot, norm, solved};
+use crate::linear::{cross, norm, solved};
 use crate::scale::ScalePrior;
-use crate::{Camera, Detection};
+use crate::{Camera, Detection, Pose};
 
 /// Fewer objects than this are too few to tell a plane.
 const MIN_OBJECTS: usize = 4;
@@ -69,9 +69,10 @@ impl RoadPlane {
         let common = [self.slope, self.height_m, self.tilt, 0.0];
         let stands = |contact: &GroundContact| {
             let (off, sigma) = contact.off(&common, 1.0);
+            let depth_m = contact.foot[2];
             // What the distance leaves open moves it along its ray.
-            let by_distance = contact.sigma.hypot(scale.log_sigma) * (off + self.height_m);
-            off.abs() < ODD * sigma.hypot(by_distance).hypot(self.sigmas[2])
+            let by_distance = contact.sigma.hypot(scale.log_sigma) * self.height_m / depth_m;
+            off.abs() < ODD * sigma.hypot(by_distance).hypot(self.sigmas[2] / depth_m)
         };
         let contacts: Vec<GroundContact> =
             images.iter().flatten().filter_map(|detection| GroundContact::of(detection, scale)).collect();
@@ -101,15 +102,9 @@ impl RoadPlane {
             return None;
         }
         let ahead = ahead.map(|value| value / ahead_length);
-        let right = cross(&down, &ahead);
-        // Rows of the rotation from the camera's coordinates to the level ones.
-        let rotation = [right, down, ahead];
-        let row = |row: [f64; 4]| {
-            let [a, b, c] = rotation.map(|axis| dot(&axis, &[row[0], row[1], row[2]]));
-            [a, b, c, row[3]]
-        };
-        let level = Camera::from_projection(camera.projection.map(row)).ok()?;
-        Some((level, Self { slope: 0.0, tilt: 0.0, height_m: self.height_m / length, sigmas: self.sigmas }))
+        let level_from_camera = Pose { rotation: [cross(&down, &ahead), down, ahead], ..Pose::IDENTITY };
+        let plane = Self { slope: 0.0, tilt: 0.0, height_m: self.height_m / length, sigmas: self.sigmas };
+        Some((camera.moved(&level_from_camera), plane))
     }
 
     /// The plane as the prior of a fit.
@@ -204,6 +199,19 @@ mod tests {
                 assert!(found.sigmas[2] / plane[2] > 0.03 && found.sigmas[0] < 0.01, "{found:?}");
             }
         }
+    }
+
+    #[test]
+    fn many_wrong_edges_make_no_camera_lower() {
+        // Boxes end two error bars too low, or as much too high. In metres off a plane that is less on a lower one.
+        let wrong = |tangent: f64| {
+            let mut images = traffic([0.05, 0.0, 1.8], 1.0);
+            images.iter_mut().flatten().for_each(|car| car.box3d.location[1] += tangent * car.box3d.depth_m());
+            images
+        };
+        let images = [wrong(0.008), wrong(-0.008)].concat();
+        let found = RoadPlane::of(&images, Road::Below, &SCALE).unwrap();
+        assert!((found.height_m / 1.8).ln().abs() < 0.04, "{found:?}");
     }
 
     #[test]

@@ -109,35 +109,6 @@ fn scale(image_size: [usize; 2]) -> f64 {
     fits(0).min(fits(1))
 }
 
-/// A projection taken apart.
-struct Parts {
-    /// Horizontal and vertical focal length, pixels.
-    focal: [f64; 2],
-    /// Principal point, pixels.
-    middle: [f64; 2],
-    /// Which way the world's second axis points, as the camera sees it: right, down, ahead; of length 1.
-    down: [f64; 3],
-}
-
-impl Parts {
-    fn of(camera: &Camera) -> Self {
-        let [first, second, axis] = camera.projection.map(|row| [row[0], row[1], row[2]]);
-        let length = dot(&axis, &axis).sqrt();
-        let [first, second, axis] = [first, second, axis].map(|row| row.map(|part| part / length));
-        let middle = [dot(&first, &axis), dot(&second, &axis)];
-        let aside = |row: [f64; 3], middle: f64| -> [f64; 3] { std::array::from_fn(|i| row[i] - middle * axis[i]) };
-        let [across, down] = [aside(first, middle[0]), aside(second, middle[1])];
-        let focal = [&across, &down].map(|row| dot(row, row).sqrt());
-        Self { focal, middle, down: [across[1] / focal[0], down[1] / focal[1], axis[1]] }
-    }
-}
-
-/// How far a camera looks down and how far it is rolled, radians, in a world whose second axis points straight down.
-pub fn attitude(camera: &Camera) -> [f64; 2] {
-    let [right, down, ahead] = Parts::of(camera).down;
-    [ahead.atan2(right.hypot(down)), (-right).atan2(down)]
-}
-
 /// A camera that sees less of the level directions than this, as a cosine, looks at its feet or at the sky.
 const MIN_LEVEL: f64 = 0.3;
 
@@ -145,16 +116,16 @@ const MIN_LEVEL: f64 = 0.3;
 ///
 /// `None` for a camera that looks so far up or down that the horizon is nowhere.
 pub fn encode(camera: &Camera) -> Option<[f64; NUMBERS]> {
-    let Parts { focal, middle, down } = Parts::of(camera);
-    let level = down[0].hypot(down[1]);
+    let [right, down, ahead] = camera.down();
+    let level = right.hypot(down);
     if level < MIN_LEVEL {
         return None;
     }
     // Where the horizon crosses the column of the principal point, unrolled.
-    let horizon_px = middle[1] - focal[1] * down[2] / level;
+    let horizon_px = camera.principal_point()[1] - camera.focal_y() * ahead / level;
     let [width, height] = INPUT_SIZE.map(|side| side as f64);
-    let [_, roll] = attitude(camera);
-    let numbers = [(focal[0] / width).ln(), (height / 2.0 - horizon_px) / height, roll];
+    let [_, roll] = camera.attitude();
+    let numbers = [(camera.focal_x() / width).ln(), (height / 2.0 - horizon_px) / height, roll];
     let answer = std::array::from_fn(|i| (numbers[i] - MIDDLE[i]) / UNITS[i]);
     answer.iter().all(|number: &f64| number.is_finite()).then_some(answer)
 }
@@ -183,10 +154,6 @@ pub fn decode(answer: [f64; ANSWER_CHANNELS], image_size: [usize; 2], error_scal
 pub fn mean_answer(answer: [f64; ANSWER_CHANNELS], mirrored: [f64; ANSWER_CHANNELS]) -> [f64; ANSWER_CHANNELS] {
     let sign = |channel: usize| if channel == 4 { -1.0 } else { 1.0 };
     std::array::from_fn(|channel| f64::midpoint(answer[channel], sign(channel) * mirrored[channel]))
-}
-
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

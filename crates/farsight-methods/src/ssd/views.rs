@@ -34,8 +34,8 @@ pub struct Window {
 
 /// The tangent of how far down a turned `camera` looks: by so much its horizon lies above its axis. 0 of others.
 pub fn pitch_tangent(camera: &Camera) -> f64 {
-    let [_, [.., ahead_row, _], [.., ahead, _]] = camera.projection;
-    (camera.principal_point()[1] - ahead_row / ahead) / camera.focal_y()
+    let [pitch_rad, _] = camera.attitude();
+    pitch_rad.tan()
 }
 
 /// The window of `view` of an image of `image_size` that `camera` takes, which looks down by `pitch_tangent`; none when

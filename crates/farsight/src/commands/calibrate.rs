@@ -1,12 +1,11 @@
 //! `farsight calibrate`: how a fixed camera stands over its road, from the traffic that it sees.
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight::{Camera, Detection, ImageLimits, Road, RoadPlane, View, ViewSource, load_image};
-use farsight_core::overlap::iou_2d;
+use farsight::video::{VideoOptions, VideoSource, is_video};
+use farsight::{CameraStand, Exif, ImageLimits, RgbImage, Road, RoadCalibrator, View, ViewSource, load_image};
 use farsight_data::kitti::Calibration;
 
 use super::Outcome;
@@ -21,9 +20,11 @@ use crate::printer::{Printer, counted, progress_bar};
 The camera must not move between the images. Traffic tells pitch, roll and height; the height is as sure as sizes of vehicles
 are, unless --above-road says it. It does not tell the field of view, which the camera options must.
 farsight calibrate pole/*.jpg --hfov 70 --out pole.txt
+farsight calibrate pole.mp4 --hfov 70 --out pole.txt
 farsight range pole/0001.jpg --calib pole.txt")]
 pub(crate) struct CalibrateArgs {
-    /// Images of one camera that stays where it is, folders of images, patterns
+    /// Images of one camera that stays where it is, folders of images, patterns; or one video or address (rtsp, http),
+    /// of which two frames a second are looked at
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -31,168 +32,205 @@ pub(crate) struct CalibrateArgs {
     /// Write the calibration, for --calib of other commands
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Of a video look at so many frames
+    #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u16).range(1..))]
+    frames: u16,
+    /// The ffmpeg program
+    #[arg(long, value_name = "FILE", default_value = "ffmpeg")]
+    ffmpeg: PathBuf,
     // Last, because its help heading would go on to what follows.
     #[command(flatten)]
     view: ViewArgs,
 }
 
-/// What overlaps by more than this with something in one of the last images stands still, and is no new witness.
-const SAME_PLACE: f64 = 0.7;
-
-/// So many images back is looked for what stands still.
-const REMEMBERED_IMAGES: usize = 50;
-
-/// On the road of a camera that does not move stands at least this share of what it sees.
-const MIN_CARRIED: f64 = 0.8;
-
 /// The traffic is looked at so often.
 const ROUNDS: usize = 2;
 
+/// Frames of a video that are looked at are so far apart, seconds: nearer ones show the same.
+const BETWEEN_FRAMES_S: f64 = 0.5;
+
 /// Runs the command.
 pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome> {
-    let found = inputs::find(&args.inputs);
-    for problem in &found.problems {
-        printer.error(problem);
-    }
-    ensure!(!found.images.is_empty(), "no image to look at");
-    let views = args.view.source(&found.images)?;
+    let source = Source::of(args, printer)?;
+    let views = args.view.source(source.images())?;
     let road = args.pipeline.road.above_road().unwrap_or(Road::Below);
     ensure!(road != Road::Ignored, "--above-road none leaves nothing to find; expected metres, or any");
     let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?, printer)?;
-    ensure!(
-        pipeline.has_error_bars(),
-        "{}: a model without error bars, which calibration goes by",
-        pipeline.info().name
-    );
 
-    let mut images = Vec::new();
-    let mut failed = found.problems.len();
-    let mut first = None;
-    for path in &found.images {
-        match known_view(path, &views, first.as_ref()) {
-            Ok(known) => {
-                first = Some(known);
-                images.push(path);
-            }
-            Err(error) => {
-                failed += 1;
-                printer.failure(&error);
-            }
-        }
-    }
-    let Some((view, _)) = first else { bail!("no image could be looked at") };
-
-    let given = *view.camera();
-    let (mut camera, mut stands, mut carried) = (given, None, 0.0);
+    let mut first: Option<(View, [u32; 2])> = None;
+    let mut calibrator: Option<RoadCalibrator> = None;
+    let (mut stand, mut failed, mut seen) = (None, 0, 0);
     // Networks know cameras in level coordinates better, so what the first round finds makes the second one better.
-    for _ in 0..ROUNDS {
-        let mut traffic = Traffic::default();
-        let bar = progress_bar(images.len());
-        for path in &images {
-            let image = load_image(path, ImageLimits::default())?.pixels;
-            let found = view.straightened(&image).and_then(|image| pipeline.detect_off_road(&image, &camera));
-            traffic.add(found.with_context(|| path.display().to_string())?);
+    for round in 0..ROUNDS {
+        let bar = progress_bar(source.count());
+        (failed, seen) = (source.problems, 0);
+        source.for_each(&mut |taken| {
             bar.inc(1);
-        }
+            let looked = taken.and_then(|Taken { path, place, image, exif }| {
+                let known = known_view(&path, &place, &image, &exif, &views, first.as_ref())?;
+                let (view, _) = first.get_or_insert(known);
+                let looker = match &mut calibrator {
+                    Some(calibrator) => calibrator,
+                    none => none.insert(RoadCalibrator::new(pipeline.clone(), *view.camera(), road)?),
+                };
+                let image = view.straightened(&image).with_context(|| place.clone())?;
+                looker.add(&image).with_context(|| place.clone())
+            });
+            match looked {
+                Ok(()) => seen += 1,
+                Err(error) => {
+                    failed += 1;
+                    if round == 0 {
+                        bar.suspend(|| printer.failure(&error));
+                    }
+                }
+            }
+        })?;
         bar.finish_and_clear();
-        let Some(plane) = RoadPlane::of(&traffic.images, road, &pipeline.scale()) else {
-            bail!("{}: not enough to tell how the camera stands; expected more, at several distances", traffic.told());
-        };
-        let Some((level, road)) = plane.levelled(&camera) else {
-            bail!("{}: the camera seems to look straight down; expected one that sees along its road", traffic.told());
-        };
-        carried = plane.carries(&traffic.images, &pipeline.scale());
-        (camera, stands) = (level, Some((road, traffic.told())));
+        let Some(calibrator) = &mut calibrator else { bail!("no image could be looked at") };
+        let told = told(calibrator.objects(), seen);
+        stand = Some(calibrator.end_round().with_context(|| told.clone())?);
     }
-    let stand = stands.and_then(|(plane, seen)| Some((plane, Stand::new(&given, &camera, &plane)?, seen)));
-    let Some((plane, stand, seen)) = stand else { bail!("no image could be looked at") };
-    tell(&stand, &seen, printer);
-    if carried < MIN_CARRIED {
-        printer.warning(&format!(
-            "only {:.0}% of what was found stands on this road: does the camera move, or is there another road?",
-            100.0 * carried
-        ));
-    }
+    let Some(stand) = stand else { bail!("no image could be looked at") };
+    tell(&stand, seen, printer);
     if let Some(out) = &args.out {
-        let calibration = Calibration { road: Some(plane), ..Calibration::from_camera(&camera) };
+        let calibration = Calibration { road: Some(stand.road), ..Calibration::from_camera(&stand.camera) };
         calibration.write(out)?;
         printer.status(&format!("{}: written; give it to --calib", out.display()));
     }
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }
 
-/// How a camera stands over its road; values with their standard deviations.
-struct Stand {
-    pitch_deg: [f64; 2],
-    roll_deg: [f64; 2],
-    height_m: [f64; 2],
-}
-
-impl Stand {
-    /// Of the camera as it was `given` and the same in `level` coordinates, in which `plane` lies.
-    fn new(given: &Camera, level: &Camera, plane: &RoadPlane) -> Option<Self> {
-        // Straight down is far away in both: there it is a ray of the camera as it was given.
-        let vanishing = level.projection.map(|row| row[1]);
-        let down = given.direction(vanishing)?;
-        let [slope, tilt] = [down[2] / down[1], down[0] / down[1]];
-        let [slope_sigma, tilt_sigma, height_sigma] = plane.sigmas;
-        let degrees = |tangent: f64, sigma: f64| [tangent.atan().to_degrees(), sigma.to_degrees()];
-        Some(Self {
-            pitch_deg: degrees(slope, slope_sigma),
-            roll_deg: degrees(tilt, tilt_sigma),
-            height_m: [plane.height_m, height_sigma],
-        })
-    }
-}
-
-fn tell(stand: &Stand, seen: &str, printer: &mut Printer) {
-    let Stand { pitch_deg: [pitch, pitch_sigma], roll_deg: [roll, roll_sigma], height_m: [height, height_sigma] } =
-        stand;
+fn tell(stand: &CameraStand, images: usize, printer: &mut Printer) {
+    let CameraStand { pitch_rad, roll_rad, height_m: [height, height_sigma], objects, carried, .. } = stand;
+    let [pitch, pitch_sigma] = pitch_rad.map(f64::to_degrees);
+    let [roll, roll_sigma] = roll_rad.map(f64::to_degrees);
     printer.line(&format!("pitch   {pitch:6.2} ±{pitch_sigma:.2} degrees (positive looks down)"));
     printer.line(&format!("roll    {roll:6.2} ±{roll_sigma:.2} degrees (positive leans right)"));
     printer.line(&format!("height  {height:6.2} ±{height_sigma:.2} m above the road"));
-    printer.status(&format!("{seen}; the field of view is as given: traffic does not tell it"));
-}
-
-/// How an image was taken, and its size; both must be those of the `first` one.
-fn known_view(path: &Path, views: &ViewSource, first: Option<&(View, [u32; 2])>) -> Result<(View, [u32; 2])> {
-    let loaded = load_image(path, ImageLimits::default())?;
-    let size = [loaded.pixels.width(), loaded.pixels.height()];
-    if let Some((first, _)) = first.filter(|(first, its_size)| first.estimate().is_some() && *its_size == size) {
-        return Ok((first.clone(), size));
+    printer.status(&format!("{}; the field of view is as given: traffic does not tell it", told(*objects, images)));
+    if stand.is_doubtful() {
+        printer.warning(&format!(
+            "only {:.0}% of what was found stands on this road: does the camera move, or is there another road?",
+            100.0 * carried
+        ));
     }
-    let view = views.view(path, &loaded.pixels, &loaded.exif).map_err(with_hint)?;
-    ensure!(
-        first.is_none_or(|(first, its_size)| (first.camera(), its_size) == (view.camera(), &size)),
-        "{}: another camera or size than the images before; expected images of one camera",
-        path.display()
-    );
-    Ok((view, size))
 }
 
-/// What one camera saw.
-#[derive(Default)]
-struct Traffic {
-    /// By image; what stands still only once.
-    images: Vec<Vec<Detection>>,
-    /// All that was found in the last images.
-    latest: VecDeque<Vec<Detection>>,
+/// How much there was, for people.
+fn told(objects: usize, images: usize) -> String {
+    format!("{} at places of their own in {}", counted(objects, "object"), counted(images, "image"))
 }
 
-impl Traffic {
-    fn add(&mut self, found: Vec<Detection>) {
-        let stands_still =
-            |one: &Detection| self.latest.iter().flatten().any(|other| iou_2d(&one.box2d, &other.box2d) > SAME_PLACE);
-        self.images.push(found.iter().filter(|one| !stands_still(one)).cloned().collect());
-        self.latest.push_back(found);
-        if self.latest.len() > REMEMBERED_IMAGES {
-            self.latest.pop_front();
+/// What is looked at.
+struct Source {
+    kind: Kind,
+    /// Arguments without images, which were told.
+    problems: usize,
+}
+
+enum Kind {
+    Images(Vec<PathBuf>),
+    Video { video: PathBuf, options: VideoOptions, frames: usize },
+}
+
+/// An image, or a frame of a video.
+struct Taken {
+    path: PathBuf,
+    /// What errors call it.
+    place: String,
+    image: RgbImage,
+    exif: Exif,
+}
+
+impl Source {
+    fn of(args: &CalibrateArgs, printer: &mut Printer) -> Result<Self> {
+        if let Some(video) = args.inputs.iter().find(|input| is_video(input)) {
+            ensure!(args.inputs.len() == 1, "{}: a video beside other inputs; expected it alone", video.display());
+            let options = VideoOptions { ffmpeg: args.ffmpeg.clone(), ..VideoOptions::default() };
+            let kind = Kind::Video { video: video.clone(), options, frames: usize::from(args.frames) };
+            return Ok(Self { kind, problems: 0 });
+        }
+        let found = inputs::find(&args.inputs);
+        for problem in &found.problems {
+            printer.error(problem);
+        }
+        ensure!(!found.images.is_empty(), "no image to look at");
+        Ok(Self { kind: Kind::Images(found.images), problems: found.problems.len() })
+    }
+
+    fn images(&self) -> &[PathBuf] {
+        match &self.kind {
+            Kind::Images(images) => images,
+            Kind::Video { .. } => &[],
         }
     }
 
-    /// How much there was, for people.
-    fn told(&self) -> String {
-        let objects = self.images.iter().map(Vec::len).sum();
-        format!("{} at places of their own in {}", counted(objects, "object"), counted(self.images.len(), "image"))
+    /// The most that it has.
+    fn count(&self) -> usize {
+        match &self.kind {
+            Kind::Images(images) => images.len(),
+            Kind::Video { frames, .. } => *frames,
+        }
     }
+
+    /// Hands each image over, or why there is none.
+    fn for_each(&self, take: &mut dyn FnMut(Result<Taken>)) -> Result<()> {
+        match &self.kind {
+            Kind::Images(images) => {
+                for path in images {
+                    take(load_image(path, ImageLimits::default()).map_err(Into::into).map(|loaded| Taken {
+                        path: path.clone(),
+                        place: path.display().to_string(),
+                        image: loaded.pixels,
+                        exif: loaded.exif,
+                    }));
+                }
+            }
+            Kind::Video { video, options, frames } => {
+                let (mut taken, mut next_s) = (0, f64::NEG_INFINITY);
+                for frame in VideoSource::Video(video.clone()).frames(options)? {
+                    match frame {
+                        Ok(frame) if frame.time_s < next_s => {}
+                        Ok(frame) => {
+                            next_s = frame.time_s + BETWEEN_FRAMES_S;
+                            taken += 1;
+                            take(Ok(Taken {
+                                place: frame.place(),
+                                path: frame.path,
+                                image: frame.image,
+                                exif: frame.exif,
+                            }));
+                        }
+                        Err(error) => take(Err(error.into())),
+                    }
+                    if taken == *frames {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How an image was taken, and its size; both must be those of the `first` one.
+fn known_view(
+    path: &Path,
+    place: &str,
+    image: &RgbImage,
+    exif: &Exif,
+    views: &ViewSource,
+    first: Option<&(View, [u32; 2])>,
+) -> Result<(View, [u32; 2])> {
+    let size = [image.width(), image.height()];
+    if let Some((first, _)) = first.filter(|(first, its_size)| first.estimate().is_some() && *its_size == size) {
+        return Ok((first.clone(), size));
+    }
+    let view = views.view(path, image, exif).map_err(with_hint)?;
+    ensure!(
+        first.is_none_or(|(first, its_size)| (first.camera(), its_size) == (view.camera(), &size)),
+        "{place}: another camera or size than the images before; expected images of one camera"
+    );
+    Ok((view, size))
 }

@@ -3,8 +3,10 @@
 #[allow(dead_code, reason = "each test program uses a part")]
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use crate::program::{done, farsight};
+use crate::rtsp;
 use farsight::RgbImage;
 use farsight_data::kitti::Calibration;
 use serde_json::Value;
@@ -62,9 +64,36 @@ fn a_camera_on_a_mast_is_found_and_its_file_gives_distances() {
         (cars["found"].as_u64().unwrap(), cars["abs_rel_z"].as_f64().unwrap())
     };
     let (known, unknown) = (judged("known", &["--calib", "mast.txt"]), judged("unknown", &["--fx", "864"]));
+    println!("cars found and their relative error: {known:?} with the calibration, {unknown:?} without");
     for (found, error) in [known, unknown] {
         assert!(found >= 75 && error < 0.08, "{known:?}, {unknown:?} without");
     }
+}
+
+#[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
+fn frames_of_a_film_tell_what_images_do() {
+    if !rtsp::has_ffmpeg() {
+        return eprintln!("skipped: there is no ffmpeg, so no film was looked at");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("world.toml"), WORLD).unwrap();
+    done(folder, &["synth", "--scene-config", "world.toml", "--out", "data", "--frames", "4", "--seed", "78"]);
+    let mut ffmpeg = Command::new("ffmpeg");
+    ffmpeg.args(["-loglevel", "error", "-framerate", "2", "-i", "data/training/image_2/%06d.png"]);
+    assert!(ffmpeg.args(["-crf", "1", "film.mp4"]).current_dir(folder).status().unwrap().success());
+    let of_images = done(folder, &["calibrate", "data/training/image_2", "--fx", "864"]);
+    let of_film = done(folder, &["calibrate", "film.mp4", "--fx", "864"]);
+    for name in ["pitch", "height"] {
+        let ([image, sigma], [film, _]) = (told(&of_images, name), told(&of_film, name));
+        assert!((image - film).abs() < sigma, "{of_images} {of_film}");
+    }
+    let fewer = done(folder, &["calibrate", "film.mp4", "--fx", "864", "--frames", "2"]);
+    assert_ne!(fewer, of_film);
+    let beside = farsight(folder, &["calibrate", "film.mp4", "data", "--fx", "864"]);
+    let text = String::from_utf8_lossy(&beside.stderr).into_owned();
+    assert!(text.contains("film.mp4: a video beside other inputs; expected it alone"), "{text}");
 }
 
 #[test]
