@@ -39,7 +39,7 @@ const ANY_HEIGHT_ERROR_M: f64 = 2.0;
 /// How the plane under a camera tips, standard deviations of its slope along the optical axis, which may look down, and
 /// across it.
 const SLOPE: f64 = 0.5;
-const TILT: f64 = 0.05;
+const TILT: f64 = 0.02;
 
 /// At so many standard deviations off the plane an object counts half, farther off less and less: it may be no object,
 /// or stand on a bridge.

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display};
 
-use super::{BENT, Common, EDGE_ERROR, Fit, GroundContact, ODD, Prior, Road, UNEVEN_M};
+use super::{BENT, Common, EDGE_ERROR, Fit, GroundContact, Prior, Road, UNEVEN_M};
 use crate::linear::{cross, norm, solved};
 use crate::scale::ScalePrior;
 use crate::{Camera, Detection, Pose};
@@ -18,6 +18,9 @@ const MAX_HEIGHT_ERROR: f64 = 0.3;
 const ALIKE_SLOPE: f64 = 0.005;
 const ALIKE_TILT: f64 = 0.003;
 const ALIKE_HEIGHT: f64 = 0.03;
+
+/// So many standard deviations off the plane an object does not stand on it.
+const OFF_THE_ROAD: f64 = 2.5;
 
 /// The least share of the optical axis that lies in the road: a camera that looks down more steeply sees no traffic.
 const MIN_AHEAD: f64 = 0.1;
@@ -72,7 +75,7 @@ impl RoadPlane {
             let depth_m = contact.foot[2];
             // What the distance leaves open moves it along its ray.
             let by_distance = contact.sigma.hypot(scale.log_sigma) * self.height_m / depth_m;
-            off.abs() < ODD * sigma.hypot(by_distance).hypot(self.sigmas[2] / depth_m)
+            off.abs() < OFF_THE_ROAD * sigma.hypot(by_distance).hypot(self.sigmas[2] / depth_m)
         };
         let contacts: Vec<GroundContact> =
             images.iter().flatten().filter_map(|detection| GroundContact::of(detection, scale)).collect();
