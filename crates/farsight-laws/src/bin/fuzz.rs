@@ -68,6 +68,7 @@ fn process(target: &Target, seconds: f64, table: &str) -> bool {
     } else {
         Command::new(program)
     };
+    command.env("TMPDIR", scratch());
     command.args(["--one", target.name, &seconds.to_string(), &seed.to_string(), table]);
     let status = command.status();
     if status.as_ref().is_ok_and(|status| status.code().is_some_and(|code| code <= 1)) {
@@ -85,7 +86,15 @@ fn folder(kind: &str, name: &str) -> PathBuf {
 
 /// Where the input lies that a target has now.
 fn current(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("farsight-fuzz-{name}"))
+    scratch().join(format!("farsight-fuzz-{name}"))
+}
+
+/// Where files are written for a moment: in memory where the system has a place for that, as a disk would be most of
+/// the work.
+fn scratch() -> PathBuf {
+    let in_memory = PathBuf::from("/dev/shm");
+    let is_told = std::env::var_os("TMPDIR").is_some();
+    if !is_told && in_memory.is_dir() { in_memory } else { std::env::temp_dir() }
 }
 
 /// Keeps an input for the tests.
