@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use farsight::video::{VideoOptions, VideoSource, is_video};
-use farsight::{CameraStand, Exif, ImageLimits, RgbImage, Road, RoadCalibrator, View, ViewSource, load_image};
+use farsight::{
+    CalibrateError, CameraStand, Exif, ImageLimits, RgbImage, Road, RoadCalibrator, View, ViewSource, load_image,
+};
 use farsight_data::kitti::Calibration;
 
 use super::Outcome;
@@ -54,8 +56,10 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
     let source = Source::of(args, printer)?;
     let views = args.view.source(source.images())?;
     let road = args.pipeline.road.above_road().unwrap_or(Road::Below);
-    ensure!(road != Road::Ignored, "--above-road none leaves nothing to find; expected metres, or any");
+    // What no image can mend is told before any is looked at.
+    ensure!(road != Road::Ignored, CalibrateError::NoRoad);
     let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?, printer)?;
+    ensure!(pipeline.has_error_bars(), CalibrateError::NoErrorBars { model: pipeline.info().name.clone() });
 
     let mut first: Option<(View, [u32; 2])> = None;
     let mut calibrator: Option<RoadCalibrator> = None;
