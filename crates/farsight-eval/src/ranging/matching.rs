@@ -55,6 +55,8 @@ pub struct FalseAlarm {
     pub class: EvaluatedClass,
     /// Its score.
     pub score: f64,
+    /// Position of its frame.
+    pub frame: u32,
     /// Position of the detection in its frame.
     pub prediction: u32,
 }
@@ -84,7 +86,7 @@ pub fn match_frame(frame: &Frame, index: u32, options: &RangingOptions) -> (Vec<
         match best {
             Some((_, target)) => target.found = Some(measurement(detection, position)),
             None if is_excused(detection, class, frame, options) => {}
-            None => false_alarms.push(FalseAlarm { class, score: detection.score, prediction: position }),
+            None => false_alarms.push(FalseAlarm { class, score: detection.score, frame: index, prediction: position }),
         }
     }
     (targets.into_iter().flatten().collect(), false_alarms)

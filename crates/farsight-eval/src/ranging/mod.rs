@@ -28,6 +28,7 @@ pub use compare::{ComparisonRow, Difference, RangingComparison};
 pub(crate) use compare::{PairedTallies, same_objects};
 pub use matching::{FalseAlarm, Measurement, Target, match_frame, targets};
 pub use metrics::{RangingMetric, RangingMetrics};
+pub(crate) use operating::AlarmLimit;
 pub use operating::{OperatingPoint, OperatingPoints};
 pub use options::{MATCH_IOU, RangingOptions};
 pub use report::{ClassRanging, FIXED_RECALL, FixedRecall, GroupRanging, Named, RangingReport, SliceErrors};

@@ -11,6 +11,7 @@ use crate::{Difficulty, EvaluatedClass};
 
 /// The limits of score that are looked at: multiples of one twentieth.
 const STEPS: u32 = 20;
+const LIMITS: usize = STEPS as usize - 1;
 
 /// The detector with detections from one score on, on objects of one class that count at Moderate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -34,6 +35,14 @@ pub struct OperatingPoint {
     pub median_abs_rel_z: Option<f64>,
 }
 
+fn limits() -> impl Iterator<Item = f64> {
+    (1..STEPS).map(|step| f64::from(step) / f64::from(STEPS))
+}
+
+fn counts(target: &Target) -> bool {
+    target.difficulty.is_some_and(|level| level <= Difficulty::Moderate)
+}
+
 /// The operating points of every class with objects, lowest score first; in JSON a map from class to rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OperatingPoints {
@@ -50,13 +59,11 @@ impl Serialize for OperatingPoints {
 impl OperatingPoints {
     /// Those of `targets` and `false_alarms` from `frames` frames.
     pub fn new(targets: &[Target], false_alarms: &[FalseAlarm], frames: usize) -> Self {
-        let counts = |target: &&Target| target.difficulty.is_some_and(|level| level <= Difficulty::Moderate);
         let classes = EvaluatedClass::ALL.into_iter().filter_map(|class| {
-            let objects: Vec<&Target> = targets.iter().filter(counts).filter(|t| t.class == class).collect();
+            let objects: Vec<&Target> = targets.iter().filter(|t| t.class == class && counts(t)).collect();
             let alarms: Vec<f64> = false_alarms.iter().filter(|a| a.class == class).map(|a| a.score).collect();
             let nearest = nearest_of_frames(targets.iter().filter(|t| t.class == class));
-            let limits = (1..STEPS).map(|step| f64::from(step) / f64::from(STEPS));
-            let rows = limits.map(|score| OperatingPoint::new(score, &objects, &nearest, &alarms, frames)).collect();
+            let rows = limits().map(|score| OperatingPoint::new(score, &objects, &nearest, &alarms, frames)).collect();
             (!objects.is_empty()).then_some((class, rows))
         });
         Self { classes: classes.collect() }
@@ -82,6 +89,64 @@ impl OperatingPoint {
             mae_z: (!errors.is_empty()).then(|| errors.iter().map(|(e, _)| e).sum::<f64>() / errors.len() as f64),
             median_abs_rel_z: (!relative.is_empty()).then(|| quantile(&relative, 0.5)),
         }
+    }
+}
+
+/// What is found of a class at the lowest limit of score with at most so many false alarms a frame; by frame, so that
+/// frames can be drawn.
+pub(crate) struct AlarmLimit {
+    frames: Vec<FrameCounts>,
+    most_per_frame: f64,
+}
+
+/// What is in one frame; of each limit, what is found and made up from it on.
+#[derive(Debug, Clone, Copy, Default)]
+struct FrameCounts {
+    objects: u32,
+    found: [u32; LIMITS],
+    alarms: [u32; LIMITS],
+}
+
+impl AlarmLimit {
+    /// Of `targets` and `false_alarms` from `frames` frames.
+    pub(crate) fn new(
+        targets: &[Target],
+        false_alarms: &[FalseAlarm],
+        frames: usize,
+        class: EvaluatedClass,
+        most_per_frame: f64,
+    ) -> Self {
+        let mut counted = vec![FrameCounts::default(); frames];
+        let reached = |score: f64| limits().map(move |limit| u32::from(score >= limit));
+        for target in targets.iter().filter(|target| target.class == class && counts(target)) {
+            let frame = &mut counted[target.frame as usize];
+            frame.objects += 1;
+            let found = target.found.map(|found| reached(found.score)).into_iter().flatten();
+            frame.found.iter_mut().zip(found).for_each(|(sum, one)| *sum += one);
+        }
+        for alarm in false_alarms.iter().filter(|alarm| alarm.class == class) {
+            let sums = counted[alarm.frame as usize].alarms.iter_mut();
+            sums.zip(reached(alarm.score)).for_each(|(sum, one)| *sum += one);
+        }
+        Self { frames: counted, most_per_frame }
+    }
+
+    /// The share of the objects, 0 where every limit has more false alarms; NaN without objects. `drawn` says how often
+    /// each frame counts, `None` that each counts once.
+    pub(crate) fn share(&self, drawn: Option<&[u32]>) -> f64 {
+        let weights = (0..self.frames.len()).map(|place| drawn.map_or(1, |drawn| u64::from(drawn[place])));
+        let (mut frames, mut objects, mut found, mut alarms) = (0, 0, [0; LIMITS], [0; LIMITS]);
+        for (frame, weight) in self.frames.iter().zip(weights) {
+            frames += weight;
+            objects += weight * u64::from(frame.objects);
+            for limit in 0..LIMITS {
+                found[limit] += weight * u64::from(frame.found[limit]);
+                alarms[limit] += weight * u64::from(frame.alarms[limit]);
+            }
+        }
+        let most = self.most_per_frame * frames as f64;
+        let lowest = alarms.iter().position(|alarms| *alarms as f64 <= most);
+        lowest.map_or(0, |limit| found[limit]) as f64 / objects as f64
     }
 }
 

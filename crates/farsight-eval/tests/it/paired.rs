@@ -20,6 +20,8 @@ const AP: Endpoint = Endpoint::Ap(CurveSpec {
 });
 const MODERATE: Slice = Slice { group: Group::Level(Difficulty::Moderate), part: Part::Whole };
 const MAE: Endpoint = Endpoint::Ranging { metric: RangingMetric::MaeZ, class: CAR, slice: MODERATE };
+const FEW_ALARMS: f64 = 0.3;
+const FOUND: Endpoint = Endpoint::FoundAtAlarms { class: CAR, most_per_frame: FEW_ALARMS };
 
 fn evaluation(frames: &[Frame]) -> Evaluation {
     let mut evaluation = Evaluation::new(RangingOptions { bootstrap: None, ..RangingOptions::default() });
@@ -29,18 +31,27 @@ fn evaluation(frames: &[Frame]) -> Evaluation {
     evaluation
 }
 
-/// The same frames with every detection some way off, differently for each seed.
+/// The same frames with every detection some way off and of another score, differently for each seed.
 fn disturbed(frames: &[Frame], spread_m: f64, seed: u128) -> Vec<Frame> {
     let mut random = Pcg64::new(seed, 77);
     let mut frames = frames.to_vec();
     for prediction in frames.iter_mut().flat_map(|frame| &mut frame.predictions) {
         prediction.detection.box3d.location[2] += random.random_range(-spread_m..spread_m);
+        prediction.detection.score += random.random_range(-0.2..0.2);
     }
     frames
 }
 
-/// AP and MAE of both arms on frames as if there were so many of each, from scratch.
-fn from_scratch(arms: [&[Frame]; 2], drawn: &[u32]) -> [[f64; 2]; 2] {
+/// The share of cars that is found at the lowest score with few false alarms, from the report; NaN without cars.
+fn found_at_few_alarms(arm: &Evaluation) -> f64 {
+    let operating = arm.report().operating;
+    let Some((_, rows)) = operating.classes.iter().find(|(class, _)| *class == CAR) else { return f64::NAN };
+    let lowest = rows.iter().find(|row| row.false_alarms_per_frame <= FEW_ALARMS);
+    lowest.map_or(0.0, |row| row.found as f64 / row.objects as f64)
+}
+
+/// AP, MAE and the share found of both arms on frames as if there were so many of each, from scratch.
+fn from_scratch(arms: [&[Frame]; 2], drawn: &[u32]) -> [[f64; 2]; 3] {
     let repeated = arms.map(|frames| {
         let frames = frames.iter().zip(drawn).flat_map(|(frame, count)| vec![frame.clone(); *count as usize]);
         evaluation(&frames.collect::<Vec<_>>())
@@ -55,7 +66,7 @@ fn from_scratch(arms: [&[Frame]; 2], drawn: &[u32]) -> [[f64; 2]; 2] {
     let row =
         compared.rows.into_iter().find(|row| row.class == CAR && row.group == "moderate" && row.distance == "all");
     let mae = row.unwrap().metrics.get(RangingMetric::MaeZ).unwrap();
-    [ap, [mae.value, mae.against]]
+    [ap, [mae.value, mae.against], repeated.each_ref().map(found_at_few_alarms)]
 }
 
 #[test]
@@ -66,20 +77,21 @@ fn resamples_of_seeds_and_frames_equal_evaluations_from_scratch() {
     let evaluated: Vec<_> = arms.iter().map(|[a, b]| [evaluation(a), evaluation(b)]).collect();
     let runs = PairedRuns::new(evaluated.iter().map(|[a, b]| (a, b)).collect()).unwrap();
     let bootstrap = Bootstrap { resamples: 41, seed: 8 };
-    let found: Vec<PairedDifference> = runs.compare(&[AP, MAE], &bootstrap).into_iter().map(Option::unwrap).collect();
+    let found: Vec<PairedDifference> =
+        runs.compare(&[AP, MAE, FOUND], &bootstrap).into_iter().map(Option::unwrap).collect();
 
     let ones = vec![1; base.len()];
     let all: Vec<_> = arms.iter().map(|[a, b]| from_scratch([a, b], &ones)).collect();
-    let mut resamples = [Vec::new(), Vec::new()];
+    let mut resamples = [Vec::new(), Vec::new(), Vec::new()];
     for index in 0..bootstrap.resamples {
         let drawn = bootstrap.draw(base.len(), index);
         let seeds = bootstrap.draw_runs(arms.len(), index);
-        let mut sums = [0.0; 2];
+        let mut sums = [0.0; 3];
         for ([a, b], count) in arms.iter().zip(seeds) {
             let values = from_scratch([a, b], &drawn);
-            (0..2).for_each(|i| sums[i] += f64::from(count) * (values[i][0] - values[i][1]) / arms.len() as f64);
+            (0..3).for_each(|i| sums[i] += f64::from(count) * (values[i][0] - values[i][1]) / arms.len() as f64);
         }
-        (0..2).for_each(|i| resamples[i].push(sums[i]));
+        (0..3).for_each(|i| resamples[i].push(sums[i]));
     }
     for (i, difference) in found.iter().enumerate() {
         let mean = |arm: usize| all.iter().map(|values| values[i][arm]).sum::<f64>() / 3.0;
@@ -101,7 +113,7 @@ fn resamples_of_seeds_and_frames_equal_evaluations_from_scratch() {
 fn the_same_results_do_not_differ() {
     let arm = evaluation(&awkward_frames(20, 4));
     let runs = PairedRuns::new(vec![(&arm, &arm), (&arm, &arm)]).unwrap();
-    for difference in runs.compare(&[AP, MAE], &Bootstrap { resamples: 50, seed: 0 }) {
+    for difference in runs.compare(&[AP, MAE, FOUND], &Bootstrap { resamples: 50, seed: 0 }) {
         let difference = difference.unwrap();
         let interval = difference.interval.unwrap();
         assert!(
@@ -148,7 +160,7 @@ fn an_arm_that_finds_nothing_has_an_ap_of_0_and_no_errors() {
     let silent: Vec<_> = frames.iter().map(|frame| Frame { predictions: Vec::new(), ..frame.clone() }).collect();
     let (arm, silent) = (evaluation(&frames), evaluation(&silent));
     let runs = PairedRuns::new(vec![(&arm, &silent)]).unwrap();
-    let differences = runs.compare(&[AP, MAE], &Bootstrap { resamples: 20, seed: 0 });
+    let differences = runs.compare(&[AP, MAE, FOUND], &Bootstrap { resamples: 20, seed: 0 });
     let ap = differences[0].as_ref().unwrap();
     assert!(ap.against == 0.0 && ap.value > 0.0, "{ap:?}");
     assert_eq!(ap.value_interval, ap.interval, "what it is less nothing is what it is");

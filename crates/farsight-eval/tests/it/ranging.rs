@@ -88,7 +88,7 @@ fn what_is_none_of_anything_is_a_false_alarm() {
     ];
     let frame = Frame { id: String::new(), labels: vec![car, van, nobody_knows], predictions };
     let (targets, false_alarms) = match_frame(&frame, 0, &NO_INTERVALS);
-    let alarm = |score, prediction| FalseAlarm { class: EvaluatedClass::Car, score, prediction };
+    let alarm = |score, prediction| FalseAlarm { class: EvaluatedClass::Car, score, frame: 0, prediction };
     assert_eq!(false_alarms, [alarm(0.6, 1), alarm(0.4, 2)]);
 
     let points = OperatingPoints::new(&targets, &false_alarms, 2);

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::mobilenet_v2::Convention;
-use super::{Builder, NeckKind, Resnet, Stem, dla_up, dla34, fpn, mobilenet_v2, vgg16};
+use super::inverted_residuals::Convention;
+use super::{Builder, EfficientnetLite, NeckKind, Resnet, Stem, dla_up, dla34, fpn, mobilenet_v2, vgg16};
 use crate::graph::NodeId;
 
 /// What makes the features of strides 4 to 32, and how they come together at stride 4.
@@ -17,6 +17,12 @@ pub enum Backbone {
     MobilenetV2,
     /// The same with TensorFlow's padding, and its own scale of the image: for weights that learnt there.
     MobilenetV2Tensorflow,
+    /// `EfficientNet-Lite0` with a feature pyramid. Weights that have seen photographs can be imported.
+    EfficientnetLite0,
+    /// The same with more blocks.
+    EfficientnetLite1,
+    /// The same with more blocks and channels.
+    EfficientnetLite2,
     /// `ResNet-18` with a feature pyramid.
     Resnet18,
     /// `ResNet-34` with a feature pyramid.
@@ -56,6 +62,9 @@ impl Backbone {
             Self::Dla34 => "dla34",
             Self::MobilenetV2 => "mobilenet_v2",
             Self::MobilenetV2Tensorflow => "mobilenet_v2_tensorflow",
+            Self::EfficientnetLite0 => "efficientnet_lite0",
+            Self::EfficientnetLite1 => "efficientnet_lite1",
+            Self::EfficientnetLite2 => "efficientnet_lite2",
             Self::Resnet18 => "resnet18",
             Self::Resnet34 => "resnet34",
             Self::Vgg16 => "vgg16",
@@ -69,6 +78,9 @@ impl Backbone {
             Self::Dla34 => dla34(b, image, channels, stem),
             Self::MobilenetV2 => mobilenet_v2(b, image, width, Convention::Torchvision),
             Self::MobilenetV2Tensorflow => mobilenet_v2(b, image, width, Convention::Tensorflow),
+            Self::EfficientnetLite0 => EfficientnetLite::Lite0.append(b, image, width),
+            Self::EfficientnetLite1 => EfficientnetLite::Lite1.append(b, image, width),
+            Self::EfficientnetLite2 => EfficientnetLite::Lite2.append(b, image, width),
             Self::Resnet18 => resnet(Resnet::Resnet18, b, image, width),
             Self::Resnet34 => resnet(Resnet::Resnet34, b, image, width),
             Self::Vgg16 => vgg16(b, image, PREFIX, width),

@@ -1,7 +1,7 @@
 //! The network that estimates cameras: its config and its graph.
 
 use farsight_graph::graph::{Graph, Window};
-use farsight_graph::layers::mobilenet_v2::Convention;
+use farsight_graph::layers::inverted_residuals::Convention;
 use farsight_graph::layers::{Builder, NormKind, mobilenet_v2};
 use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! The network of a second stage: a backbone over one crop, whose last map is read whole.
 
 use farsight_graph::graph::{NodeId, Op, Window};
-use farsight_graph::layers::mobilenet_v2::Convention;
+use farsight_graph::layers::inverted_residuals::Convention;
 use farsight_graph::layers::{Builder, mobilenet_v2};
 use serde::{Deserialize, Serialize};
 

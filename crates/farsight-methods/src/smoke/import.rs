@@ -16,8 +16,8 @@ use super::config::{Quirks, SmokeConfig};
 
 mod names;
 
-use names::mobilenet_v2;
 pub use names::{ImagenetNorms, Layout, canonical_names, is_dead, running_statistics};
+use names::{efficientnet_lite, mobilenet_v2};
 
 /// Metadata key: whose checkpoint it was, see [`Layout::name`].
 pub const SOURCE_KEY: &str = "farsight.source.layout";
@@ -51,8 +51,8 @@ pub struct Imported {
     pub missing: Vec<String>,
 }
 
-/// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or the ImageNet weights of DLA-34 or
-/// `MobileNetV2`.
+/// Imports a SMOKE checkpoint of the official code or of mmdetection3d, or the ImageNet weights of DLA-34,
+/// `MobileNetV2` or `EfficientNet-Lite`.
 ///
 /// Beside the names, only mmdetection3d's class order changes: its heatmap's channels are put in the official order.
 /// Everything else that the two do differently is recorded as quirks in the config. Of files that are known, whose they
@@ -90,6 +90,7 @@ fn translate(found: BTreeMap<String, WeightTensor>, options: ImportOptions) -> R
     match layout {
         Layout::Mmdet3d => reverse_classes(&mut tensors)?,
         Layout::MobilenetV2Tensorflow => mobilenet_v2::add_norms_and_scale(&mut tensors),
+        Layout::EfficientnetLite => efficientnet_lite::with_their_norms_and_scale(&mut tensors),
         _ => {}
     }
     let (missing, config) = (missing(layout, &tensors), config(layout, &tensors));
@@ -115,7 +116,7 @@ fn reverse_classes(tensors: &mut BTreeMap<String, WeightTensor>) -> Result<(), C
 /// included.
 pub(crate) fn mobilenet_v2_from_tensorflow(name: &str) -> Option<String> {
     mobilenet_v2::name_from_tensorflow(name)
-        .map(|name| format!("{}{name}", farsight_graph::layers::mobilenet_v2::PREFIX))
+        .map(|name| format!("{}{name}", farsight_graph::layers::inverted_residuals::PREFIX))
 }
 
 /// `tensors` of layers whose norms were folded, with norms that add what is left of them, and the scale of the image.
@@ -132,6 +133,7 @@ fn missing(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Vec<Stri
     let mut expected = match layout {
         Layout::MobilenetV2 | Layout::MobilenetV2InRows => mobilenet_v2::names(false),
         Layout::MobilenetV2Tensorflow => mobilenet_v2::names(true),
+        Layout::EfficientnetLite => efficientnet_lite::names(tensors),
         _ => canonical_names(),
     };
     if matches!(layout, Layout::OfficialSmoke | Layout::Mmdet3d) && is_batch_normed(tensors) {
@@ -150,9 +152,11 @@ fn config(layout: Layout, tensors: &BTreeMap<String, WeightTensor>) -> Option<Sm
         }
         Layout::Mmdet3d => Quirks::default(),
         // A classifier has no camera, and its norms are only a start.
-        Layout::ImagenetDla34 | Layout::MobilenetV2 | Layout::MobilenetV2InRows | Layout::MobilenetV2Tensorflow => {
-            return None;
-        }
+        Layout::ImagenetDla34
+        | Layout::MobilenetV2
+        | Layout::MobilenetV2InRows
+        | Layout::MobilenetV2Tensorflow
+        | Layout::EfficientnetLite => return None,
     };
     let norm = if is_batch_normed(tensors) { NormKind::Batch } else { NormKind::Group };
     let smoke = SmokeConfig { norm, quirks, ..SmokeConfig::default() };

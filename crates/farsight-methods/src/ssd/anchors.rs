@@ -4,7 +4,7 @@
 //! larger.
 
 use farsight_core::Box2d;
-use farsight_graph::layers::mobilenet_v2::Convention;
+use farsight_graph::layers::inverted_residuals::Convention;
 
 /// Maps with anchors.
 pub const LEVELS: usize = 6;
@@ -32,7 +32,7 @@ const SIZE_SCALE: f64 = 5.0;
 pub fn cells(side: usize) -> [usize; LEVELS] {
     let mut cells = [side / STRIDES[0], side / STRIDES[1], 0, 0, 0, 0];
     for level in 2..LEVELS {
-        let window = Convention::Tensorflow300.window(STRIDES[level - 1], 2);
+        let window = Convention::Tensorflow300.window(3, STRIDES[level - 1], 2);
         cells[level] = window.output_size(cells[level - 1]).unwrap_or(0);
     }
     cells

@@ -2,7 +2,8 @@
 //! classes of its anchors.
 
 use farsight_graph::graph::{Graph, NodeId};
-use farsight_graph::layers::mobilenet_v2::{Convention, PREFIX, conv_norm_relu6, mobilenet_v2_maps};
+use farsight_graph::layers::inverted_residuals::{Convention, PREFIX, conv_norm_relu6};
+use farsight_graph::layers::mobilenet_v2::mobilenet_v2_maps;
 use farsight_graph::layers::{Builder, NormKind};
 
 use farsight_graph::graph::Window;
@@ -37,7 +38,7 @@ pub(super) fn network(labels: usize) -> Graph {
     let mut levels: Vec<NodeId> = vec![first, x];
     b.stage("steps");
     for (step, [inside, behind]) in STEPS.into_iter().enumerate() {
-        let window = Convention::Tensorflow300.window(STRIDES[step + 1], 2);
+        let window = Convention::Tensorflow300.window(3, STRIDES[step + 1], 2);
         x = conv_norm_relu6(&mut b, x, &format!("steps.{step}.0"), inside, pointwise);
         x = conv_norm_relu6(&mut b, x, &format!("steps.{step}.1"), behind, window);
         levels.push(x);

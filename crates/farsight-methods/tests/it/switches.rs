@@ -35,7 +35,11 @@ fn every_combination_is_a_network_with_heads_at_stride_four() {
 
 /// A feature pyramid on `MobileNetV2`.
 fn mobile(config: SmokeConfig) -> SmokeConfig {
-    SmokeConfig { backbone: Backbone::MobilenetV2, norm: NormKind::Batch, ..config }
+    on(Backbone::MobilenetV2, config)
+}
+
+fn on(backbone: Backbone, config: SmokeConfig) -> SmokeConfig {
+    SmokeConfig { backbone, norm: NormKind::Batch, ..config }
 }
 
 #[test]
@@ -55,11 +59,24 @@ fn another_backbone_goes_with_every_neck_and_msfe() {
             }
         }
     }
-    let body = mobile(SmokeConfig::default()).graph();
-    let body = body.parameters.iter().filter(|p| p.name.starts_with("backbone.body.") && p.role == Role::Learnt);
-    // torchvision's 3,504,872 without the classifier (1,281,000) and the last convolution (320 x 1,280) with its norm
-    // (2 x 1,280).
-    assert_eq!(body.map(farsight_graph::graph::Parameter::len).sum::<usize>(), 3_504_872 - 1_281_000 - 409_600 - 2_560);
+}
+
+#[test]
+fn backbones_have_as_many_parameters_as_those_of_others() {
+    // Of the whole network (torchvision; the table of EfficientNet-Lite's authors), and of the last map.
+    let rows = [
+        (Backbone::MobilenetV2, 3_504_872, 320),
+        (Backbone::EfficientnetLite0, 4_652_008, 320),
+        (Backbone::EfficientnetLite1, 5_416_680, 320),
+        (Backbone::EfficientnetLite2, 6_092_072, 352),
+    ];
+    for (backbone, whole, last) in rows {
+        let graph = on(backbone, SmokeConfig::default()).graph();
+        let body = graph.parameters.iter().filter(|p| p.name.starts_with("backbone.body.") && p.role == Role::Learnt);
+        let (classifier, last_convolution) = (1_281_000, last * 1280 + 2 * 1280);
+        let expected = whole - classifier - last_convolution;
+        assert_eq!(body.map(farsight_graph::graph::Parameter::len).sum::<usize>(), expected, "{backbone:?}");
+    }
 }
 
 #[test]

@@ -65,13 +65,13 @@ const BACKBONE_TOLERANCE: f64 = 1e-4;
 #[test]
 fn imported_backbones_give_the_maps_of_pytorch_in_training_too() {
     const LEVELS: [&str; 4] = ["level2", "level3", "level4", "level5"];
-    let fixture =
-        |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(format!("mobilenet_v2_{name}"));
+    let fixture = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name);
     let values = (0..3 * 64 * 96).map(|k| (2.0 * (0.37 * f64::from(k)).sin() * (0.0011 * f64::from(k)).cos()) as f32);
     let image = Tensor::from_slice(&values.collect::<Vec<f32>>()).view([1, 3, 64, 96]);
     let rows = [
-        ("narrow.pth", "narrow_maps.safetensors", Backbone::MobilenetV2),
-        ("tensorflow.tflite", "tensorflow_maps.safetensors", Backbone::MobilenetV2Tensorflow),
+        ("mobilenet_v2_narrow.pth", "mobilenet_v2_narrow_maps", Backbone::MobilenetV2),
+        ("mobilenet_v2_tensorflow.tflite", "mobilenet_v2_tensorflow_maps", Backbone::MobilenetV2Tensorflow),
+        ("efficientnet_lite1_narrow.pth", "efficientnet_lite1_narrow_maps", Backbone::EfficientnetLite1),
     ];
     for (file, maps, backbone) in rows {
         let config = SmokeConfig { backbone, width: 0.1, norm: NormKind::Batch, ..SmokeConfig::default() };
@@ -81,7 +81,7 @@ fn imported_backbones_give_the_maps_of_pytorch_in_training_too() {
         let wanted = LEVELS.map(|level| graph.tap(level).unwrap());
         let network = Network::new(graph, &weights, Device::Cpu, Precision::F32).unwrap();
         let found = no_grad(|| network.forward(&image, Mode::Evaluate, &wanted));
-        let stored = Weights::read(&fixture(maps)).unwrap();
+        let stored = Weights::read(&fixture(&format!("{maps}.safetensors"))).unwrap();
         for (map, level) in found.iter().zip(LEVELS) {
             let expected = &stored.tensors[level];
             let shape: Vec<i64> = expected.shape.iter().map(|&side| side as i64).collect();

@@ -52,6 +52,9 @@ pub(crate) struct RunArgs {
     /// Data in KITTI's layout; with --kitti, where the twins are or will be
     #[arg(long, value_name = "DIR", required_unless_present = "list")]
     data: Option<PathBuf>,
+    /// Judge on the frames of this folder, in KITTI's layout, instead of those of --data
+    #[arg(long, value_name = "DIR")]
+    judge: Option<PathBuf>,
     /// All label and calibration files of KITTI's training set and its `ImageSets`, to render the twins of when --data
     /// is not there
     #[arg(long, value_name = "DIR")]
@@ -155,6 +158,7 @@ fn run_cells(args: &RunArgs, plan: &Experiment, printer: &mut Printer) -> Result
         results: args.results(plan),
         records: args.records(plan),
         data: args.data.clone().context("expected --data")?,
+        judge: args.judge.clone(),
         kitti: args.kitti.clone(),
         deadline: args.minutes.map(|minutes| Instant::now() + Duration::from_secs_f64(60.0 * minutes)),
         only: args.only.clone(),

@@ -15,8 +15,8 @@ use crate::printer::Printer;
 /// Arguments of `farsight import`.
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
-    /// A .pth file of official SMOKE or of mmdetection3d's SMOKE, or of DLA-34 or MobileNetV2 trained on ImageNet; a
-    /// .tflite file of an SSD on MobileNetV2
+    /// A .pth file of official SMOKE or of mmdetection3d's SMOKE, or of DLA-34, MobileNetV2 or EfficientNet-Lite
+    /// trained on ImageNet; a .tflite file of an SSD on MobileNetV2
     checkpoint: PathBuf,
     /// The file to write
     #[arg(long, value_name = "FILE.safetensors")]

@@ -1,4 +1,4 @@
-//! What the arms of an experiment are judged by: figures of cars, Moderate unless the name says otherwise.
+//! What the arms of an experiment are judged by: figures of cars, Moderate, unless the name says otherwise.
 
 use std::fmt::{self, Display};
 use std::str::FromStr;
@@ -53,11 +53,20 @@ pub(crate) enum Metric {
     FoundSmall,
     /// Share of the largely hidden cars that are found (Hard).
     FoundOccluded,
+    /// Share of the cars that are found at the lowest score with at most 0.3 false alarms an image.
+    #[serde(rename = "found_03")]
+    Found03,
+    /// The same of pedestrians.
+    #[serde(rename = "pedestrians_03")]
+    Pedestrians03,
+    /// The same of cyclists.
+    #[serde(rename = "cyclists_03")]
+    Cyclists03,
 }
 
 impl Metric {
     /// All of them.
-    pub(crate) const ALL: [Self; 21] = [
+    pub(crate) const ALL: [Self; 24] = [
         Self::Ap3d,
         Self::Ap3dEasy,
         Self::Ap3dHard,
@@ -79,6 +88,9 @@ impl Metric {
         Self::FoundFar,
         Self::FoundSmall,
         Self::FoundOccluded,
+        Self::Found03,
+        Self::Pedestrians03,
+        Self::Cyclists03,
     ];
 
     /// Whether less is better.
@@ -88,7 +100,12 @@ impl Metric {
 
     /// Whether it is average precision.
     pub(crate) fn is_ap(self) -> bool {
-        !self.is_error() && !matches!(self, Self::Found | Self::FoundFar | Self::FoundSmall | Self::FoundOccluded)
+        !self.is_error() && !self.is_share()
+    }
+
+    fn is_share(self) -> bool {
+        use Metric::{Cyclists03, Found, Found03, FoundFar, FoundOccluded, FoundSmall, Pedestrians03};
+        matches!(self, Found | FoundFar | FoundSmall | FoundOccluded | Found03 | Pedestrians03 | Cyclists03)
     }
 
     /// What tables call it.
@@ -115,6 +132,9 @@ impl Metric {
             Self::FoundFar => "found, 40 to 50 m",
             Self::FoundSmall => "found, 25 to 40 px high",
             Self::FoundOccluded => "found, largely hidden",
+            Self::Found03 => "found at 0.3 false alarms",
+            Self::Pedestrians03 => "pedestrians at 0.3",
+            Self::Cyclists03 => "cyclists at 0.3",
         }
     }
 

@@ -66,6 +66,8 @@ struct Arm {
     /// Laid over the base, table by table.
     #[serde(default)]
     patch: Table,
+    /// Go on from the model that this arm's cell of the same seed ends with.
+    after: Option<String>,
     /// With `ranger`, instead of a training: the arm whose answers of the same seed get other distances.
     of: Option<String>,
     /// What these distances are by.
@@ -200,9 +202,14 @@ impl Experiment {
         ensure!(count <= MAX_CELLS, "blocks has {count} cells; expected at most {MAX_CELLS}");
         let mut met = BTreeSet::new();
         for cell in self.cells() {
-            if let Work::Ranging { of, .. } = self.work(&cell) {
-                let (is_there, of, cell) = (met.contains(&(of.arm.clone(), of.seed)), of.name(), cell.name());
-                ensure!(is_there, "blocks has the cell {cell} and not {of} before it, whose answers it ranges");
+            let needs = match self.work(&cell) {
+                Work::Ranging { of, .. } => Some((of, "whose answers it ranges")),
+                _ => self.before(&cell).map(|before| (before, "after which it goes on")),
+            };
+            if let Some((other, why)) = needs {
+                let is_there = met.contains(&(other.arm.clone(), other.seed));
+                let (cell, other) = (cell.name(), other.name());
+                ensure!(is_there, "blocks has the cell {cell} and not {other} before it, {why}");
             }
             ensure!(met.insert((cell.arm.clone(), cell.seed)), "blocks has the cell {} twice", cell.name());
         }
@@ -241,7 +248,7 @@ impl Experiment {
 
     /// An arm is a training, or one of the two other kinds and nothing of a training.
     fn check_arm(&self, name: &str, arm: &Arm) -> Result<()> {
-        let Arm { patch, of, ranger, shipped, min_score, .. } = arm;
+        let Arm { patch, after, of, ranger, shipped, min_score, .. } = arm;
         if let Some(score) = min_score {
             ensure!((0.0..=1.0).contains(score), "arms.{name}.min_score is {score}; expected 0 to 1");
             ensure!(
@@ -260,6 +267,14 @@ impl Experiment {
         if let Some(of) = of {
             let is_trained = self.arms.get(of).is_some_and(Arm::is_trained);
             ensure!(is_trained, "arms.{name}.of is \"{of}\"; expected an arm that is trained");
+        }
+        if let Some(after) = after {
+            ensure!(arm.is_trained(), "arms.{name} has after and is not trained; expected none");
+            let before = self.arms.get(after).filter(|before| before.is_trained() && before.after.is_none());
+            ensure!(
+                before.is_some(),
+                "arms.{name}.after is \"{after}\"; expected an arm that is trained, and after no other one"
+            );
         }
         let kinds = [!patch.is_empty(), ranger.is_some(), shipped.is_some()];
         let kinds = kinds.into_iter().filter(|is_it| *is_it).count();
@@ -322,6 +337,12 @@ impl Experiment {
         }
     }
 
+    /// The cell with whose model the training of `cell` begins, if it goes on from one.
+    pub(crate) fn before(&self, cell: &Cell) -> Option<Cell> {
+        let after = self.arms.get(&cell.arm)?.after.as_ref()?;
+        Some(Cell { arm: after.clone(), seed: cell.seed })
+    }
+
     /// The least score of a cell's answers, where the plan says it.
     pub(crate) fn min_score(&self, cell: &Cell) -> Option<f64> {
         self.arms.get(&cell.arm)?.min_score
@@ -337,11 +358,12 @@ impl Experiment {
         config
     }
 
-    /// The weights that the arms start from, where they do.
+    /// The weights of other programs that the arms start from, where they do.
     pub(crate) fn start_files(&self) -> Vec<PathBuf> {
-        let cells = self.cells().into_iter().filter(|cell| self.work(cell) == Work::Training);
+        let cells = self.cells().into_iter();
+        let begun = cells.filter(|cell| self.work(cell) == Work::Training && self.before(cell).is_none());
         let mut files: Vec<PathBuf> =
-            cells.filter_map(|cell| start_of(&self.config(&cell)).map(PathBuf::from)).collect();
+            begun.filter_map(|cell| start_of(&self.config(&cell)).map(PathBuf::from)).collect();
         files.sort();
         files.dedup();
         files
@@ -525,6 +547,21 @@ claims = { ap3d = 0.56 }
             ),
             (
                 "[arms.a]\ntitle = \"plain\"",
+                "[arms.a]\ntitle = \"plain\"\nafter = \"b\"",
+                "blocks has the cell a-1 and not b-1 before it, after which it goes on",
+            ),
+            (
+                "[arms.a]\ntitle = \"plain\"",
+                "[arms.a]\ntitle = \"plain\"\nafter = \"a\"",
+                "arms.a.after is \"a\"; expected an arm that is trained, and after no other one",
+            ),
+            (
+                "[arms.a]\ntitle = \"plain\"",
+                "[arms.a]\ntitle = \"plain\"\nafter = \"b\"\nshipped = \"farsight-w\"",
+                "arms.a has after and is not trained; expected none",
+            ),
+            (
+                "[arms.a]\ntitle = \"plain\"",
                 "[arms.a]\ntitle = \"plain\"\nshipped = \"farsight-x\"",
                 "arms.a.shipped is \"farsight-x\"; expected one of farsight-w, farsight-s, farsight-n",
             ),
@@ -601,6 +638,27 @@ claims = { ap3d = 0.56 }
                 assert!(own.into_iter().all(|name| name.starts_with("backbone.body.msfe.")), "{arm}");
             }
         }
+    }
+
+    #[test]
+    fn backbones_name_parts_of_their_networks_and_go_on_after_another_arm() {
+        let plan = plan("backbones.toml");
+        for arm in plan.arms() {
+            let config = plan.config(&Cell { arm: arm.clone(), seed: 1 });
+            let model = config["model"].clone().try_into::<SmokeConfig>().unwrap();
+            model.validate().unwrap();
+            let graph = model.graph();
+            let is_there = |prefix: &str| graph.parameters.iter().any(|part| part.name.starts_with(prefix));
+            for field in ["start_without", "freeze"] {
+                let prefixes = config["train"].get(field).map(|prefixes| prefixes.clone().try_into::<Vec<String>>());
+                let prefixes = prefixes.transpose().unwrap().unwrap_or_default();
+                assert!(prefixes.iter().all(|prefix| is_there(prefix)), "{arm}: {prefixes:?}");
+            }
+            let factors = config["train"].get("rate_factors").and_then(Value::as_table);
+            assert!(factors.is_none_or(|factors| factors.keys().all(|prefix| is_there(prefix))), "{arm}");
+        }
+        let before = plan.before(&Cell { arm: "then_slow".to_owned(), seed: 1 });
+        assert_eq!(before, Some(Cell { arm: "first".to_owned(), seed: 1 }));
     }
 
     /// Multiply-accumulates of an arm's network, and its method.

@@ -183,6 +183,7 @@ fn endpoint(metric: Metric) -> Endpoint {
     };
     let ranging =
         |metric, level, part| Endpoint::Ranging { metric, class, slice: Slice { group: Group::Level(level), part } };
+    let found = |class| Endpoint::FoundAtAlarms { class, most_per_frame: 0.3 };
     // 40 to 50 m; 25 to 40 pixels; largely hidden, which counts at Hard only.
     let (far, small, hidden) = (Part::Distance(4), Part::Height(1), Part::Occlusion(2));
     match metric {
@@ -207,5 +208,8 @@ fn endpoint(metric: Metric) -> Endpoint {
         Metric::FoundFar => ranging(RangingMetric::Share, Moderate, far),
         Metric::FoundSmall => ranging(RangingMetric::Share, Moderate, small),
         Metric::FoundOccluded => ranging(RangingMetric::Share, Hard, hidden),
+        Metric::Found03 => found(EvaluatedClass::Car),
+        Metric::Pedestrians03 => found(EvaluatedClass::Pedestrian),
+        Metric::Cyclists03 => found(EvaluatedClass::Cyclist),
     }
 }

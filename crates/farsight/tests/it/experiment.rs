@@ -206,6 +206,48 @@ fn cells_are_compared_by_their_records_when_the_weights_that_they_started_from_a
     assert!(told.contains("plain-1: a cell of another experiment"), "{told}");
 }
 
+#[test]
+fn an_arm_goes_on_from_the_model_of_another_one_and_all_are_judged_on_other_data() {
+    let folder = folder();
+    let root = folder.path();
+    done(root, &["synth", "--out", "others", "--frames", "3", "--seed", "9"]);
+    fs::write(root.join("others/ImageSets/val.txt"), "000000\n000002\n").unwrap();
+    let plan = PLAN
+        .replace("[[blocks]]", "[arms.later]\ntitle = \"later\"\nafter = \"plain\"\n\n[[blocks]]")
+        .replace("arms = [\"plain\", \"wide\"]\nseeds = [1, 2]", "arms = [\"plain\", \"later\"]\nseeds = [1]")
+        .replace("\"found\"]", "\"found_03\"]")
+        .replace("arm = \"wide\"", "arm = \"later\"");
+    fs::write(root.join("plan.toml"), plan).unwrap();
+    let words = ["experiment", "run", "plan.toml", "--data", "kitti", "--judge", "others", "--out", "out"];
+    let words = [&words[..], &["--results", "results.json"]].concat();
+    done(root, &words);
+    let results = json(&root.join("results.json"));
+    let answers = |cell: &str| {
+        let files = fs::read_dir(root.join("out").join(cell).join("results")).unwrap();
+        let mut names: Vec<String> = files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    for (place, cell) in ["plain-1", "later-1"].into_iter().enumerate() {
+        assert_eq!(results["cells"][place]["steps"], 3, "{results}");
+        assert_eq!(answers(cell), ["000000.txt", "000002.txt"], "{cell}");
+    }
+    let config = fs::read_to_string(root.join("out/later-1/cell.toml")).unwrap();
+    assert!(config.contains("plain-1/model.safetensors"), "{config}");
+
+    // From its record, where nothing else is left of it.
+    fs::rename(root.join("out"), root.join("first")).unwrap();
+    done(root, &words);
+    assert_eq!(json(&root.join("results.json")), results);
+    // Without its record, and without the model from which it goes on.
+    fs::remove_dir_all(root.join("out")).unwrap();
+    fs::remove_file(root.join("results-cells/later-1.json.gz")).unwrap();
+    let output = farsight(root, &words);
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("later-1: out/plain-1/model.safetensors: no such file"), "{told}");
+}
+
 /// Arms of three methods.
 const METHODS: &str = r#"
 name = "methods"

@@ -3,6 +3,7 @@
 //! Farsight's canonical names are those of official SMOKE. The rules here are those of spec section 13; nothing is
 //! looked up in a table of whole names, so that narrower and wider networks of the same build map too.
 
+pub(super) mod efficientnet_lite;
 pub(super) mod mobilenet_v2;
 
 use std::collections::BTreeSet;
@@ -24,7 +25,12 @@ pub enum Layout {
     MobilenetV2InRows,
     /// `MobileNetV2` in TensorFlow's object detection, batch norms folded, as TFLite files have it.
     MobilenetV2Tensorflow,
+    /// `EfficientNet-Lite` as `efficientnet_lite_pytorch` names it.
+    EfficientnetLite,
 }
+
+/// A layer of `EfficientNet` that `EfficientNet-Lite` does not have.
+const SQUEEZE: &str = "._se_reduce.";
 
 /// How ImageNet's batch norms start the norms of our backbone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,7 +73,11 @@ impl Layout {
             ("FeatureExtractor/MobilenetV2/", Self::MobilenetV2Tensorflow),
             ("features.1.conv.0.0.", Self::MobilenetV2),
             ("features.1.conv.0.", Self::MobilenetV2InRows),
+            ("_blocks.0._depthwise_conv.", Self::EfficientnetLite),
         ];
+        if names.clone().any(|name| name.contains(SQUEEZE)) {
+            return None;
+        }
         names.find_map(|name| signs.iter().find(|(sign, _)| name.starts_with(sign))).map(|(_, layout)| *layout)
     }
 
@@ -80,6 +90,7 @@ impl Layout {
             Self::MobilenetV2 => "mobilenet-v2",
             Self::MobilenetV2InRows => "mobilenet-v2-in-rows",
             Self::MobilenetV2Tensorflow => "mobilenet-v2-tensorflow",
+            Self::EfficientnetLite => "efficientnet-lite",
         }
     }
 
@@ -101,6 +112,7 @@ impl Layout {
             Self::MobilenetV2Tensorflow => {
                 return mobilenet_v2::canonical_name(&mobilenet_v2::name_from_tensorflow(name)?);
             }
+            Self::EfficientnetLite => return efficientnet_lite::canonical_name(name),
         }
         .filter(|name| is_canonical(name))
     }

@@ -60,7 +60,7 @@ pub(super) fn is_of(found: &str, expected: &str) -> bool {
     let (Ok(found), Ok(expected)) = (found, &mut expected) else {
         return false;
     };
-    for at in ["/start", "/of/start"] {
+    for at in ["/start", "/start/start", "/of/start"] {
         if let (Some(start), Some(unknown @ Value::Null)) = (found.pointer(at), expected.pointer_mut(at)) {
             *unknown = start.clone();
         }
@@ -99,7 +99,12 @@ impl CellFolder {
 
     /// The trained model.
     fn model(&self) -> PathBuf {
-        self.folder.join("model.safetensors")
+        Self::model_in(&self.folder)
+    }
+
+    /// The trained model of the cell in `folder`.
+    pub(super) fn model_in(folder: &Path) -> PathBuf {
+        folder.join("model.safetensors")
     }
 
     /// The folder of its answers.

@@ -34,6 +34,8 @@ use crate::rangers::{CAMERA_HEIGHT_M, Ranger, RangerName, ranged_by_median};
 pub(crate) struct Job {
     pub(crate) plan: Experiment,
     pub(crate) data: PathBuf,
+    /// Data that arms are judged on, where these are others.
+    pub(crate) judge: Option<PathBuf>,
     /// Labels to render the data of, when they are missing.
     pub(crate) kitti: Option<PathBuf>,
     /// Folder of the cells.
@@ -47,6 +49,13 @@ pub(crate) struct Job {
     pub(crate) only: Vec<String>,
     /// What answers; its threads are training's, too, instead of the plan's.
     pub(crate) engine: EngineOptions,
+}
+
+impl Job {
+    /// The data that arms are judged on.
+    fn judged(&self) -> &Path {
+        self.judge.as_deref().unwrap_or(&self.data)
+    }
 }
 
 /// A job whose data are open.
@@ -116,9 +125,9 @@ fn open<'a>(job: &'a Job, printer: &mut Printer) -> Result<Open<'a>> {
     for cell in job.plan.cells().iter().filter(|cell| job.plan.work(cell) == Work::Training) {
         check(&job.plan.config(cell), Path::new(&format!("arms.{}", cell.arm)))?;
     }
-    let split = prepare(&job.plan.data, &job.data, job.kitti.as_deref(), printer)?;
+    let split = prepare(&job.plan.data, [&job.data, job.judged()], job.kitti.as_deref(), printer)?;
     fs::create_dir_all(&job.out).with_context(|| format!("{}: cannot be made", job.out.display()))?;
-    let dataset = frames(job, "evaluate.txt", &split.evaluate)?;
+    let dataset = frames(job.judged(), &job.out.join("evaluate.txt"), &split.evaluate)?;
     let start = |path: PathBuf| -> Result<(String, String)> {
         Ok((path.display().to_string(), Weights::read(&path)?.sha256()))
     };
@@ -133,12 +142,12 @@ fn hashes(family: Family) -> Result<[String; 2]> {
     Ok([family.weights_sha256().to_owned(), shipped::refiner(family)?.weights.sha256()])
 }
 
-/// These frames of the data. A list of their own is kept, as frames that are held out are no split.
-fn frames(job: &Job, list: &str, ids: &[String]) -> Result<Arc<dyn Dataset>> {
-    let list = job.out.join(list);
+/// These frames of the data in `root`. They are kept as a `list` of their own, as frames that are held out are no
+/// split.
+fn frames(root: &Path, list: &Path, ids: &[String]) -> Result<Arc<dyn Dataset>> {
     let text = ids.join("\n") + "\n";
-    write_atomically(&list, |file| file.write_all(text.as_bytes()))?;
-    Ok(open_labelled(&job.data, Some(&list))?)
+    write_atomically(list, |file| file.write_all(text.as_bytes()))?;
+    Ok(open_labelled(root, Some(list))?)
 }
 
 /// What was found in the frame `id`.
@@ -155,6 +164,10 @@ impl Open<'_> {
         set(&mut config, "data", "split", Value::String(self.job.plan.data.train.clone()));
         // Those that are held out are the last ones.
         set(&mut config, "data", "limit", Value::Integer(self.split.train.len() as i64));
+        if let Some(before) = self.job.plan.before(cell) {
+            let model = CellFolder::model_in(&self.folder(&before));
+            set(&mut config, "train", "start_from", Value::String(model.display().to_string()));
+        }
         if let Some(threads) = self.job.engine.threads {
             set(&mut config, "train", "threads", Value::Integer(threads as i64));
         }
@@ -184,11 +197,11 @@ impl Open<'_> {
 
     fn identity_of_training(&self, cell: &Cell) -> serde_json::Value {
         let mut config = self.job.plan.config(cell);
-        let start = match start_of(&config) {
-            Some(file) => self.starts.get(file).map(String::as_str),
-            None => Some("nothing"),
+        let start = match (self.job.plan.before(cell), start_of(&config)) {
+            (Some(before), _) => self.identity_of_training(&before),
+            (None, Some(file)) => self.starts.get(file).map(String::as_str).into(),
+            (None, None) => "nothing".into(),
         };
-        let start = start.map(str::to_owned);
         for (table, field) in [("train", "threads"), ("train", "checkpoint_steps"), ("train", "log_steps")] {
             if let Some(Value::Table(table)) = config.get_mut(table) {
                 table.remove(field);
@@ -217,10 +230,11 @@ impl Open<'_> {
     fn run_cell(&mut self, cell: &Cell, printer: &mut Printer) -> Result<Ran> {
         if !self.measured(cell).exists()
             && self.job.plan.work(cell) == Work::Training
-            && let Some(start) = start_of(&self.job.plan.config(cell))
+            && let Some(start) = start_of(&self.config(cell))
         {
+            let is_there = self.starts.contains_key(start) || Path::new(start).exists();
             let expected = "no such file; expected the weights that it starts from";
-            ensure!(self.starts.contains_key(start), "{}: {start}: {expected}", cell.name());
+            ensure!(is_there, "{}: {start}: {expected}", cell.name());
         }
         let identity = self.identity(cell)?;
         let Some(folder) = CellFolder::take(&self.folder(cell), &identity)? else {
@@ -301,7 +315,7 @@ impl Open<'_> {
 
     /// The ranger that learns, from the frames that arms learn from.
     fn fitted(&self, seed: u64) -> Result<Ranger> {
-        let dataset = frames(self.job, "train.txt", &self.split.train)?;
+        let dataset = frames(&self.job.data, &self.job.out.join("train.txt"), &self.split.train)?;
         let frame = |index| Ok((dataset.camera(index)?, dataset.labels(index)?));
         let frames = (0..dataset.len()).map(frame).collect::<Result<Vec<_>, DatasetError>>()?;
         Ranger::fitted(&frames, seed).with_context(|| format!("{}: no object to learn from", dataset.name()))

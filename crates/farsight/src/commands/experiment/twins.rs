@@ -25,16 +25,27 @@ fn split_file(root: &Path, name: &str) -> PathBuf {
     root.join("ImageSets").join(format!("{name}.txt"))
 }
 
-/// Renders what is missing in the folder `root`, and says which frames are for what.
-pub(super) fn prepare(data: &Data, root: &Path, kitti: Option<&Path>, printer: &mut Printer) -> Result<Split> {
+/// Renders what is missing in the folder `root`, and says which frames are for what; those to judge on are of `judged`.
+pub(super) fn prepare(
+    data: &Data,
+    [root, judged]: [&Path; 2],
+    kitti: Option<&Path>,
+    printer: &mut Printer,
+) -> Result<Split> {
+    ensure!(
+        data.held_out == 0 || judged == root,
+        "data.held_out is {}, of frames in {}; expected no other folder to judge on",
+        data.held_out,
+        root.display()
+    );
     if !root.exists() {
         let kitti = kitti.with_context(|| {
             format!("{}: no such folder; --kitti names the labels to render its twins of", root.display())
         })?;
         render(data, root, kitti, printer)?;
     }
-    let ids = |name: &str| Ok::<_, anyhow::Error>(read_split(&split_file(root, name))?);
-    let mut split = Split { train: ids(&data.train)?, evaluate: ids(&data.evaluate)? };
+    let ids = |root: &Path, name: &str| Ok::<_, anyhow::Error>(read_split(&split_file(root, name))?);
+    let mut split = Split { train: ids(root, &data.train)?, evaluate: ids(judged, &data.evaluate)? };
     if data.held_out > 0 {
         let frames = split.train.len();
         ensure!(data.held_out < frames, "data.held_out is {}; expected fewer than the {frames} frames", data.held_out);

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use farsight_core::input::{CHANNEL_MEAN, CHANNEL_STD};
 use farsight_graph::graph::NORM_EPSILON;
-use farsight_graph::layers::mobilenet_v2::{Convention, INPUT, PREFIX};
+use farsight_graph::layers::inverted_residuals::{Convention, INPUT, PREFIX};
 use farsight_graph::layers::{Builder, NormKind, mobilenet_v2};
 use farsight_graph::weights::WeightTensor;
 
@@ -85,8 +85,13 @@ pub(crate) fn add_norms_and_scale(tensors: &mut BTreeMap<String, WeightTensor>) 
             tensors.insert(format!("{norm}.{part}"), tensor);
         }
     }
-    // Our image is (x - mean) / deviation with x from 0 to 1; theirs is 2 x - 1.
-    let [scale, shift] = [CHANNEL_STD.map(|std| 2.0 * std), CHANNEL_MEAN.map(|mean| 2.0 * mean - 1.0)];
+    add_scale_of_image(tensors, [2.0, -1.0]);
+}
+
+/// Adds the norm that makes `slope` times a colour from 0 to 1 and `shift` of our image.
+pub(super) fn add_scale_of_image(tensors: &mut BTreeMap<String, WeightTensor>, [slope, shift]: [f32; 2]) {
+    // Our image is (colour - mean) / deviation.
+    let [scale, shift] = [CHANNEL_STD.map(|std| slope * std), CHANNEL_MEAN.map(|mean| slope * mean + shift)];
     let parts = [("weight", scale), ("bias", shift), ("running_mean", [0.0; 3]), ("running_var", [UNIT_VARIANCE; 3])];
     for (part, values) in parts {
         let name = format!("{PREFIX}{INPUT}.{part}");
