@@ -2,14 +2,15 @@
 //!
 //! A detector's folder ([`smoke`]) has its config, its graph, its targets, its decoder and, under the feature `train`,
 //! its loss and its training task. Second stages that look at single objects again ([`refiner`], [`plate_reader`]) are
-//! built the same way and share [`roi`]; detectors with a heatmap of stride 4 share [`center_map`].
-//! [`camera_estimator`] says what camera took an image. [`box_mlp`] ranges 2D boxes without a look at the image. What
-//! every detector can do stands in [`detector`].
+//! built the same way and share [`roi`]; detectors with a heatmap of stride 4 share [`center_map`], those whose network
+//! is cut at samplers share `cut`. [`camera_estimator`] says what camera took an image. [`box_mlp`] ranges 2D boxes
+//! without a look at the image. What every detector can do stands in [`detector`].
 
 mod batch;
 pub mod box_mlp;
 pub mod center_map;
 mod checks;
+mod cut;
 pub mod description;
 pub mod detector;
 #[cfg(feature = "train")]
