@@ -1,34 +1,19 @@
 //! `farsight calibrate`: rendered traffic under a camera on a mast, whose pitch and height are known exactly.
 
-#[allow(dead_code, reason = "each test program uses a part")]
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use crate::program::{done, farsight};
+use crate::program::{done, farsight, one_camera};
 use crate::rtsp;
 use farsight::RgbImage;
 use farsight_data::kitti::Calibration;
 use serde_json::Value;
 
-/// 5.2 m up, 12 degrees down.
-const WORLD: &str = "
-regions = { europe = 1.0 }
-weather = { clear = 1.0 }
-density = [0.9, 1.2]
-
-[[cameras]]
-share = 1.0
-image_sizes = [[960, 540]]
-focal_widths = [0.9, 0.9]
-center = [0.5, 0.5]
-center_reach = 0.0
-height_m = [5.2, 5.2]
-pitch_deg = [12.0, 12.0]
-roll_deg = 0.0
-lateral_m = 0.0
-offset_m = 0.0
-";
+/// The world of the mast: 5.2 m up, 12 degrees down.
+fn mast() -> String {
+    one_camera([0.9, 1.2], 0.9, 5.2, 12.0)
+}
 
 /// Value and error bar of the line that starts with `name`.
 fn told(text: &str, name: &str) -> [f64; 2] {
@@ -42,7 +27,7 @@ fn told(text: &str, name: &str) -> [f64; 2] {
 fn a_camera_on_a_mast_is_found_and_its_file_gives_distances() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    fs::write(folder.join("world.toml"), WORLD).unwrap();
+    fs::write(folder.join("world.toml"), mast()).unwrap();
     done(folder, &["synth", "--scene-config", "world.toml", "--out", "data", "--frames", "10", "--seed", "77"]);
     let images = "data/training/image_2";
     let text = done(folder, &["calibrate", images, "--fx", "864", "--out", "mast.txt"]);
@@ -78,7 +63,7 @@ fn frames_of_a_film_tell_what_images_do() {
     }
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    fs::write(folder.join("world.toml"), WORLD).unwrap();
+    fs::write(folder.join("world.toml"), mast()).unwrap();
     done(folder, &["synth", "--scene-config", "world.toml", "--out", "data", "--frames", "4", "--seed", "78"]);
     let mut ffmpeg = Command::new("ffmpeg");
     ffmpeg.args(["-loglevel", "error", "-framerate", "2", "-i", "data/training/image_2/%06d.png"]);

@@ -1,7 +1,6 @@
 //! `farsight experiment run`: cells in order, nothing done twice, killed at any moment, told when it belongs to another
 //! plan.
 
-#[allow(dead_code, reason = "each test program uses a part")]
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};

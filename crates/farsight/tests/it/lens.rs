@@ -1,6 +1,5 @@
 //! Images that a lens has distorted: the same metres as a pinhole's, boxes where the image shows the objects.
 
-#[allow(dead_code, reason = "each test program uses a part")]
 use std::fs;
 use std::path::Path;
 

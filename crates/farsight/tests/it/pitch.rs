@@ -3,27 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{done, farsight};
+use crate::program::{done, farsight, one_camera};
 use serde_json::Value;
-
-/// Behind the windscreen of a car, 9 degrees down.
-const WORLD: &str = "
-regions = { europe = 1.0 }
-weather = { clear = 1.0 }
-density = [1.0, 1.4]
-
-[[cameras]]
-share = 1.0
-image_sizes = [[960, 540]]
-focal_widths = [0.7, 0.7]
-center = [0.5, 0.5]
-center_reach = 0.0
-height_m = [1.5, 1.5]
-pitch_deg = [9.0, 9.0]
-roll_deg = 0.0
-lateral_m = 0.0
-offset_m = 0.0
-";
 
 /// Vehicles that are told, and what is told besides.
 fn vehicles(folder: &Path, options: &[&str]) -> (usize, String) {
@@ -41,7 +22,8 @@ fn vehicles(folder: &Path, options: &[&str]) -> (usize, String) {
 fn a_camera_that_looks_down_finds_as_much_as_one_of_which_it_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    fs::write(folder.join("world.toml"), WORLD).unwrap();
+    // Behind the windscreen of a car.
+    fs::write(folder.join("world.toml"), one_camera([1.0, 1.4], 0.7, 1.5, 9.0)).unwrap();
     done(folder, &["synth", "--scene-config", "world.toml", "--out", "data", "--frames", "6", "--seed", "5"]);
     let (unsaid, note) = vehicles(folder, &[]);
     let told = note.lines().find(|line| line.contains("taken to look down by")).unwrap_or_else(|| panic!("{note}"));

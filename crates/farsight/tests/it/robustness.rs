@@ -1,6 +1,5 @@
 //! `farsight robustness`: worse images, worse figures; nothing else changes.
 
-#[allow(dead_code, reason = "each test program uses a part")]
 use std::fs;
 
 use crate::program::{done, farsight};

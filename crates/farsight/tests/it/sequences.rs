@@ -1,6 +1,5 @@
 //! `farsight synth --sequence` and `farsight eval-tracks`: rendered sequences, and tracks judged by them.
 
-#[allow(dead_code, reason = "each test program uses a part")]
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
