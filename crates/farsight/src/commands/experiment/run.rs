@@ -232,7 +232,10 @@ impl Open<'_> {
             && self.job.plan.work(cell) == Work::Training
             && let Some(start) = start_of(&self.config(cell))
         {
-            let is_there = self.starts.contains_key(start) || Path::new(start).exists();
+            let is_there = match self.job.plan.before(cell) {
+                Some(_) => Path::new(start).exists(),
+                None => self.starts.contains_key(start),
+            };
             let expected = "no such file; expected the weights that it starts from";
             ensure!(is_there, "{}: {start}: {expected}", cell.name());
         }
