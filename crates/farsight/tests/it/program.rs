@@ -19,8 +19,9 @@ pub(crate) fn done(folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The world of one camera over European traffic in clear weather, for `synth --scene-config`: its focal length over the
-/// width of its images, how high it is and how far down it looks. `density` is the range of a factor on the traffic.
+/// The world of one camera over European traffic in clear weather, for `synth --scene-config`: its focal length over
+/// the width of its images, how high it is and how far down it looks. `density` is the range of a factor on the
+/// traffic.
 pub(crate) fn one_camera(density: [f64; 2], focal_width: f64, height_m: f64, pitch_deg: f64) -> String {
     format!(
         "regions = {{ europe = 1.0 }}
