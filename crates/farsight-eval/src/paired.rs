@@ -59,8 +59,9 @@ pub enum Endpoint {
         /// Of which objects.
         slice: Slice,
     },
-    /// The share of the objects that count at Moderate that is found at the lowest score, of multiples of 0.05, with at
-    /// most so many false alarms a frame; each arm, and each resample, at a score of its own.
+    /// Recall at so many false positives an image (FPPI): the share of the objects that count at Moderate that is found
+    /// at the lowest score, of multiples of 0.05, with at most so many false alarms a frame; each arm, and each
+    /// resample, at a score of its own.
     FoundAtAlarms {
         /// Of which class.
         class: EvaluatedClass,
