@@ -5,16 +5,15 @@ use std::time::Duration;
 
 use farsight_core::detection::{DecodeOptions, View};
 use farsight_core::samplers::FeatureMap;
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{ClassReference, Detection};
 use farsight_onnx::INPUT;
 use farsight_runtime::timing::timed;
-use farsight_runtime::{EngineError, Runner, StageTimes, Tensor, TensorView};
-use image::RgbImage;
+use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
 
-use crate::batch::{InputBatch, output};
-use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::detector::{DetectError, Detector};
 use crate::input_spec::InputSpec;
 use crate::method::Method;
+use crate::network_detector::{NetworkDetector, NetworkOutputs, PostProcessor, output};
 
 /// A method of such a detector.
 pub(crate) trait CutMethod: Method + Clone + Send + 'static {
@@ -84,50 +83,27 @@ pub(crate) fn feature_map<'a>(map: &TensorView<'a>) -> Option<FeatureMap<'a>> {
     FeatureMap::new(map.values, [map.shape[0], map.shape[1], map.shape[2]])
 }
 
-/// Such a method, ready to look at images.
-pub(crate) struct CutDetector<C: CutMethod> {
-    first: Box<dyn Runner>,
-    later: LaterParts,
+/// Reads such a method's maps, and runs the later parts.
+pub(crate) struct CutPostProcessor<C: CutMethod> {
     config: C,
-    input: InputSpec,
-    batch: InputBatch,
+    later: LaterParts,
     kept: C::Kept,
 }
 
-impl<C: CutMethod> CutDetector<C> {
-    /// The detector whose parts are run by these; none unless there is one for each.
-    pub(crate) fn boxed(first: Box<dyn Runner>, later: Vec<Box<dyn Runner>>, config: C) -> Option<Box<dyn Detector>> {
-        (later.len() == C::LATER).then(|| Box::new(Self::new(first, later, config)) as Box<dyn Detector>)
-    }
-
-    fn new(first: Box<dyn Runner>, later: Vec<Box<dyn Runner>>, config: C) -> Self {
-        let (later, input) = (LaterParts { runners: later, spent: Duration::ZERO }, config.input_spec());
-        Self { first, later, config, input, batch: InputBatch::default(), kept: C::Kept::default() }
-    }
-
-    /// The maps of a batch, their shapes checked.
-    fn maps(
-        &self,
-        mut outputs: Vec<Tensor>,
-        images: usize,
-        input_size: [usize; 2],
-    ) -> Result<Vec<Tensor>, DetectError> {
-        let map = |(name, channels, stride): (&str, usize, usize)| {
-            let [width, height] = input_size.map(|side| side / stride);
-            output(&*self.first, &mut outputs, name, [images, channels, height, width])
-        };
-        self.config.maps().into_iter().map(map).collect()
-    }
+/// The detector whose parts are run by these; none unless there is one for each.
+pub(crate) fn detector<C: CutMethod>(
+    first: Box<dyn Runner>,
+    later: Vec<Box<dyn Runner>>,
+    config: C,
+) -> Option<Box<dyn Detector>> {
+    let (input, fits) = (config.input_spec(), later.len() == C::LATER);
+    let later = LaterParts { runners: later, spent: Duration::ZERO };
+    let post_processor = CutPostProcessor { config, later, kept: C::Kept::default() };
+    fits.then(|| Box::new(NetworkDetector::with_post_processor(first, input, post_processor)) as Box<dyn Detector>)
 }
 
-impl<C: CutMethod> Detector for CutDetector<C> {
-    fn method(&self) -> &'static str {
-        C::METHOD
-    }
-
-    fn engine(&self) -> &str {
-        self.first.engine()
-    }
+impl<C: CutMethod> PostProcessor for CutPostProcessor<C> {
+    const METHOD: &'static str = C::METHOD;
 
     fn classes(&self) -> &[ClassReference] {
         self.config.classes()
@@ -137,45 +113,27 @@ impl<C: CutMethod> Detector for CutDetector<C> {
         false
     }
 
-    fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
-        self.input.input_for(image_size, camera).size
-    }
-
-    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
-        self.input.fix_size(size);
-        true
-    }
-
-    fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
-        self.input.unfamiliar(image_size, camera)
-    }
-
-    fn detect_batch(
+    fn post_process(
         &mut self,
-        images: &[(&RgbImage, &Camera)],
+        outputs: &mut NetworkOutputs<'_>,
+        views: &[View],
         options: &DecodeOptions,
-    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let (filled, warp) = timed(|| self.batch.fill(images, &self.input));
-        let Some((size, views)) = filled? else { return Ok((Vec::new(), StageTimes::default())) };
-        let (outputs, first) = timed(|| self.batch.run(&mut *self.first, size));
-        let maps = self.maps(outputs?, images.len(), size)?;
+    ) -> Result<Vec<Vec<Detection>>, DetectError> {
+        let take = |(name, channels, stride)| outputs.take(name, channels, stride);
+        let maps: Vec<Tensor> = self.config.maps().into_iter().map(take).collect::<Result<_, _>>()?;
         self.later.spent = Duration::ZERO;
-        let (answers, whole) = timed(|| {
-            let look = |(image, view)| {
-                let maps: Vec<TensorView<'_>> = maps.iter().map(|map| map.image(image)).collect();
-                self.config.look(&mut self.later, &mut self.kept, &maps, view, options)
-            };
-            views.iter().enumerate().map(look).collect::<Result<Vec<_>, _>>()
-        });
-        let later = self.later.spent;
-        let (network, decode) = (first + later, whole.saturating_sub(later));
-        Ok((answers?, StageTimes { warp, network, decode, ..StageTimes::default() }))
+        let look = |(image, view)| {
+            let maps: Vec<TensorView<'_>> = maps.iter().map(|map| map.image(image)).collect();
+            self.config.look(&mut self.later, &mut self.kept, &maps, view, options)
+        };
+        let answers = views.iter().enumerate().map(look).collect();
+        outputs.add_network_time(self.later.spent);
+        answers
     }
 
-    fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
-        let later = self.later.runners.iter().map(|runner| runner.share()).collect::<Result<_, _>>()?;
-        let mut shared = Self::new(self.first.share()?, later, self.config.clone());
-        shared.input = self.input.clone();
-        Ok(Box::new(shared))
+    fn share(&self) -> Result<Self, EngineError> {
+        let runners = self.later.runners.iter().map(|runner| runner.share()).collect::<Result<_, _>>()?;
+        let later = LaterParts { runners, spent: Duration::ZERO };
+        Ok(Self { config: self.config.clone(), later, kept: C::Kept::default() })
     }
 }

@@ -1,12 +1,12 @@
 //! Methods: one folder each, with all that the method is side by side.
 //!
 //! A detector's folder ([`smoke`]) has its config, its graph, its targets, its decoder and, under the feature `train`,
-//! its loss and its training task. Second stages that look at single objects again ([`refiner`], [`plate_reader`]) are
-//! built the same way and share [`roi`]; detectors with a heatmap of stride 4 share [`center_map`], those whose network
-//! is cut at samplers share `cut`. [`camera_estimator`] says what camera took an image. [`box_mlp`] ranges 2D boxes
-//! without a look at the image. What every detector can do stands in [`detector`].
+//! its loss and its training task. What every detector can do stands in [`detector`]. Those that see whole images are
+//! [`network_detector`]s, each with a post-processor of its own; [`ssd`] looks at parts. Detectors with a heatmap of
+//! stride 4 share [`center_map`], those whose network is cut at samplers share `cut`. Second stages that look at single
+//! objects again ([`refiner`], [`plate_reader`]) are built the same way and share [`roi`]. [`camera_estimator`] says
+//! what camera took an image. [`box_mlp`] ranges 2D boxes without a look at the image.
 
-mod batch;
 pub mod box_mlp;
 pub mod center_map;
 mod checks;
@@ -19,6 +19,7 @@ pub mod detectors;
 mod file;
 pub mod input_spec;
 pub mod method;
+pub mod network_detector;
 pub mod patch;
 pub mod roi;
 #[macro_use]

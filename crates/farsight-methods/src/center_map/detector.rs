@@ -1,18 +1,16 @@
-//! From an image and its camera to detections.
+//! From maps of stride 4 to detections.
 
 use farsight_core::detection::{DecodeOptions, View};
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{ClassReference, Detection};
 use farsight_graph::model::NetworkConfig;
 use farsight_onnx::LocalHeadFile;
-use farsight_runtime::timing::timed;
-use farsight_runtime::{EngineError, Runner, StageTimes, Tensor, TensorView};
-use image::RgbImage;
+use farsight_runtime::{EngineError, Runner, Tensor, TensorView};
 
 use super::{Features, STRIDE};
-use crate::batch::{InputBatch, output};
-use crate::detector::{DetectError, Detector, UnfamiliarCamera};
+use crate::detector::{DetectError, Detector};
 use crate::input_spec::InputSpec;
 use crate::method::{DetectorMethod, Method};
+use crate::network_detector::{NetworkDetector, NetworkOutputs, PostProcessor};
 
 /// A method whose network has maps of stride 4, and what it reads off them.
 pub trait CenterMethod: NetworkConfig + Send + 'static {
@@ -39,33 +37,42 @@ pub trait CenterMethod: NetworkConfig + Send + 'static {
     fn detections(&self, maps: &[TensorView<'_>], view: &View, options: &DecodeOptions) -> Vec<Detection>;
 }
 
-/// Such a method, ready to look at images.
-pub struct CenterDetector<C> {
-    runner: Box<dyn Runner>,
-    config: C,
-    input: InputSpec,
-    batch: InputBatch,
-}
+/// Reads such a method's maps.
+pub(super) struct CenterPostProcessor<C>(C);
 
-impl<C: CenterMethod> CenterDetector<C> {
-    /// The network of `config`, which `runner` runs.
-    pub fn new(runner: Box<dyn Runner>, config: C) -> Self {
-        let input = config.input_spec();
-        Self { runner, config, input, batch: InputBatch::default() }
+impl<C: CenterMethod> PostProcessor for CenterPostProcessor<C> {
+    const METHOD: &'static str = C::METHOD;
+
+    fn classes(&self) -> &[ClassReference] {
+        self.0.classes()
     }
 
-    /// The outputs in the order of [`NetworkConfig::OUTPUTS`], their shapes checked.
-    fn maps(
-        &self,
-        mut outputs: Vec<Tensor>,
-        images: usize,
-        input_size: [usize; 2],
-    ) -> Result<Vec<Tensor>, DetectError> {
-        let [width, height] = input_size.map(|side| side / STRIDE);
-        let named = C::OUTPUTS.iter().zip(self.config.output_channels());
-        named
-            .map(|(name, channels)| output(&*self.runner, &mut outputs, name, [images, channels, height, width]))
-            .collect()
+    fn has_error_bars(&self) -> bool {
+        self.0.has_error_bars()
+    }
+
+    fn post_process(
+        &mut self,
+        outputs: &mut NetworkOutputs<'_>,
+        views: &[View],
+        options: &DecodeOptions,
+    ) -> Result<Vec<Vec<Detection>>, DetectError> {
+        let named = C::OUTPUTS.iter().zip(self.0.output_channels());
+        let tensors: Vec<Tensor> =
+            named.map(|(name, channels)| outputs.take(name, channels, STRIDE)).collect::<Result<_, _>>()?;
+        let each = views.iter().enumerate().map(|(image, view)| {
+            let maps: Vec<TensorView<'_>> = tensors.iter().map(|tensor| tensor.image(image)).collect();
+            self.0.detections(&maps, view, options)
+        });
+        let answers = each.collect();
+        for tensor in tensors {
+            outputs.recycle(tensor.values);
+        }
+        Ok(answers)
+    }
+
+    fn share(&self) -> Result<Self, EngineError> {
+        Ok(Self(self.0.clone()))
     }
 }
 
@@ -76,7 +83,8 @@ impl<C: CenterMethod> DetectorMethod for C {
         _: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
-        Some(Box::new(CenterDetector::new(runner, self)))
+        let input = self.input_spec();
+        Some(Box::new(NetworkDetector::with_post_processor(runner, input, CenterPostProcessor(self))))
     }
 }
 
@@ -97,64 +105,5 @@ impl<C: CenterMethod> Method for C {
             ("neck", format!("{:?}", features.neck).to_lowercase()),
             ("keypoints", C::KEYPOINTS.to_owned()),
         ]
-    }
-}
-
-impl<C: CenterMethod> Detector for CenterDetector<C> {
-    fn method(&self) -> &'static str {
-        C::METHOD
-    }
-
-    fn engine(&self) -> &str {
-        self.runner.engine()
-    }
-
-    fn classes(&self) -> &[ClassReference] {
-        self.config.classes()
-    }
-
-    fn has_error_bars(&self) -> bool {
-        self.config.has_error_bars()
-    }
-
-    fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
-        self.input.input_for(image_size, camera).size
-    }
-
-    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
-        self.input.fix_size(size);
-        true
-    }
-
-    fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
-        self.input.unfamiliar(image_size, camera)
-    }
-
-    fn detect_batch(
-        &mut self,
-        images: &[(&RgbImage, &Camera)],
-        options: &DecodeOptions,
-    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let (filled, warp) = timed(|| self.batch.fill(images, &self.input));
-        let Some((size, views)) = filled? else { return Ok((Vec::new(), StageTimes::default())) };
-        let (outputs, network) = timed(|| self.batch.run(&mut *self.runner, size));
-        let tensors = self.maps(outputs?, images.len(), size)?;
-        let decoded = || {
-            let each = views.iter().enumerate().map(|(image, view)| {
-                let maps: Vec<TensorView<'_>> = tensors.iter().map(|tensor| tensor.image(image)).collect();
-                self.config.detections(&maps, view, options)
-            });
-            each.collect()
-        };
-        let (answers, decode) = timed(decoded);
-        for tensor in tensors {
-            self.runner.recycle(tensor.values);
-        }
-        Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
-    }
-
-    fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
-        let (runner, config, input) = (self.runner.share()?, self.config.clone(), self.input.clone());
-        Ok(Box::new(Self { runner, config, input, batch: InputBatch::default() }))
     }
 }

@@ -13,7 +13,7 @@ use farsight_core::score::{logistic, logit};
 use farsight_core::{Affine2, Box2d, Camera};
 
 pub(crate) use decode::{at_peaks, at_peaks_with, peak_score, value_at};
-pub use detector::{CenterDetector, CenterMethod};
+pub use detector::CenterMethod;
 pub use features::Features;
 pub(crate) use features::{PRIOR_LOGIT, head};
 pub use heading::{HEADING_BINS, Heading};

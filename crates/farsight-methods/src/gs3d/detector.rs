@@ -11,7 +11,7 @@ use super::network::{HEATMAP, REFINEMENT, REGRESSION_HEADS, SURFACE_MAP};
 use super::refinement::{BINS, NUMBERS};
 use super::surfaces::{SIDE, SURFACES, sample};
 use crate::center_map::STRIDE;
-use crate::cut::{CutDetector, CutMethod, LaterParts, feature_map};
+use crate::cut::{CutMethod, LaterParts, detector, feature_map};
 use crate::detector::{DetectError, Detector};
 use crate::input_spec::InputSpec;
 use crate::method::{DetectorMethod, Method};
@@ -68,7 +68,7 @@ impl DetectorMethod for Gs3dConfig {
         later: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
-        CutDetector::boxed(runner, later, self)
+        detector(runner, later, self)
     }
 }
 

@@ -10,7 +10,7 @@ use super::decode::{CellBox, Placed, cell_boxes, detection, placed, shown};
 use super::layout::{BOX_NUMBERS, CELL_STRIDE, CORNER_NUMBERS, MAP_STRIDE, SIDE};
 use super::network::{BOX_MAP, BRANCHES, CELLS, CENTER, CORNER_MAP, CORNER_STEPS, DEPTH, REZOOM};
 use super::sampler::sample;
-use crate::cut::{CutDetector, CutMethod, LaterParts, feature_map};
+use crate::cut::{CutMethod, LaterParts, detector, feature_map};
 use crate::detector::{DetectError, Detector};
 use crate::input_spec::InputSpec;
 use crate::method::{DetectorMethod, Method};
@@ -101,7 +101,7 @@ impl DetectorMethod for MonoGrNetConfig {
         later: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
-        CutDetector::boxed(runner, later, self)
+        detector(runner, later, self)
     }
 }
 

@@ -9,7 +9,7 @@ use super::OftNetConfig;
 use super::decode::detections;
 use super::network::{ANSWER, ANSWERS, MAPS};
 use super::sampler::{STRIDES, boxes, sample};
-use crate::cut::{CutDetector, CutMethod, LaterParts, feature_map};
+use crate::cut::{CutMethod, LaterParts, detector, feature_map};
 use crate::detector::{DetectError, Detector};
 use crate::input_spec::InputSpec;
 use crate::method::{DetectorMethod, Method};
@@ -75,7 +75,7 @@ impl DetectorMethod for OftNetConfig {
         later: Vec<Box<dyn Runner>>,
         _: Option<&LocalHeadFile>,
     ) -> Option<Box<dyn Detector>> {
-        CutDetector::boxed(runner, later, self)
+        detector(runner, later, self)
     }
 }
 

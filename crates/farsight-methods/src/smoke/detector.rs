@@ -1,50 +1,41 @@
-//! From an image and its camera to SMOKE's detections.
+//! From the maps of SMOKE's network to detections.
 
 use farsight_core::detection::{DecodeOptions, View};
-use farsight_core::{Camera, ClassReference, Detection};
+use farsight_core::{ClassReference, Detection};
 use farsight_graph::model::NetworkConfig;
-use farsight_runtime::timing::timed;
-use farsight_runtime::{EngineError, Runner, StageTimes, Tensor};
-use image::RgbImage;
+use farsight_runtime::{EngineError, Runner};
 
 use super::codec::{CHANNELS, STRIDE};
 use super::decode::{HeadMaps, detections, detections_at_peaks};
 use super::network::{LOGITS, REGRESSION};
 use super::{Codec, SmokeConfig, SparseHead};
-use crate::batch::{InputBatch, output};
-use crate::detector::{DetectError, Detector, UnfamiliarCamera};
-use crate::input_spec::InputSpec;
+use crate::detector::DetectError;
+use crate::network_detector::{NetworkDetector, NetworkOutputs, PostProcessor};
 
 /// A SMOKE model ready to look at images.
-pub struct SmokeDetector {
-    runner: Box<dyn Runner>,
-    input: InputSpec,
+pub type SmokeDetector = NetworkDetector<SmokePostProcessor>;
+
+impl SmokeDetector {
+    /// The model of `config`, which `runner` runs. A network that ends before its regression head has it in `head`.
+    pub fn new(runner: Box<dyn Runner>, config: &SmokeConfig, head: Option<SparseHead>) -> Self {
+        let other = runner.outputs().iter().find(|output| output.name != LOGITS);
+        let regression = other.map_or_else(|| REGRESSION.to_owned(), |output| output.name.clone());
+        let post_processor = SmokePostProcessor { codec: config.codec(), head, regression };
+        Self::with_post_processor(runner, config.input_spec(), post_processor)
+    }
+}
+
+/// Reads SMOKE's heatmap and regression.
+#[derive(Debug, Clone)]
+pub struct SmokePostProcessor {
     codec: Codec,
     /// What the runner's network leaves to be done at the peaks.
     head: Option<SparseHead>,
     /// The output that has the regression, or the features that the head reads.
     regression: String,
-    batch: InputBatch,
 }
 
-impl SmokeDetector {
-    /// The model of `config`, which `runner` runs. A network that ends before its regression head has it in `head`.
-    pub fn new(runner: Box<dyn Runner>, config: &SmokeConfig, head: Option<SparseHead>) -> Self {
-        Self::with_input(runner, config.input_spec(), config.codec(), head)
-    }
-
-    /// As [`SmokeDetector::new`], for inputs of another size than the config's.
-    pub fn with_input(runner: Box<dyn Runner>, input: InputSpec, codec: Codec, head: Option<SparseHead>) -> Self {
-        let other = runner.outputs().iter().find(|output| output.name != LOGITS);
-        let regression = other.map_or_else(|| REGRESSION.to_owned(), |output| output.name.clone());
-        Self { runner, input, codec, head, regression, batch: InputBatch::default() }
-    }
-
-    /// How images become inputs.
-    pub fn input(&self) -> &InputSpec {
-        &self.input
-    }
-
+impl SmokePostProcessor {
     /// What its answers mean.
     pub fn codec(&self) -> &Codec {
         &self.codec
@@ -56,32 +47,10 @@ impl SmokeDetector {
         let regression = |cell| head.regression(&maps.regression, maps.map_size, cell);
         detections_at_peaks(codec, &maps.logits, maps.map_size, regression, view, options)
     }
-
-    /// The maps of each image. The decoder relies on their number and sizes.
-    fn maps(
-        &self,
-        mut outputs: Vec<Tensor>,
-        images: usize,
-        input_size: [usize; 2],
-    ) -> Result<Vec<HeadMaps>, DetectError> {
-        let [width, height] = input_size.map(|side| side / STRIDE);
-        let channels = self.head.as_ref().map_or(CHANNELS, SparseHead::channels);
-        let expected = [images, self.codec.classes.len(), height, width];
-        let logits = output(&*self.runner, &mut outputs, LOGITS, expected)?;
-        let expected = [images, channels, height, width];
-        let regression = output(&*self.runner, &mut outputs, &self.regression, expected)?;
-        Ok(HeadMaps::of_batch(logits, regression))
-    }
 }
 
-impl Detector for SmokeDetector {
-    fn method(&self) -> &'static str {
-        SmokeConfig::METHOD
-    }
-
-    fn engine(&self) -> &str {
-        self.runner.engine()
-    }
+impl PostProcessor for SmokePostProcessor {
+    const METHOD: &'static str = SmokeConfig::METHOD;
 
     fn classes(&self) -> &[ClassReference] {
         &self.codec.classes
@@ -91,42 +60,28 @@ impl Detector for SmokeDetector {
         self.codec.depth.error.is_some()
     }
 
-    fn input_size(&self, image_size: [usize; 2], camera: &Camera) -> [usize; 2] {
-        self.input.input_for(image_size, camera).size
-    }
-
-    fn set_input_size(&mut self, size: [usize; 2]) -> bool {
-        self.input.fix_size(size);
-        true
-    }
-
-    fn unfamiliar(&self, image_size: [usize; 2], camera: &Camera) -> Option<UnfamiliarCamera> {
-        self.input.unfamiliar(image_size, camera)
-    }
-
     /// 2D boxes are projected by the whole camera even for models that see it without its fourth column, so that they
     /// lie where the image shows the object; official SMOKE's own 2D boxes stand off by up to 9 pixels at 5 m (spec
     /// 5.6).
-    fn detect_batch(
+    fn post_process(
         &mut self,
-        images: &[(&RgbImage, &Camera)],
+        outputs: &mut NetworkOutputs<'_>,
+        views: &[View],
         options: &DecodeOptions,
-    ) -> Result<(Vec<Vec<Detection>>, StageTimes), DetectError> {
-        let (filled, warp) = timed(|| self.batch.fill(images, &self.input));
-        let Some((size, views)) = filled? else { return Ok((Vec::new(), StageTimes::default())) };
-        let (outputs, network) = timed(|| self.batch.run(&mut *self.runner, size));
-        let maps = self.maps(outputs?, images.len(), size)?;
-        let decoded = || maps.iter().zip(&views).map(|(maps, view)| self.decoded(maps, view, options)).collect();
-        let (answers, decode) = timed(decoded);
+    ) -> Result<Vec<Vec<Detection>>, DetectError> {
+        let channels = self.head.as_ref().map_or(CHANNELS, SparseHead::channels);
+        let logits = outputs.take(LOGITS, self.codec.classes.len(), STRIDE)?;
+        let regression = outputs.take(&self.regression, channels, STRIDE)?;
+        let maps = HeadMaps::of_batch(logits, regression);
+        let answers = maps.iter().zip(views).map(|(maps, view)| self.decoded(maps, view, options)).collect();
         for HeadMaps { logits, regression, .. } in maps {
-            self.runner.recycle(logits);
-            self.runner.recycle(regression);
+            outputs.recycle(logits);
+            outputs.recycle(regression);
         }
-        Ok((answers, StageTimes { warp, network, decode, ..StageTimes::default() }))
+        Ok(answers)
     }
 
-    fn share(&self) -> Result<Box<dyn Detector>, EngineError> {
-        let (runner, codec) = (self.runner.share()?, self.codec.clone());
-        Ok(Box::new(Self::with_input(runner, self.input.clone(), codec, self.head.clone())))
+    fn share(&self) -> Result<Self, EngineError> {
+        Ok(self.clone())
     }
 }

@@ -15,10 +15,10 @@ use super::config::{LABELS, SsdView};
 use super::decode::Boxes;
 use super::network::{BOXES, CLASSES};
 use super::views::{Window, pitch_tangent, window};
-use crate::batch::output;
 use crate::detector::{DetectError, Detector, UnfamiliarCamera};
 use crate::input_spec::InputSpec;
 use crate::method::{DetectorMethod, Method};
+use crate::network_detector::output;
 
 /// With a lower score nearly everything is nothing, whatever is asked for.
 const MIN_SCORE: f64 = 0.1;

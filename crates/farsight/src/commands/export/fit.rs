@@ -145,7 +145,7 @@ fn judged_in_frame(
     let view = detector.input().view([image.width() as usize, image.height() as usize], &camera);
     let detections = detected(detector, options, &image, &camera).with_context(|| dataset.origin(index))?;
     let frame = Frame::new(String::new(), dataset.labels(index)?, detections);
-    let reference = &detector.codec().depth;
+    let reference = &detector.post_processor().codec().depth;
     let judged = |(place, target): (usize, Option<Target>)| {
         let detection = &frame.predictions[place].detection;
         Judged {
