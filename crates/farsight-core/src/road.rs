@@ -72,6 +72,11 @@ impl Road {
         (lowest_m..=highest_m).contains(&height_m).then_some(Self::BelowBy(height_m))
     }
 
+    /// A camera whose height was measured with this standard deviation, metres, and of which no more is known.
+    pub fn measured(height_m: f64, sigma_m: f64) -> Self {
+        Self::Known(RoadPlane { slope: 0.0, tilt: 0.0, height_m, sigmas: [SLOPE, TILT, sigma_m] })
+    }
+
     /// Height of the camera and its standard deviation, metres.
     fn height(self) -> Option<[f64; 2]> {
         match self {

@@ -18,7 +18,7 @@ use farsight_core::{Box2d, Camera};
 use farsight_data::kitti::Calibration;
 use farsight_data::{ImageLimits, load_image};
 use farsight_files::MeasuredTable;
-use farsight_odometry::{CameraMotion, Odometry, OdometryFrame};
+use farsight_odometry::{CameraMotion, HeightEstimator, Odometry, OdometryFrame};
 use farsight_synth::{SceneConfig, SequenceStream};
 
 /// Frames of a rendered sequence, and frames a second.
@@ -41,6 +41,19 @@ struct Known {
     pitch: Option<f64>,
 }
 
+impl Known {
+    fn seen<'a>(&'a self, number: usize, fps: f64, camera: &'a Camera) -> OdometryFrame<'a> {
+        OdometryFrame {
+            time_s: number as f64 / fps,
+            image_size: self.image_size,
+            rgb: &self.rgb,
+            camera,
+            objects: &self.objects,
+            looks_cut: false,
+        }
+    }
+}
+
 /// Errors with their standard deviations.
 #[derive(Default)]
 struct Figures {
@@ -51,6 +64,8 @@ struct Figures {
     told: usize,
     asked: usize,
     speed_sum: f64,
+    /// Errors of heights and their standard deviations, both as shares.
+    heights: Vec<[f64; 2]>,
     cpu_s: f64,
     frames: f64,
 }
@@ -99,7 +114,7 @@ fn rendered(count: u64, seed: u64, readout_s: f64) -> [Figures; 2] {
         let sequence = stream.sequence(index);
         let height_m = sequence.camera_height_m();
         let mut odometries = [(); 2].map(|()| Odometry::above_road(height_m, HEIGHT_SIGMA_M));
-        let mut before = None;
+        let (mut before, mut estimator) = (None, HeightEstimator::default());
         for number in 0..sequence.len() {
             let frame = sequence.frame(number);
             let known = Known {
@@ -110,12 +125,16 @@ fn rendered(count: u64, seed: u64, readout_s: f64) -> [Figures; 2] {
                 pitch: before.map(|before| frame.ego.pitch_rad - before),
             };
             before = Some(frame.ego.pitch_rad);
+            estimator.add(&known.seen(number, FPS, &frame.camera), Some(frame.ego.speed_mps));
             let bare = Known { objects: Vec::new(), rgb: known.rgb.clone(), ..known };
             for (k, known) in [known, bare].into_iter().enumerate() {
                 figures[k].look(&mut odometries[k], number, FPS, &frame.camera, &known);
             }
         }
         println!("sequence {index}, {height_m:.2} m: {} told of {}", figures[0].told, figures[0].asked);
+        figures[0]
+            .heights
+            .extend(estimator.height_m().map(|[found, sigma]| [found / height_m - 1.0, sigma / height_m]));
     }
     figures
 }
@@ -169,14 +188,7 @@ fn speed_of_parked(labels: &Labels, number: usize, fps: f64) -> Option<f64> {
 impl Figures {
     fn look(&mut self, odometry: &mut Odometry, number: usize, fps: f64, camera: &Camera, known: &Known) {
         let start = cpu_s();
-        let found = odometry.update(&OdometryFrame {
-            time_s: number as f64 / fps,
-            image_size: known.image_size,
-            rgb: &known.rgb,
-            camera,
-            objects: &known.objects,
-            looks_cut: false,
-        });
+        let found = odometry.update(&known.seen(number, fps, camera));
         self.cpu_s += cpu_s() - start;
         self.frames += 1.0;
         self.asked += usize::from(number > 0);
@@ -206,6 +218,13 @@ impl Figures {
         }
         if !self.shares.is_empty() {
             row("speed above 3 m/s: mean relative error", format!("{:.1}%", 100.0 * mean(self.shares.iter().copied())));
+        }
+        if !self.heights.is_empty() {
+            let count = self.heights.len();
+            row("height from the speed: sequences that tell", count.to_string());
+            let of = |share: f64| format!("{:.1}%", 100.0 * share);
+            row("height from the speed: mean relative error", of(mae(&self.heights)));
+            row("height from the speed: 90% intervals hold", held(&self.heights));
         }
         if !self.yaw_rates.is_empty() {
             row("yaw rate: MAE", format!("{:.4} rad/s", mae(&self.yaw_rates)));

@@ -2,7 +2,8 @@
 //! its error bar.
 //!
 //! [`Odometry::update`] takes one picture after the other and answers how the camera moved between the last two. No
-//! file is read here. An image knows no metres: scale comes from the camera's height above the road.
+//! file is read here. An image knows no metres: scale comes from the camera's height above the road. Where the speed is
+//! known instead, [`HeightEstimator`] tells that height.
 //!
 //! Frames of reference are KITTI's: x right, y down, z forward, metres. Turns are to the left, nods downwards, rolls to
 //! the right side.
@@ -30,15 +31,18 @@
 //! | `fit` | the likeliest motion |
 //! | `tracking` | from two pictures to flows |
 //! | `odometry` | picture after picture |
+//! | `height` | how high the camera is, from how fast it drives |
 
 mod corners;
 mod fit;
 mod flow;
 mod grey;
+mod height;
 mod mixture;
 mod motion;
 mod odometry;
 mod prior;
 mod tracking;
 
+pub use height::HeightEstimator;
 pub use odometry::{CameraMotion, Odometry, OdometryFrame};

@@ -29,7 +29,7 @@ const FIRST_SPEEDS_MPS: [f64; 6] = [0.0, 6.0, 12.0, 19.0, 27.0, 36.0];
 const MAX_GAP_S: f64 = 0.7;
 
 /// How wrong a road's plane makes a speed, as a share: roads are not flat. Chosen on rendered sequences.
-const ROAD_SHARE: f64 = 0.02;
+pub(crate) const ROAD_SHARE: f64 = 0.02;
 
 /// How far the plane under a camera of which only the height is known tips: standard deviations of slope and tilt.
 const ANY_SLOPE: f64 = 0.05;

@@ -4,7 +4,7 @@
 mod world;
 
 use farsight_core::Box2d;
-use farsight_odometry::{CameraMotion, Odometry, OdometryFrame};
+use farsight_odometry::{CameraMotion, HeightEstimator, Odometry, OdometryFrame};
 use world::{Board, HEIGHT_M, Pose, SIZE, board_box, camera, picture, posts};
 
 const DT_S: f64 = 0.1;
@@ -155,4 +155,31 @@ fn twice_the_height_is_twice_the_speed() {
     };
     let share = speed(2.0 * HEIGHT_M) / speed(HEIGHT_M);
     assert!((share - 2.0).abs() < 0.05, "{share}");
+}
+
+/// What pictures of a way at a speed tell of the height, if `told` of that speed is said.
+fn height_at(speed: f64, told: f64, pictures: usize) -> Option<[f64; 2]> {
+    let (mut estimator, camera) = (HeightEstimator::default(), camera());
+    for (number, pose) in way(speed, 0.0, pictures).iter().enumerate() {
+        let rgb = picture(pose, &posts());
+        let (time_s, image_size) = (number as f64 * DT_S, SIZE);
+        let frame = OdometryFrame { time_s, image_size, rgb: &rgb, camera: &camera, objects: &[], looks_cut: false };
+        estimator.add(&frame, Some(told));
+    }
+    estimator.height_m()
+}
+
+#[test]
+fn a_known_speed_tells_the_height() {
+    for share in [1.0, 2.5] {
+        let [height_m, sigma_m] = height_at(9.0, 9.0 * share, 12).unwrap();
+        let off = height_m - HEIGHT_M * share;
+        assert!(off.abs() < 2.0 * sigma_m && sigma_m < 0.05 * height_m, "{share}: {height_m} ±{sigma_m}");
+    }
+}
+
+#[test]
+fn few_pictures_and_slow_ones_tell_no_height() {
+    assert_eq!(height_at(9.0, 9.0, 10), None);
+    assert_eq!(height_at(2.0, 2.0, 14), None);
 }

@@ -1,4 +1,4 @@
-//! How a camera that does not move stands over its road, from the traffic that it sees.
+//! How a camera stands over its road, from the traffic that it sees.
 
 use std::collections::VecDeque;
 

@@ -1,16 +1,18 @@
-//! `farsight calibrate`: how a fixed camera stands over its road, from the traffic that it sees.
+//! `farsight calibrate`: how a camera stands over its road, from the traffic that it sees and from how fast it drives.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight::video::{VideoOptions, VideoSource, is_video};
+use farsight::video::{EgoFile, EgoHeight, VideoOptions, VideoSource, is_video};
 use farsight::{
     CalibrateError, CameraStand, Exif, ImageLimits, RgbImage, Road, RoadCalibrator, View, ViewSource, load_image,
 };
 use farsight_data::kitti::Calibration;
+use indicatif::ProgressBar;
 
 use super::Outcome;
+use super::track::fps;
 use crate::camera_args::{ViewArgs, with_hint};
 use crate::inputs;
 use crate::pipeline_args::{self, PipelineArgs};
@@ -19,14 +21,16 @@ use crate::printer::{Printer, counted, progress_bar};
 /// Arguments of `farsight calibrate`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The camera must not move between the images. Traffic tells pitch, roll and height; the height is as sure as sizes of vehicles
-are, unless --above-road says it. It does not tell the field of view, which the camera options must.
+The camera must stay as it is mounted, on a mast or in a car. Traffic tells pitch, roll and height; the height is as sure as
+sizes of vehicles are, unless --above-road says it, or the speed of a camera that drives (--ego). It does not tell the
+field of view, which the camera options must.
 farsight calibrate pole/*.jpg --hfov 70 --out pole.txt
 farsight calibrate pole.mp4 --hfov 70 --out pole.txt
+farsight calibrate drive.mp4 --hfov 70 --ego speeds.csv --out car.txt
 farsight range pole/0001.jpg --calib pole.txt")]
 pub(crate) struct CalibrateArgs {
-    /// Images of one camera that stays where it is, folders of images, patterns; or one video or address (rtsp, http),
-    /// of which two frames a second are looked at
+    /// Images of one camera that stays as it is mounted, folders of images, patterns; or one video or address (rtsp,
+    /// http), of which two frames a second are looked at
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -34,6 +38,13 @@ pub(crate) struct CalibrateArgs {
     /// Write the calibration, for --calib of other commands
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// The images are the frames of a film, so many a second; two of them a second are looked at
+    #[arg(long, value_name = "N", value_parser = fps, allow_negative_numbers = true)]
+    fps: Option<f64>,
+    /// How fast the camera of a film drives, which tells its height: rows of KITTI's oxts, poses of KITTI's odometry,
+    /// or CSV with columns `time_s`, `speed_mps` and `yaw_rate`; of images with --fps
+    #[arg(long, value_name = "FILE|DIR", conflicts_with = "above_road")]
+    ego: Option<PathBuf>,
     /// Of a video look at so many frames
     #[arg(long, value_name = "N", default_value_t = 120, value_parser = clap::value_parser!(u16).range(1..))]
     frames: u16,
@@ -55,12 +66,17 @@ const BETWEEN_FRAMES_S: f64 = 0.5;
 pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome> {
     let source = Source::of(args, printer)?;
     let views = args.view.source(source.images())?;
+    let ego = args.ego.as_deref().map(EgoFile::read).transpose()?;
     let road = args.pipeline.road.above_road().unwrap_or(Road::Below);
     // What no image can mend is told before any is looked at.
     ensure!(road != Road::Ignored, CalibrateError::NoRoad);
     let pipeline = pipeline_args::open_and_tell(&args.pipeline.builder(printer)?, printer)?;
     ensure!(pipeline.has_error_bars(), CalibrateError::NoErrorBars { model: pipeline.info().name.clone() });
 
+    let road = match ego {
+        Some(ego) => road_by_speed(ego, &source, &views, printer)?,
+        None => road,
+    };
     let mut first: Option<(View, [u32; 2])> = None;
     let mut calibrator: Option<RoadCalibrator> = None;
     let (mut stand, mut failed, mut seen) = (None, 0, 0);
@@ -105,6 +121,40 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
     Ok(if failed > 0 { Outcome::Told } else { Outcome::Done })
 }
 
+/// The road, as high as the speed says.
+fn road_by_speed(ego: EgoFile, source: &Source, views: &ViewSource, printer: &mut Printer) -> Result<Road> {
+    let Kind::Film { source, options, frames } = &source.kind else {
+        bail!("--ego is for films; expected a video, or --fps N for images that are the frames of one");
+    };
+    let (mut first, mut height, mut seen): (Option<(View, [u32; 2])>, _, _) = (None, EgoHeight::new(ego), 0_usize);
+    let taken = source.clone().frames(options)?;
+    let bar = taken.count_known().map_or_else(ProgressBar::hidden, progress_bar);
+    for frame in taken {
+        bar.inc(1);
+        // Damaged frames are told by the traffic's rounds.
+        let Ok(frame) = frame else { continue };
+        if frame.time_s > *frames as f64 * BETWEEN_FRAMES_S {
+            break;
+        }
+        let known = known_view(&frame.path, &frame.place(), &frame.image, &frame.exif, views, first.as_ref())?;
+        let (view, _) = first.get_or_insert(known);
+        height.add(&frame, view).with_context(|| frame.place())?;
+        seen += 1;
+    }
+    bar.finish_and_clear();
+    let told = format!("{} of {} tell the height", height.frames(), counted(seen, "frame"));
+    let Some([height_m, sigma_m]) = height.height_m() else {
+        bail!("--ego: {told}; expected ten that show the road from above 3 m/s");
+    };
+    printer.status(&format!("by its speed the camera is {height_m:.2} ±{sigma_m:.2} m above the road; {told}"));
+    let [lowest_m, highest_m] = Road::HEIGHTS_M;
+    ensure!(
+        (lowest_m..=highest_m).contains(&height_m),
+        "--ego: {height_m:.2} m above the road; expected {lowest_m} to {highest_m}: are the speeds metres a second?"
+    );
+    Ok(Road::measured(height_m, sigma_m))
+}
+
 fn tell(stand: &CameraStand, images: usize, printer: &mut Printer) {
     let CameraStand { pitch_rad, roll_rad, height_m: [height, height_sigma], objects, carried, .. } = stand;
     let [pitch, pitch_sigma] = pitch_rad.map(f64::to_degrees);
@@ -135,7 +185,7 @@ struct Source {
 
 enum Kind {
     Images(Vec<PathBuf>),
-    Video { video: PathBuf, options: VideoOptions, frames: usize },
+    Film { source: VideoSource, options: VideoOptions, frames: usize },
 }
 
 /// An image, or a frame of a video.
@@ -149,24 +199,34 @@ struct Taken {
 
 impl Source {
     fn of(args: &CalibrateArgs, printer: &mut Printer) -> Result<Self> {
+        let options = VideoOptions { ffmpeg: args.ffmpeg.clone(), ..VideoOptions::default() };
+        let film = |source| Kind::Film { source, options, frames: usize::from(args.frames) };
         if let Some(video) = args.inputs.iter().find(|input| is_video(input)) {
             ensure!(args.inputs.len() == 1, "{}: a video beside other inputs; expected it alone", video.display());
-            let options = VideoOptions { ffmpeg: args.ffmpeg.clone(), ..VideoOptions::default() };
-            let kind = Kind::Video { video: video.clone(), options, frames: usize::from(args.frames) };
-            return Ok(Self { kind, problems: 0 });
+            ensure!(args.fps.is_none(), "--fps is for images; {} has times of its own", video.display());
+            return Ok(Self { kind: film(VideoSource::Video(video.clone())), problems: 0 });
         }
         let found = inputs::find(&args.inputs);
         for problem in &found.problems {
             printer.error(problem);
         }
         ensure!(!found.images.is_empty(), "no image to look at");
-        Ok(Self { kind: Kind::Images(found.images), problems: found.problems.len() })
+        let problems = found.problems.len();
+        let kind = match args.fps {
+            Some(fps) => {
+                // A list with holes has wrong times.
+                ensure!(problems == 0, "--fps: some of its frames cannot be read");
+                film(VideoSource::Images { files: found.images, fps })
+            }
+            None => Kind::Images(found.images),
+        };
+        Ok(Self { kind, problems })
     }
 
     fn images(&self) -> &[PathBuf] {
         match &self.kind {
             Kind::Images(images) => images,
-            Kind::Video { .. } => &[],
+            Kind::Film { source, .. } => source.images(),
         }
     }
 
@@ -174,7 +234,7 @@ impl Source {
     fn count(&self) -> usize {
         match &self.kind {
             Kind::Images(images) => images.len(),
-            Kind::Video { frames, .. } => *frames,
+            Kind::Film { frames, .. } => *frames,
         }
     }
 
@@ -191,9 +251,9 @@ impl Source {
                     }));
                 }
             }
-            Kind::Video { video, options, frames } => {
+            Kind::Film { source, options, frames } => {
                 let (mut taken, mut next_s) = (0, f64::NEG_INFINITY);
-                for frame in VideoSource::Video(video.clone()).frames(options)? {
+                for frame in source.clone().frames(options)? {
                     match frame {
                         Ok(frame) if frame.time_s < next_s => {}
                         Ok(frame) => {

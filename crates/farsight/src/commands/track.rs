@@ -90,7 +90,8 @@ const USUAL_MIN_SCORE: f64 = 0.5;
 const MIN_FPS: f64 = 0.1;
 const MAX_FPS: f64 = 1000.0;
 
-fn fps(text: &str) -> Result<f64, String> {
+/// Frames a second.
+pub(super) fn fps(text: &str) -> Result<f64, String> {
     let value = text.parse().ok().filter(|value| (MIN_FPS..=MAX_FPS).contains(value));
     value.ok_or_else(|| format!("expected a number from {MIN_FPS} to {MAX_FPS}"))
 }

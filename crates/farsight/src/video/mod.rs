@@ -22,6 +22,7 @@
 //! [`FrameDetector`] of the tracker, and hands that what it finds, in order.
 
 pub mod ego;
+mod ego_height;
 mod error;
 pub mod events;
 mod ffmpeg;
@@ -34,6 +35,7 @@ mod tracker;
 mod visual_ego;
 
 pub use ego::{EgoError, EgoFile};
+pub use ego_height::EgoHeight;
 pub use error::VideoError;
 pub use events::{Event, EventFinder, EventKind};
 pub use ffmpeg::{Decoded, FrameStream, unstarted};

@@ -82,6 +82,37 @@ fn frames_of_a_film_tell_what_images_do() {
 }
 
 #[test]
+#[ignore = "takes long: `cargo xtask test --all`"]
+fn the_speed_of_a_camera_tells_its_height() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("world.toml"), one_camera([0.9, 1.2], 0.9, 2.2, 0.0)).unwrap();
+    let sequence = ["--sequence", "1", "--frames", "20", "--fps", "10", "--seed", "5"];
+    done(folder, &[&["synth", "--scene-config", "world.toml", "--out", "data"], &sequence[..]].concat());
+    let film = ["calibrate", "data/training/image_02/0000", "--fps", "10", "--fx", "864"];
+    let by_speed = done(folder, &[&film[..], &["--ego", "data/training/oxts/0000.txt"]].concat());
+    let ([height, sigma], [_, sigma_by_traffic]) = (told(&by_speed, "height"), told(&done(folder, &film), "height"));
+    assert!((height - 2.2).abs() < 2.0 * sigma && sigma < sigma_by_traffic, "{by_speed}");
+}
+
+#[test]
+fn a_speed_needs_a_film_that_drives() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    RgbImage::new(64, 36).save(folder.join("a.png")).unwrap();
+    fs::write(folder.join("speeds.csv"), "time_s,speed_mps,yaw_rate\n0,9,0\n").unwrap();
+    let refused = |rest: &[&str]| {
+        let output = farsight(folder, &[&["calibrate", "a.png", "--hfov", "70", "--ego", "speeds.csv"], rest].concat());
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(refused(&[]).contains("--ego is for films; expected a video, or --fps N"), "{}", refused(&[]));
+    let text = refused(&["--fps", "10"]);
+    assert!(text.contains("0 of 1 frame tell the height; expected ten that show the road"), "{text}");
+    assert!(refused(&["--fps", "10", "--above-road", "1.5"]).contains("cannot be used with"));
+}
+
+#[test]
 fn no_traffic_is_not_enough_to_tell() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
