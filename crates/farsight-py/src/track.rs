@@ -61,11 +61,13 @@ impl Video {
         let birth_score = min_score.unwrap_or_else(|| pipeline.default_min_score());
         let options = TrackerOptions { birth_score, low_score: low.min(birth_score), ..TrackerOptions::default() };
         let tracker = VideoTracker::new(pipeline, views).with_options(options);
-        let tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
-        let tracker = if is_auto { tracker.with_visual_ego(height_m) } else { tracker };
-        let frames = source
-            .frames(&VideoOptions { ffmpeg, realtime, ..VideoOptions::default() })
-            .map_err(|error| video_error(&error))?;
+        let reading = VideoOptions { ffmpeg, realtime, ..VideoOptions::default() };
+        let tracker = match ego {
+            Some(ego) => tracker.with_ego_of_film(ego, &source, &reading).map_err(|error| video_error(&error))?,
+            None if is_auto => tracker.with_visual_ego(height_m),
+            None => tracker,
+        };
+        let frames = source.frames(&reading).map_err(|error| video_error(&error))?;
         Ok(Self { state: Mutex::new(State { frames, tracker, done: 0 }) })
     }
 }

@@ -285,6 +285,11 @@ impl Pipeline {
         &self.shared.engine
     }
 
+    /// Whether it was told what is known of the road, whatever is known of single cameras.
+    pub(crate) fn is_road_chosen(&self) -> bool {
+        self.shared.settings.is_road_chosen
+    }
+
     /// Which distance it tells.
     pub fn range(&self) -> RangeKind {
         self.shared.settings.range

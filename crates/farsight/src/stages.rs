@@ -48,7 +48,7 @@ impl Settings {
     /// These for an image of which more is known: the road under it, or how sure its focal length is. By as much as
     /// that is wrong all its distances are.
     pub(crate) fn of_view(&self, view: &View) -> Self {
-        let road = view.road().filter(|_| !self.is_road_chosen).map_or(self.road, Road::Known);
+        let road = view.known_road().filter(|_| !self.is_road_chosen).unwrap_or(self.road);
         Self { road, scale: self.scale.widened(view.focal_log_sigma()), ..*self }
     }
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use farsight_core::road::RoadPlane;
+use farsight_core::road::{Road, RoadPlane};
 use farsight_core::{Box2d, Camera, Lens};
 use farsight_data::{Dataset, DatasetError, Exif, Undistorter};
 use farsight_methods::DetectError;
@@ -20,6 +20,8 @@ use farsight_core::lens::LensError;
 pub struct View {
     camera: Camera,
     road: Option<RoadPlane>,
+    /// Of the camera above its road, metres.
+    height_m: Option<f64>,
     undistorter: Option<Arc<Undistorter>>,
     estimate: Option<CameraEstimate>,
 }
@@ -27,7 +29,7 @@ pub struct View {
 impl From<Camera> for View {
     /// A pinhole, and nothing known of its road.
     fn from(camera: Camera) -> Self {
-        Self { camera, road: None, undistorter: None, estimate: None }
+        Self { camera, road: None, height_m: None, undistorter: None, estimate: None }
     }
 }
 
@@ -48,6 +50,17 @@ impl View {
     /// The road under a camera that was calibrated.
     pub fn road(&self) -> Option<RoadPlane> {
         self.road
+    }
+
+    /// As it is, by a camera so high above the road, metres; where its calibration tells the road, that counts.
+    #[must_use]
+    pub fn above_road(self, height_m: f64) -> Self {
+        Self { height_m: Some(height_m), ..self }
+    }
+
+    /// What is known of the road: by calibration, or by the height of the camera.
+    pub(crate) fn known_road(&self) -> Option<Road> {
+        self.road.map(Road::Known).or(self.height_m.map(Road::BelowBy))
     }
 
     /// What the image says of its camera, where nothing else is known of it.
@@ -149,7 +162,8 @@ impl ViewSource {
         };
         let undistorter = self.lens.map(|lens| self.undistorter(&camera, lens, size.map(|side| side as u32)));
         let folds = |source| CameraSourceError::Lens { image: path.to_owned(), source };
-        Ok(View { camera, road, undistorter: undistorter.transpose().map_err(folds)?, estimate })
+        let undistorter = undistorter.transpose().map_err(folds)?;
+        Ok(View { camera, road, height_m: None, undistorter, estimate })
     }
 
     fn undistorter(&self, camera: &Camera, lens: Lens, size: [u32; 2]) -> Result<Arc<Undistorter>, LensError> {

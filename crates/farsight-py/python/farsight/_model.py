@@ -216,9 +216,10 @@ class Model:
             calib: Calibration in KITTI's format, as for `range`.
             lens: What distorts the frames, as for `range`.
             fps: Frames a second, of images only.
-            ego: A file or folder that says how the camera moves, as for `farsight track --ego`; "auto" estimates it
-                from the frames, with the model's `above_road` or a calibration with its road. Without it, and in
-                frames that do not tell, speeds are relative to the camera.
+            ego: A file or folder that says how the camera moves, as for `farsight track --ego`; its speed also tells
+                the camera's height, unless that is known. "auto" estimates the motion from the frames, with the model's
+                `above_road` or a calibration with its road. Without it, and in frames that do not tell, speeds are
+                relative to the camera.
             min_score: A detection of this score begins a track; lower ones may continue one.
             realtime: Look at the latest frame only, and leave out those that came in between.
             ffmpeg: The ffmpeg program.

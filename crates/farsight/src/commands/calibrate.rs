@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use farsight::video::{EgoFile, EgoHeight, VideoOptions, VideoSource, is_video};
+use farsight::video::{EgoFile, EgoHeight, VideoFrame, VideoOptions, VideoSource, is_video};
 use farsight::{
     CalibrateError, CameraStand, Exif, ImageLimits, RgbImage, Road, RoadCalibrator, View, ViewSource, load_image,
 };
 use farsight_data::kitti::Calibration;
-use indicatif::ProgressBar;
 
 use super::Outcome;
 use super::track::fps;
@@ -41,8 +40,8 @@ pub(crate) struct CalibrateArgs {
     /// The images are the frames of a film, so many a second; two of them a second are looked at
     #[arg(long, value_name = "N", value_parser = fps, allow_negative_numbers = true)]
     fps: Option<f64>,
-    /// How fast the camera of a film drives, which tells its height: rows of KITTI's oxts, poses of KITTI's odometry,
-    /// or CSV with columns `time_s`, `speed_mps` and `yaw_rate`; of images with --fps
+    /// How fast the camera of a film drives, which tells its height in the first minute: rows of KITTI's oxts, poses of
+    /// KITTI's odometry, or CSV with columns `time_s`, `speed_mps` and `yaw_rate`; of images with --fps
     #[arg(long, value_name = "FILE|DIR", conflicts_with = "above_road")]
     ego: Option<PathBuf>,
     /// Of a video look at so many frames
@@ -123,25 +122,16 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
 
 /// The road, as high as the speed says.
 fn road_by_speed(ego: EgoFile, source: &Source, views: &ViewSource, printer: &mut Printer) -> Result<Road> {
-    let Kind::Film { source, options, frames } = &source.kind else {
+    let Kind::Film { source, options, .. } = &source.kind else {
         bail!("--ego is for films; expected a video, or --fps N for images that are the frames of one");
     };
-    let (mut first, mut height, mut seen): (Option<(View, [u32; 2])>, _, _) = (None, EgoHeight::new(ego), 0_usize);
-    let taken = source.clone().frames(options)?;
-    let bar = taken.count_known().map_or_else(ProgressBar::hidden, progress_bar);
-    for frame in taken {
-        bar.inc(1);
-        // Damaged frames are told by the traffic's rounds.
-        let Ok(frame) = frame else { continue };
-        if frame.time_s > *frames as f64 * BETWEEN_FRAMES_S {
-            break;
-        }
-        let known = known_view(&frame.path, &frame.place(), &frame.image, &frame.exif, views, first.as_ref())?;
-        let (view, _) = first.get_or_insert(known);
-        height.add(&frame, view).with_context(|| frame.place())?;
+    let (mut first, mut seen) = (None, 0_usize);
+    let view = |frame: &VideoFrame| {
+        let known = known_view(&frame.path, &frame.place(), &frame.image, &frame.exif, views, first.as_ref()).ok()?;
         seen += 1;
-    }
-    bar.finish_and_clear();
+        Some(first.get_or_insert(known).0.clone())
+    };
+    let height = EgoHeight::of_film(ego, source, options, view)?;
     let told = format!("{} of {} tell the height", height.frames(), counted(seen, "frame"));
     let Some([height_m, sigma_m]) = height.height_m() else {
         bail!("--ego: {told}; expected ten that show the road from above 3 m/s");

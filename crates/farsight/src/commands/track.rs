@@ -62,8 +62,9 @@ pub(crate) struct TrackArgs {
     encoder: Option<String>,
     /// How the camera moves: rows of KITTI's oxts (a file with one row a frame, or a folder with one file a frame),
     /// poses of KITTI's odometry (12 numbers a frame), or CSV with columns `time_s`, `speed_mps` and `yaw_rate` (rad/s,
-    /// to the left); or "auto" to estimate it from the frames, which needs the camera's height (--above-road METRES, or
-    /// a calibration with its road)
+    /// to the left); of a film or of images its speed also tells the camera's height, unless that is known. Or "auto"
+    /// to estimate it from the frames, which needs the camera's height (--above-road METRES, or a calibration with its
+    /// road)
     #[arg(long, value_name = "FILE|DIR|auto")]
     ego: Option<PathBuf>,
     /// Look at the latest frame of a video only, and leave out those that came in between
@@ -167,9 +168,17 @@ fn follow(args: &TrackArgs, pipeline: Option<&Pipeline>, printer: &mut Printer) 
         printer.note("speeds are relative to the camera; --ego FILE gives those over the ground");
     }
     let tracker = VideoTracker::new(pipeline, views).with_options(options);
-    let tracker = ego.into_iter().fold(tracker, VideoTracker::with_ego);
-    let mut tracker = if is_auto { tracker.with_visual_ego(height_m) } else { tracker };
     let reading = VideoOptions { ffmpeg: args.ffmpeg.clone(), realtime: args.realtime, ..VideoOptions::default() };
+    let mut tracker = match ego {
+        Some(ego) => tracker.with_ego_of_film(ego, &source, &reading)?,
+        None if is_auto => tracker.with_visual_ego(height_m),
+        None => tracker,
+    };
+    if let Some([height_m, sigma_m]) = tracker.height_m() {
+        printer.note(&format!(
+            "by its speed the camera is {height_m:.2} ±{sigma_m:.2} m above the road (--above-road tells)"
+        ));
+    }
     let mut frames = source.frames(&reading)?;
     let bar = frames.count_known().map_or_else(ProgressBar::hidden, progress_bar);
     let (mut done, mut failed, mut with_ego) = (0_u64, 0_u64, 0_u64);

@@ -4,10 +4,17 @@ use farsight_methods::DetectError;
 use farsight_odometry::{HeightEstimator, OdometryFrame};
 
 use super::ego::EgoFile;
+use super::error::VideoError;
 use super::frame_detector::size;
 use super::scene_cut::SceneCut;
-use super::source::VideoFrame;
+use super::source::{VideoFrame, VideoOptions, VideoSource};
 use crate::view::View;
+
+/// More frames than this tell hardly more: roads are no planes.
+const ENOUGH_FRAMES: usize = 100;
+
+/// So much of a film is looked at, seconds.
+const LONGEST_S: f64 = 60.0;
 
 /// Tells how high the camera of a film is whose speed is known. The film must show the road, and all its frames, as
 /// neighbours are compared.
@@ -21,6 +28,28 @@ impl EgoHeight {
     /// Of a camera that moves so.
     pub fn new(ego: EgoFile) -> Self {
         Self { ego, estimator: HeightEstimator::default(), scene_cut: SceneCut::default() }
+    }
+
+    /// Looks at the frames of a film until they tell, for a minute at most. `view` says how each was taken; those of
+    /// which nobody knows, or that cannot be read, are left out.
+    ///
+    /// # Errors
+    /// When ffmpeg cannot be started.
+    pub fn of_film(
+        ego: EgoFile,
+        source: &VideoSource,
+        options: &VideoOptions,
+        mut view: impl FnMut(&VideoFrame) -> Option<View>,
+    ) -> Result<Self, VideoError> {
+        let mut height = Self::new(ego);
+        for frame in source.clone().frames(options)?.flatten() {
+            if frame.time_s > LONGEST_S || height.frames() >= ENOUGH_FRAMES {
+                break;
+            }
+            // A frame of another size is left out, too.
+            view(&frame).and_then(|view| height.add(&frame, &view).ok());
+        }
+        Ok(height)
     }
 
     /// Looks at the next frame, which was taken so.

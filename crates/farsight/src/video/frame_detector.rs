@@ -16,6 +16,8 @@ use crate::view::{View, ViewSource};
 #[derive(Clone)]
 pub struct FrameDetector {
     shared: Arc<Shared>,
+    /// Of the camera above its road, metres.
+    height_m: Option<f64>,
 }
 
 struct Shared {
@@ -27,7 +29,11 @@ struct Shared {
 
 impl FrameDetector {
     pub(super) fn new(pipeline: Pipeline, views: ViewSource) -> Self {
-        Self { shared: Arc::new(Shared { pipeline, views, estimated: OnceLock::new() }) }
+        Self { shared: Arc::new(Shared { pipeline, views, estimated: OnceLock::new() }), height_m: None }
+    }
+
+    pub(super) fn above_road(self, height_m: f64) -> Self {
+        Self { height_m: Some(height_m), ..self }
     }
 
     /// The pipeline that looks at the frames.
@@ -45,6 +51,14 @@ impl FrameDetector {
     /// # Errors
     /// When its camera is not known, or the lens folds it.
     pub fn view(&self, frame: &VideoFrame) -> Result<View, VideoError> {
+        let view = self.view_as_known(frame)?;
+        Ok(match self.height_m {
+            Some(height_m) => view.above_road(height_m),
+            None => view,
+        })
+    }
+
+    fn view_as_known(&self, frame: &VideoFrame) -> Result<View, VideoError> {
         let estimated = &self.shared.estimated;
         if let Some((_, view)) = estimated.get().filter(|(known, _)| *known == size(&frame.image)) {
             return Ok(view.clone());

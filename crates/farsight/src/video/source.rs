@@ -118,6 +118,11 @@ impl VideoSource {
         }
     }
 
+    /// Whether it is a stream or a device, which does not begin anew when it is read again.
+    pub fn is_live(&self) -> bool {
+        matches!(self, Self::Video(video) if is_live(video))
+    }
+
     /// Begins to read.
     ///
     /// # Errors

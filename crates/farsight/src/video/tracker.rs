@@ -2,14 +2,16 @@
 
 use std::fmt;
 
+use farsight_core::road::Road;
 use farsight_core::{Box2d, Detection};
 use farsight_track::{EgoMotion, Frame, Track, Tracker, TrackerOptions};
 
 use super::ego::EgoFile;
+use super::ego_height::EgoHeight;
 use super::error::VideoError;
 use super::frame_detector::{FrameDetector, size};
 use super::scene_cut::SceneCut;
-use super::source::VideoFrame;
+use super::source::{VideoFrame, VideoOptions, VideoSource};
 use super::visual_ego::VisualEgo;
 use crate::camera_source::CameraSource;
 use crate::json::FrameRecord;
@@ -37,6 +39,7 @@ pub struct VideoTracker {
     scene_cut: SceneCut,
     image_size: Option<[usize; 2]>,
     told_ego: bool,
+    height_m: Option<[f64; 2]>,
 }
 
 /// Where the camera's own motion comes from.
@@ -122,6 +125,7 @@ impl VideoTracker {
             scene_cut: SceneCut::default(),
             image_size: None,
             told_ego: false,
+            height_m: None,
         }
     }
 
@@ -137,6 +141,36 @@ impl VideoTracker {
     pub fn with_ego(mut self, ego: EgoFile) -> Self {
         self.ego = Some(Ego::File(ego));
         self
+    }
+
+    /// As [`VideoTracker::with_ego`], and the camera is as high above the road as its speed says in the first minute of
+    /// `source` ([`EgoHeight`]): where nothing is known of the road, and unless it is a stream.
+    ///
+    /// # Errors
+    /// When ffmpeg cannot be started.
+    pub fn with_ego_of_film(
+        mut self,
+        ego: EgoFile,
+        source: &VideoSource,
+        options: &VideoOptions,
+    ) -> Result<Self, VideoError> {
+        let pipeline = self.detector.pipeline();
+        let may = pipeline.has_error_bars() && !pipeline.is_road_chosen() && !source.is_live() && !options.realtime;
+        if may {
+            let view = |frame: &_| self.detector.view(frame).ok().filter(|view| view.road().is_none());
+            self.height_m = EgoHeight::of_film(ego.clone(), source, options, view)?.height_m();
+        }
+        self.height_m = self.height_m.filter(|[height_m, _]| Road::below_by(*height_m).is_some());
+        if let Some([height_m, _]) = self.height_m {
+            self.detector = self.detector.above_road(height_m);
+        }
+        Ok(self.with_ego(ego))
+    }
+
+    /// Height of the camera above the road and its standard deviation, metres, where its speed tells it
+    /// ([`VideoTracker::with_ego_of_film`]).
+    pub fn height_m(&self) -> Option<[f64; 2]> {
+        self.height_m
     }
 
     /// As it is, with the camera's own motion estimated from what it sees: the road and the standing world. Scale comes

@@ -38,6 +38,27 @@ fn render(folder: &Path, out: &str, seed: &str) {
     done(folder, &[&sequence[..], &["--out", out, "--seed", seed]].concat());
 }
 
+#[test]
+fn the_speed_of_a_film_tells_how_high_its_camera_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("world.toml"), WORLD).unwrap();
+    let sequence = ["synth", "--sequence", "1", "--frames", "14", "--fps", "10", "--seed", "5", "-q"];
+    done(folder, &[&sequence[..], &["--scene-config", "world.toml", "--out", "data"]].concat());
+    let film = ["track", "data/training/image_02/0000", "--fps", "10", "--model", "farsight-n"];
+    let camera = ["--calib", "data/training/calib/0000.txt", "--ego", "data/training/oxts/0000.txt"];
+    let noted = |more: &[&str]| {
+        let output = farsight(folder, &[&film[..], &camera, more].concat());
+        assert!(output.status.success(), "{output:?}");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        let words: Vec<&str> = text.split("by its speed the camera is ").nth(1)?.split_whitespace().collect();
+        Some([words[0], words[1].trim_start_matches('±')].map(|word| word.parse::<f64>().unwrap()))
+    };
+    let [height_m, sigma_m] = noted(&[]).unwrap();
+    assert!((height_m - 1.65).abs() < 2.5 * sigma_m && sigma_m < 0.15, "{height_m} ±{sigma_m}");
+    assert_eq!(noted(&["--above-road", "1.65"]), None, "it is known");
+}
+
 /// Tracks that say what the labels say, each box shifted ahead by so much.
 fn told(folder: &Path, ahead_m: f64, rename: impl Fn(u64, u64) -> u64) -> String {
     let labels = fs::read_to_string(folder.join("training/label_02/0000.txt")).unwrap();
