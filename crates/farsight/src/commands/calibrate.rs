@@ -122,9 +122,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &mut Printer) -> Result<Outcome
 
 /// The road, as high as the speed says.
 fn road_by_speed(ego: EgoFile, source: &Source, views: &ViewSource, printer: &mut Printer) -> Result<Road> {
-    let Kind::Film { source, options, .. } = &source.kind else {
-        bail!("--ego is for films; expected a video, or --fps N for images that are the frames of one");
-    };
+    let Kind::Film { source, options, .. } = &source.kind else { return Ok(Road::Below) };
     let (mut first, mut seen) = (None, 0_usize);
     let view = |frame: &VideoFrame| {
         let known = known_view(&frame.path, &frame.place(), &frame.image, &frame.exif, views, first.as_ref()).ok()?;
@@ -208,7 +206,11 @@ impl Source {
                 ensure!(problems == 0, "--fps: some of its frames cannot be read");
                 film(VideoSource::Images { files: found.images, fps })
             }
-            None => Kind::Images(found.images),
+            None => {
+                let of_a_film = "expected a video, or --fps N for images that are the frames of one";
+                ensure!(args.ego.is_none(), "--ego is for films; {of_a_film}");
+                Kind::Images(found.images)
+            }
         };
         Ok(Self { kind, problems })
     }
