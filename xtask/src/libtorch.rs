@@ -82,6 +82,12 @@ impl Libtorch {
         if env::var_os("OMP_WAIT_POLICY").is_none() {
             command.env("OMP_WAIT_POLICY", "passive");
         }
+        // glibc otherwise gives each large tensor back to the system, and gets zeroed pages for the next one.
+        for (variable, value) in [("MALLOC_MMAP_MAX_", "0"), ("MALLOC_TRIM_THRESHOLD_", "8589934592")] {
+            if env::var_os(variable).is_none() {
+                command.env(variable, value);
+            }
+        }
         if self.torch.join("lib/libtorch_cuda.so").is_file() && Path::new("/dev/nvidia0").exists() {
             // The linker drops a library that no symbol asks for, and CUDA registers itself only when it is loaded.
             command.env("LD_PRELOAD", self.torch.join("lib/libtorch_cuda.so"));
