@@ -1,5 +1,7 @@
 //! How high a camera is above the road, from how fast it drives.
 
+use farsight_core::statistics::{quantile, sorted};
+
 use crate::odometry::{Odometry, OdometryFrame, ROAD_SHARE};
 
 /// The height that is taken first, metres: another one makes all speeds larger or smaller by the same factor.
@@ -58,15 +60,14 @@ impl HeightEstimator {
         if self.heights_m.len() < LEAST_PICTURES {
             return None;
         }
-        let height_m = median(self.heights_m.clone());
-        let off = median(self.heights_m.iter().map(|one| (one - height_m).abs()).collect());
+        let height_m = median(self.heights_m.iter().copied());
+        let off = median(self.heights_m.iter().map(|one| (one - height_m).abs()));
         let witnesses = (self.heights_m.len() as f64 / ALIKE).max(1.0);
         let spread = SIGMA_OF_MEDIAN * SIGMA_OF_MEDIAN_DISTANCE * off / witnesses.sqrt();
         Some([height_m, spread.hypot(ROAD_SHARE * height_m)])
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    quantile(&sorted(values), 0.5)
 }
