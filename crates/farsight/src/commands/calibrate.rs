@@ -200,17 +200,14 @@ impl Source {
         }
         ensure!(!found.images.is_empty(), "no image to look at");
         let problems = found.problems.len();
-        let kind = match args.fps {
-            Some(fps) => {
-                // A list with holes has wrong times.
-                ensure!(problems == 0, "--fps: some of its frames cannot be read");
-                film(VideoSource::Images { files: found.images, fps })
-            }
-            None => {
-                let of_a_film = "expected a video, or --fps N for images that are the frames of one";
-                ensure!(args.ego.is_none(), "--ego is for films; {of_a_film}");
-                Kind::Images(found.images)
-            }
+        let kind = if let Some(fps) = args.fps {
+            // A list with holes has wrong times.
+            ensure!(problems == 0, "--fps: some of its frames cannot be read");
+            film(VideoSource::Images { files: found.images, fps })
+        } else {
+            let of_a_film = "expected a video, or --fps N for images that are the frames of one";
+            ensure!(args.ego.is_none(), "--ego is for films; {of_a_film}");
+            Kind::Images(found.images)
         };
         Ok(Self { kind, problems })
     }
