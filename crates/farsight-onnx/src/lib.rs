@@ -16,6 +16,7 @@ mod proto;
 mod quantized;
 mod read;
 mod seal;
+mod steps;
 mod wire;
 mod write;
 
@@ -23,6 +24,7 @@ pub use error::{OnnxError, OnnxProblem};
 pub use facts::{Facts, key};
 pub use local_head::{HeadLayer, LocalHeadFile};
 pub use read::{OnnxModel, TensorInfo, int8_outputs, is_safetensors};
+pub use steps::{Convolution, ConvolutionKind, Step, Subgraph};
 pub use wire::WireError;
 pub use write::{write, write_quantized};
 

@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::bounded::{counted, shortened, text_in};
 use crate::error::OnnxProblem;
 use crate::field;
-use crate::wire::{self, Message};
+use crate::wire::{self, Message, WireError};
 
 /// No window of a network of ours is wider, and nothing is moved, spread or enlarged by more.
 const MAX_SETTING: i64 = 128;
@@ -174,7 +174,7 @@ fn settings(node: Message<'_>, operator: &str) -> Result<Settings, OnnxProblem> 
 }
 
 /// The whole numbers of a field, one by one or packed.
-fn whole_numbers(message: Message<'_>, number: u64) -> Result<Vec<i64>, OnnxProblem> {
+pub(super) fn whole_numbers(message: Message<'_>, number: u64) -> Result<Vec<i64>, WireError> {
     let mut numbers = Vec::new();
     for part in message.fields() {
         let part = part?;
@@ -192,7 +192,7 @@ fn whole_numbers(message: Message<'_>, number: u64) -> Result<Vec<i64>, OnnxProb
 }
 
 /// Sides of a constant.
-fn axes(constant: Message<'_>) -> Result<Vec<i64>, OnnxProblem> {
+fn axes(constant: Message<'_>) -> Result<Vec<i64>, WireError> {
     whole_numbers(constant, field::TENSOR_AXIS)
 }
 

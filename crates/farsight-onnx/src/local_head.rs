@@ -4,14 +4,13 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use prost::Message as _;
-use prost::encoding::{WireType, encode_key, encode_varint};
 
-use crate::bounded::{counted, shortened, text_in};
+use crate::bounded::{counted, floats, shortened, text_in, texts_in};
 use crate::error::{OnnxError, OnnxProblem};
 use crate::head_names::HeadNames;
 use crate::parts::map_info;
-use crate::proto::{FLOAT, GraphProto};
-use crate::wire::{Message, Value, WireError};
+use crate::proto::GraphProto;
+use crate::wire::{Message, Value, WireError, append};
 use crate::{OnnxModel, field, key};
 use farsight_graph::weights::WeightTensor;
 
@@ -118,8 +117,8 @@ fn needed<'a>(graph: Message<'a>, outputs: &[&'a str]) -> Result<HashSet<&'a str
     // Nodes stand in an order in which they can be computed.
     for node in nodes.into_iter().rev() {
         if produces(node, &needed)? {
-            made.extend(texts(node, field::NODE_OUTPUT)?);
-            needed.extend(texts(node, field::NODE_INPUT)?);
+            made.extend(texts_in(node, field::NODE_OUTPUT)?);
+            needed.extend(texts_in(node, field::NODE_INPUT)?);
         }
     }
     match outputs.iter().find(|output| !made.contains(**output)) {
@@ -129,11 +128,7 @@ fn needed<'a>(graph: Message<'a>, outputs: &[&'a str]) -> Result<HashSet<&'a str
 }
 
 fn produces(node: Message<'_>, needed: &HashSet<&str>) -> Result<bool, WireError> {
-    Ok(texts(node, field::NODE_OUTPUT)?.iter().any(|name| needed.contains(name)))
-}
-
-fn texts(message: Message<'_>, number: u64) -> Result<Vec<&str>, WireError> {
-    message.all(number).map(|text| text?.text()).collect()
+    Ok(texts_in(node, field::NODE_OUTPUT)?.iter().any(|name| needed.contains(name)))
 }
 
 /// Weight and bias of these names, their shapes checked.
@@ -156,27 +151,5 @@ fn constant(graph: Message<'_>, name: &str) -> Result<WeightTensor, OnnxProblem>
         }
     }
     let tensor = found.ok_or_else(|| bad(format!("no constant \"{shown}\"")))?;
-    if tensor.number(field::TENSOR_TYPE)? != FLOAT as u64 {
-        return Err(bad(format!("constant \"{shown}\" holds no floats")));
-    }
-    let mut shape = Vec::new();
-    for part in tensor.fields() {
-        match part? {
-            part if part.number != field::TENSOR_AXIS => {}
-            part => match part.value {
-                Value::Number(size) if shape.len() < 4 => shape.push(usize::try_from(size).unwrap_or(usize::MAX)),
-                _ => return Err(bad(format!("constant \"{shown}\" has a shape of more than four axes"))),
-            },
-        }
-    }
-    let raw = tensor.last(field::TENSOR_RAW)?.map(Message::bytes).unwrap_or_default();
-    let values = raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-    WeightTensor::new(shape, values).map_err(|error| bad(format!("constant \"{shown}\": {error}")))
-}
-
-/// Appends a field that holds `message`.
-fn append(bytes: &mut Vec<u8>, number: u64, message: &[u8]) {
-    encode_key(number as u32, WireType::LengthDelimited, bytes);
-    encode_varint(message.len() as u64, bytes);
-    bytes.extend(message);
+    floats(tensor)?.map_err(|problem| bad(format!("constant \"{shown}\" {problem}")))
 }

@@ -1,5 +1,6 @@
 //! Walking through a protobuf message without building it: nothing is copied and nothing grows with what a file claims.
 
+use prost::encoding::{WireType, encode_key, encode_varint};
 use thiserror::Error;
 
 /// A protobuf message that is broken.
@@ -155,4 +156,11 @@ impl<'a> Iterator for Fields<'a> {
         self.broken = field.is_err();
         Some(field)
     }
+}
+
+/// Appends a field that holds `message`.
+pub(super) fn append(bytes: &mut Vec<u8>, number: u64, message: &[u8]) {
+    encode_key(number as u32, WireType::LengthDelimited, bytes);
+    encode_varint(message.len() as u64, bytes);
+    bytes.extend(message);
 }

@@ -6,6 +6,7 @@
 pub mod calibration;
 #[cfg(feature = "openvino")]
 mod compiled_cache;
+mod convolution;
 pub mod elf;
 pub mod finite;
 pub mod library;
