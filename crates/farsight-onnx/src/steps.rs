@@ -30,8 +30,8 @@ pub enum ConvolutionKind {
     Dense,
     /// Every channel sees itself; weight `[channels, 1, kernel, kernel]`.
     Depthwise,
-    /// A depthwise transposed convolution that enlarges by its stride; the kernel is twice as wide as the stride and the
-    /// padding half of it. Weight `[channels, 1, kernel, kernel]`.
+    /// A depthwise transposed convolution that enlarges by its stride: the kernel is twice as wide as the stride, the
+    /// padding half as wide. Weight `[channels, 1, kernel, kernel]`.
     Upsampling,
 }
 

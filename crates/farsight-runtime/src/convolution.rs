@@ -1,9 +1,9 @@
 //! Convolutions on the CPU at hand, by its vector instructions.
 //!
-//! rten unrolls the windows of a convolution into a matrix, which takes a third of the time of our networks, and computes
-//! depthwise ones number by number. Here windows are read where they lie: an input is copied once, with its zeros around,
-//! into planes of every `stride`-th row and column. Within these each tap of a window is a fixed distance, whatever the
-//! output cell, and a vector of neighbouring cells is one load.
+//! Windows are read where they lie: an input is copied once, with its zeros around, into planes of every `stride`-th
+//! row and column. Within these each tap of a window is a fixed distance, whatever the output cell, and a vector of
+//! neighbouring cells is one load. rten unrolls windows into a matrix number by number, which takes a third of the
+//! time of our networks, and its depthwise convolutions know no vectors.
 
 use farsight_graph::graph::Window;
 use farsight_onnx::{Convolution, ConvolutionKind};
@@ -24,6 +24,9 @@ const DEPTHWISE_VECTORS: usize = 8;
 
 /// Lanes of the widest vectors.
 const MAX_LANES: usize = 16;
+
+/// So many products are added up one after the other: rounding grows with their number.
+const SUMMANDS: usize = 256;
 
 /// Numbers that are copied for some rows of the output: they stay in the second-level cache.
 const STRIP: usize = 1 << 16;
@@ -74,6 +77,9 @@ impl ConvolutionLayer {
         if channels != expected {
             return Err(format!("a map of {channels} channels; expected {expected}").into());
         }
+        if input.values.is_empty() {
+            return Err(format!("a map of {width}x{height} cells is empty").into());
+        }
         let [rows, columns] = match self.kind {
             ConvolutionKind::Upsampling => [height, width].map(|side| side * self.window.stride),
             ConvolutionKind::Dense | ConvolutionKind::Depthwise => {
@@ -86,9 +92,6 @@ impl ConvolutionLayer {
         };
         let mut output = vec![0.0; batch * out * rows * columns];
         let shape = [batch, out, rows, columns];
-        if output.is_empty() {
-            return Ok((output, shape));
-        }
         match &self.weights {
             Weights::Blocks(weights) => self.dense(input, weights, &mut output, [rows, columns]),
             Weights::Single(weights) => {
@@ -110,62 +113,67 @@ impl ConvolutionLayer {
     fn dense(&self, input: MapView<'_>, weights: &[[f32; BLOCK]], output: &mut [f32], [rows, columns]: [usize; 2]) {
         let [_, channels, height, width] = input.shape;
         let [_, out] = self.channels;
-        // A window of one cell knows no rows.
-        let Window { kernel, stride, padding, end_padding, .. } = self.window;
-        let is_pointwise = kernel == 1 && stride == 1 && padding == 0 && end_padding == 0;
-        let (size, [rows, columns]) =
-            if is_pointwise { ([1, height * width], [1, rows * columns]) } else { ([height, width], [rows, columns]) };
         let lattice = Lattice::new(self.window, columns);
-        // Strips of rows, or of a single row.
-        let strips: Vec<[usize; 2]> = if is_pointwise {
+        let cells = rows * columns;
+        // Ranges of cells; of whole rows, unless a window is one cell.
+        let strips: Vec<[usize; 2]> = if self.is_pointwise() {
+            // What is left over for less than a vector is a strip of its own.
+            let whole = cells - cells % MAX_LANES;
             let step = (STRIP / channels.max(1)).next_multiple_of(VECTORS * MAX_LANES);
-            (0..columns).step_by(step).map(|from| [from, columns.min(from + step)]).collect()
+            let strips = (0..whole).step_by(step).map(|from| [from, whole.min(from + step)]);
+            strips.chain((whole < cells).then_some([whole, cells])).collect()
         } else {
             let a_row = channels * lattice.pitch * lattice.phases.len();
             let step = (STRIP / a_row.max(1)).saturating_sub(lattice.reach).max(lattice.reach.max(1));
-            (0..rows).step_by(step).map(|from| [from, rows.min(from + step)]).collect()
+            (0..rows).step_by(step).map(|from| [from, rows.min(from + step)].map(|row| row * columns)).collect()
         };
-        let cells_of = |[from, to]: [usize; 2]| if is_pointwise { to - from } else { (to - from) * columns };
-
         let mut tasks = Vec::new();
         let images = input.values.chunks(channels * height * width);
-        for (image, output) in images.zip(output.chunks_mut(out * rows * columns)) {
-            let mut planes: Vec<&mut [f32]> = output.chunks_mut(rows * columns).collect();
-            for &strip in &strips {
-                let parts = planes.iter_mut().map(|plane| {
-                    let (part, rest) = std::mem::take(plane).split_at_mut(cells_of(strip));
-                    *plane = rest;
-                    part
-                });
-                tasks.push((image, strip, parts.collect::<Vec<_>>()));
+        for (image, output) in images.zip(output.chunks_mut(out * cells)) {
+            let mut planes: Vec<&mut [f32]> = output.chunks_mut(cells).collect();
+            for &[from, to] in &strips {
+                let parts = planes.iter_mut().map(|plane| plane.split_off_mut(..to - from).unwrap_or_default());
+                tasks.push((image, [from, to], parts.collect::<Vec<_>>()));
             }
         }
-        tasks.into_par_iter().for_each_init(Scratch::default, |scratch, (image, strip, mut parts)| {
+        tasks.into_par_iter().for_each_init(Scratch::default, |scratch, (image, [from, to], mut parts)| {
             let Scratch { input, output } = scratch;
-            let [from, to] = strip;
-            let (count, pitch, columns) = if is_pointwise {
-                lattice.copy_columns(image, size, strip, input);
-                (to - from, to - from, to - from)
+            let is_whole = self.is_pointwise() && (to - from).is_multiple_of(MAX_LANES);
+            // A window of one cell has one row.
+            let (input, count, plane, [columns, pitch]) = if is_whole {
+                (&image[from..], to - from, cells, [to - from; 2])
+            } else if self.is_pointwise() {
+                copy_cells(image, cells, [from, to], input);
+                (&input[..], to - from, to - from, [to - from; 2])
             } else {
-                lattice.copy_rows(image, size, strip, input);
-                ((to - from - 1) * lattice.pitch + columns, lattice.pitch, columns)
+                let [from, to] = [from, to].map(|cell| cell / columns);
+                lattice.copy_rows(image, [height, width], [from, to], input);
+                let count = (to - from - 1) * lattice.pitch + columns;
+                (&input[..], count, lattice.plane(to - from), [columns, lattice.pitch])
             };
-            let planes = if is_pointwise { pitch } else { lattice.plane(to - from) };
-            let taps = lattice.taps(channels, planes);
+            let taps = lattice.taps(channels, plane);
             let row_length = count.next_multiple_of(MAX_LANES);
             output.resize(BLOCK * row_length, 0.0);
             let blocks = weights.chunks(taps.len()).zip(self.biases.as_chunks::<BLOCK>().0);
             for ((weights, biases), parts) in blocks.zip(parts.chunks_mut(BLOCK)) {
-                let used = parts.len();
-                let limits = self.limits;
-                Block { input, taps: &taps, weights, biases, limits, count, row_length, used, output }.dispatch();
-                for (part, made) in parts.iter_mut().zip(output.chunks(row_length)) {
-                    for (row, made) in part.chunks_mut(columns).zip(made.chunks(pitch)) {
-                        row.copy_from_slice(&made[..columns]);
-                    }
+                let block = Block { input, taps: &taps, weights, biases, limits: self.limits, count };
+                if is_whole {
+                    block.run(parts);
+                    continue;
+                }
+                let mut made: Vec<&mut [f32]> = output.chunks_mut(row_length).take(parts.len()).collect();
+                block.run(&mut made);
+                for (part, made) in parts.iter_mut().zip(made) {
+                    copy_out(made, pitch, part, columns);
                 }
             }
         });
+    }
+
+    /// Whether a window is one cell, and every cell has one.
+    fn is_pointwise(&self) -> bool {
+        let Window { kernel, stride, padding, end_padding, .. } = self.window;
+        kernel == 1 && stride == 1 && padding == 0 && end_padding == 0
     }
 
     fn depthwise(&self, plane: &Plane<'_>, result: &mut [f32], [rows, columns]: [usize; 2], scratch: &mut Scratch) {
@@ -178,13 +186,11 @@ impl ConvolutionLayer {
         output.resize(row_length, 0.0);
         let Plane { weights, bias, .. } = *plane;
         Single { input, taps: &taps, weights, bias, limits: self.limits, count, output }.dispatch();
-        for (row, made) in result.chunks_mut(columns).zip(output.chunks(lattice.pitch)) {
-            row.copy_from_slice(&made[..columns]);
-        }
+        copy_out(output, lattice.pitch, result, columns);
     }
 
-    /// A depthwise transposed convolution whose kernel is twice as wide as its stride: each cell of the output is made of
-    /// two by two cells of the input, by weights that depend on its place in the enlarged cell.
+    /// A depthwise transposed convolution whose kernel is twice as wide as its stride: each cell of the output is made
+    /// of two by two cells of the input, by weights that depend on its place in the enlarged cell.
     fn enlarged(&self, plane: &Plane<'_>, result: &mut [f32], scratch: &mut Scratch) {
         let Scratch { input, output } = scratch;
         let Window { kernel, stride: factor, padding, .. } = self.window;
@@ -321,18 +327,26 @@ impl Lattice {
             }
         }
     }
+}
 
-    /// Copies columns of an image of one row.
-    fn copy_columns(&self, image: &[f32], [_, width]: [usize; 2], [from, to]: [usize; 2], copy: &mut Vec<f32>) {
-        copy.clear();
-        for row in image.chunks(width) {
-            copy.extend_from_slice(&row[from..to]);
-        }
-        copy.resize(copy.len() + VECTORS * MAX_LANES, 0.0);
+/// Copies some cells of all channels.
+fn copy_cells(image: &[f32], plane: usize, [from, to]: [usize; 2], copy: &mut Vec<f32>) {
+    copy.clear();
+    for channel in image.chunks(plane) {
+        copy.extend_from_slice(&channel[from..to]);
+    }
+    copy.resize(copy.len() + VECTORS * MAX_LANES, 0.0);
+}
+
+/// Copies rows that begin every `pitch` numbers.
+fn copy_out(made: &[f32], pitch: usize, rows: &mut [f32], columns: usize) {
+    for (row, made) in rows.chunks_mut(columns).zip(made.chunks(pitch)) {
+        row.copy_from_slice(&made[..columns]);
     }
 }
 
-/// Eight channels of a strip.
+/// At most eight channels of a strip.
+#[derive(Clone, Copy)]
 struct Block<'a> {
     input: &'a [f32],
     taps: &'a [usize],
@@ -341,39 +355,45 @@ struct Block<'a> {
     limits: [f32; 2],
     /// Cells to be computed.
     count: usize,
-    /// Numbers from one channel of the output to the next.
-    row_length: usize,
-    /// Channels that are there.
-    used: usize,
-    output: &'a mut [f32],
 }
 
-impl SimdOp for Block<'_> {
+impl Block<'_> {
+    /// Computes the channels that there are rows for.
+    fn run(self, rows: &mut [&mut [f32]]) {
+        BlockInto { block: self, rows }.dispatch();
+    }
+}
+
+struct BlockInto<'a, 'b, 'c> {
+    block: Block<'a>,
+    rows: &'b mut [&'c mut [f32]],
+}
+
+impl SimdOp for BlockInto<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn eval<I: Isa>(self, isa: I) {
-        let Self { input, taps, weights, biases, limits, count, row_length, used, output } = self;
+        let Self { block: Block { input, taps, weights, biases, limits, count }, rows } = self;
         let lanes = isa.f32().len();
         // As many sums as there are registers for.
         let has_many = lanes == MAX_LANES || cfg!(target_arch = "aarch64");
         let mut at = 0;
         while at < count {
             let vectors = (count - at).div_ceil(lanes).min(VECTORS);
-            let window = Sums { input: &input[at..], taps, limits };
-            let output = &mut output[at..];
+            let sums = Sums { input: &input[at..], taps, limits, at };
             if has_many {
                 match vectors {
-                    3 => window.run::<I, BLOCK, BLOCK, 3>(isa, weights, biases, 0, output, row_length),
-                    2 => window.run::<I, BLOCK, BLOCK, 2>(isa, weights, biases, 0, output, row_length),
-                    _ => window.run::<I, BLOCK, BLOCK, 1>(isa, weights, biases, 0, output, row_length),
+                    3 => sums.run::<I, BLOCK, BLOCK, 3>(isa, weights, biases, 0, rows),
+                    2 => sums.run::<I, BLOCK, BLOCK, 2>(isa, weights, biases, 0, rows),
+                    _ => sums.run::<I, BLOCK, BLOCK, 1>(isa, weights, biases, 0, rows),
                 }
             } else {
-                for first in (0..used).step_by(BLOCK / 2) {
+                for first in (0..rows.len()).step_by(BLOCK / 2) {
                     match vectors {
-                        3 => window.run::<I, BLOCK, 4, 3>(isa, weights, biases, first, output, row_length),
-                        2 => window.run::<I, BLOCK, 4, 2>(isa, weights, biases, first, output, row_length),
-                        _ => window.run::<I, BLOCK, 4, 1>(isa, weights, biases, first, output, row_length),
+                        3 => sums.run::<I, BLOCK, 4, 3>(isa, weights, biases, first, rows),
+                        2 => sums.run::<I, BLOCK, 4, 2>(isa, weights, biases, first, rows),
+                        _ => sums.run::<I, BLOCK, 4, 1>(isa, weights, biases, first, rows),
                     }
                 }
             }
@@ -401,22 +421,21 @@ impl SimdOp for Single<'_> {
         let Self { input, taps, weights, bias, limits, count, output } = self;
         let weights = weights.as_chunks::<1>().0;
         let lanes = isa.f32().len();
+        let rows = &mut [output];
         let mut at = 0;
         while at < count {
-            let vectors = (count - at).div_ceil(lanes);
-            let window = Sums { input: &input[at..], taps, limits };
-            let output = &mut output[at..];
-            let vectors = match vectors {
+            let sums = Sums { input: &input[at..], taps, limits, at };
+            let vectors = match (count - at).div_ceil(lanes) {
                 DEPTHWISE_VECTORS.. => {
-                    window.run::<I, 1, 1, DEPTHWISE_VECTORS>(isa, weights, &[bias], 0, output, 0);
+                    sums.run::<I, 1, 1, DEPTHWISE_VECTORS>(isa, weights, &[bias], 0, rows);
                     DEPTHWISE_VECTORS
                 }
                 4.. => {
-                    window.run::<I, 1, 1, 4>(isa, weights, &[bias], 0, output, 0);
+                    sums.run::<I, 1, 1, 4>(isa, weights, &[bias], 0, rows);
                     4
                 }
                 _ => {
-                    window.run::<I, 1, 1, 1>(isa, weights, &[bias], 0, output, 0);
+                    sums.run::<I, 1, 1, 1>(isa, weights, &[bias], 0, rows);
                     1
                 }
             };
@@ -431,6 +450,8 @@ struct Sums<'a> {
     input: &'a [f32],
     taps: &'a [usize],
     limits: [f32; 2],
+    /// Where they belong in the rows.
+    at: usize,
 }
 
 impl Sums<'_> {
@@ -442,30 +463,212 @@ impl Sums<'_> {
         weights: &[[f32; WIDTH]],
         biases: &[f32; WIDTH],
         first: usize,
-        output: &mut [f32],
-        row_length: usize,
+        rows: &mut [&mut [f32]],
     ) {
         let ops = isa.f32();
         let span = VECTORS * ops.len();
         let channels = first..first + CHANNELS;
+        let [low, high] = self.limits.map(|limit| ops.splat(limit));
         let biases = &biases[channels.clone()];
-        let mut sums: [[I::F32; VECTORS]; CHANNELS] =
-            std::array::from_fn(|channel| [ops.splat(biases[channel]); VECTORS]);
-        for (tap, weights) in self.taps.iter().zip(weights) {
-            let cells: [I::F32; VECTORS] = ops.load_many(&self.input[*tap..tap + span]);
-            for (sums, weight) in sums.iter_mut().zip(&weights[channels.clone()]) {
-                let weight = ops.splat(*weight);
-                for (sum, cells) in sums.iter_mut().zip(cells) {
-                    *sum = ops.mul_add(cells, weight, *sum);
+        let rows = &mut rows[first..];
+        let parts = self.taps.chunks(SUMMANDS).zip(weights.chunks(SUMMANDS));
+        let last = parts.len() - 1;
+        for (place, (taps, weights)) in parts.enumerate() {
+            let mut sums: [[I::F32; VECTORS]; CHANNELS] = std::array::from_fn(|channel| {
+                [if place == 0 { ops.splat(biases[channel]) } else { ops.zero() }; VECTORS]
+            });
+            for (tap, weights) in taps.iter().zip(weights) {
+                let cells: [I::F32; VECTORS] = ops.load_many(&self.input[*tap..tap + span]);
+                for (sums, weight) in sums.iter_mut().zip(&weights[channels.clone()]) {
+                    let weight = ops.splat(*weight);
+                    for (sum, cells) in sums.iter_mut().zip(cells) {
+                        *sum = ops.mul_add(cells, weight, *sum);
+                    }
+                }
+            }
+            for (row, sums) in rows.iter_mut().zip(sums) {
+                let row = &mut row[self.at..][..span];
+                for (mut sum, row) in sums.into_iter().zip(row.chunks_mut(ops.len())) {
+                    if place > 0 {
+                        sum = ops.add(ops.load(row), sum);
+                    }
+                    if place == last {
+                        sum = ops.min(ops.max(sum, low), high);
+                    }
+                    ops.store(sum, row);
                 }
             }
         }
-        let [low, high] = self.limits.map(|limit| ops.splat(limit));
-        for (channel, sums) in sums.into_iter().enumerate() {
-            let row = &mut output[(first + channel) * row_length..][..span];
-            for (sum, row) in sums.into_iter().zip(row.chunks_mut(ops.len())) {
-                ops.store(ops.min(ops.max(sum, low), high), row);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use farsight_graph::weights::WeightTensor;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    fn numbers(random: &mut Pcg64Mcg, count: usize) -> Vec<f32> {
+        (0..count).map(|_| random.random_range(-1.0..1.0)).collect()
+    }
+
+    fn convolution(random: &mut Pcg64Mcg, kind: ConvolutionKind, channels: [usize; 2], window: Window) -> Convolution {
+        let [of_group, out] = channels;
+        let shape = vec![out, of_group, window.kernel, window.kernel];
+        let weight = WeightTensor::new(shape.clone(), numbers(random, shape.iter().product())).unwrap();
+        let limits = if random.random() { [0.0, 1.0] } else { [f32::NEG_INFINITY, f32::INFINITY] };
+        let [input, output] = ["x", "y"].map(str::to_owned);
+        Convolution { input, output, kind, window, weight, bias: numbers(random, out), limits }
+    }
+
+    /// Sums in double precision, cell by cell; transposed ones by where each cell of the input goes.
+    fn expected(convolution: &Convolution, input: MapView<'_>, [rows, columns]: [usize; 2]) -> Vec<f64> {
+        let Convolution { kind, window, weight, bias, limits, .. } = convolution;
+        let Window { kernel, stride, padding, dilation, .. } = *window;
+        let [batch, channels, height, width] = input.shape;
+        let [out, of_group] = [weight.shape[0], weight.shape[1]];
+        let mut sums = vec![0.0; batch * out * rows * columns];
+        for ((image, to), (ky, kx)) in (0..batch)
+            .flat_map(|image| (0..out).map(move |to| (image, to)))
+            .flat_map(|place| (0..kernel * kernel).map(move |tap| (place, (tap / kernel, tap % kernel))))
+        {
+            let from = if *kind == ConvolutionKind::Dense { 0..channels } else { to..to + 1 };
+            for (group, from) in from.enumerate() {
+                let weight = f64::from(weight.values[((to * of_group + group) * kernel + ky) * kernel + kx]);
+                let source =
+                    |y: usize, x: usize| f64::from(input.values[((image * channels + from) * height + y) * width + x]);
+                let mut add = |y: usize, x: usize, value: f64| {
+                    sums[((image * out + to) * rows + y) * columns + x] += weight * value;
+                };
+                if *kind == ConvolutionKind::Upsampling {
+                    for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                        let at = [(y * stride + ky).checked_sub(padding), (x * stride + kx).checked_sub(padding)];
+                        if let [Some(row), Some(column)] = at
+                            && row < rows
+                            && column < columns
+                        {
+                            add(row, column, source(y, x));
+                        }
+                    }
+                    continue;
+                }
+                for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+                    let at = [row * stride + ky * dilation, column * stride + kx * dilation];
+                    if let [Some(y), Some(x)] = at.map(|place| place.checked_sub(padding))
+                        && y < height
+                        && x < width
+                    {
+                        add(row, column, source(y, x));
+                    }
+                }
             }
         }
+        let biased = sums.chunks_mut(rows * columns).zip(bias.iter().cycle());
+        for (plane, bias) in biased {
+            for sum in plane {
+                *sum = (*sum + f64::from(*bias)).clamp(f64::from(limits[0]), f64::from(limits[1]));
+            }
+        }
+        sums
+    }
+
+    #[test]
+    fn all_windows_are_sums_of_products() {
+        let mut random = Pcg64Mcg::seed_from_u64(29);
+        let kinds = [ConvolutionKind::Dense, ConvolutionKind::Depthwise, ConvolutionKind::Upsampling];
+        let mut computed = 0;
+        for round in 0..600 {
+            let kind = kinds[round % 3];
+            let mut below = |most: usize| random.random_range(0..most);
+            let [batch, height, width] = [1 + below(3), 1 + below(20), 1 + below(70)];
+            let (from, out) =
+                if kind == ConvolutionKind::Dense { (1 + below(20), 1 + below(20)) } else { (1, 1 + below(9)) };
+            let window = if kind == ConvolutionKind::Upsampling {
+                let stride = 2 * (1 + below(3));
+                Window { kernel: 2 * stride, stride, padding: stride / 2, end_padding: 0, dilation: 1 }
+            } else {
+                let kernel = 1 + below(7);
+                let [stride, dilation] = [1 + below(3), 1 + below(3)];
+                Window { kernel, stride, padding: below(5), end_padding: below(2), dilation }
+            };
+            let convolution = convolution(&mut random, kind, [from, out], window);
+            let channels = if kind == ConvolutionKind::Dense { from } else { out };
+            let values = numbers(&mut random, batch * channels * height * width);
+            let input = MapView { shape: [batch, channels, height, width], values: &values };
+            let fits = [height, width].iter().all(|side| window.output_size(*side).is_some());
+            let made = ConvolutionLayer::new(&convolution).run(input);
+            if kind != ConvolutionKind::Upsampling && !fits {
+                let told = made.unwrap_err().to_string();
+                assert_eq!(told, format!("a map of {width}x{height} cells is smaller than a window"));
+                continue;
+            }
+            let (made, [_, _, rows, columns]) = made.unwrap();
+            let expected = expected(&convolution, input, [rows, columns]);
+            assert_eq!(made.len(), expected.len());
+            let error = made.iter().zip(expected).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-4, "{kind:?} {window:?} of {:?}: {error}", input.shape);
+            computed += 1;
+        }
+        assert!(computed > 500, "{computed} of 600 windows fitted");
+    }
+
+    #[test]
+    fn large_maps_are_cut_into_strips() {
+        let mut random = Pcg64Mcg::seed_from_u64(30);
+        for (channels, size, kernel, stride) in [(64, [24, 70], 3, 1), (3, [150, 411], 3, 2), (256, [19, 31], 1, 1)] {
+            let window = Window::same(kernel, stride);
+            let convolution = convolution(&mut random, ConvolutionKind::Dense, [channels, 9], window);
+            let values = numbers(&mut random, channels * size[0] * size[1]);
+            let input = MapView { shape: [1, channels, size[0], size[1]], values: &values };
+            let (made, [_, _, rows, columns]) = ConvolutionLayer::new(&convolution).run(input).unwrap();
+            let expected = expected(&convolution, input, [rows, columns]);
+            let error = made.iter().zip(expected).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-4, "{window:?} of {:?}: {error}", input.shape);
+        }
+    }
+
+    /// Machines with narrow vectors have fewer sums at once.
+    #[test]
+    fn all_vectors_give_the_same_sums() {
+        let mut random = Pcg64Mcg::seed_from_u64(32);
+        let (count, taps) = (37, [0, 1, 2, 50, 51, 52]);
+        let input = numbers(&mut random, 50 + 48 + 52);
+        let weights: Vec<[f32; BLOCK]> =
+            (0..taps.len()).map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0))).collect();
+        let biases = [0.5; BLOCK];
+        let block = Block { input: &input, taps: &taps, weights: &weights, biases: &biases, limits: [0.0, 6.0], count };
+        for channels in [BLOCK, 3] {
+            let mut results = [(); 3].map(|()| vec![vec![0.0; 48]; channels]);
+            let [by_widest, by_plain, by_avx2] = &mut results;
+            let rows = |rows: &mut Vec<Vec<f32>>, run: &dyn Fn(&mut [&mut [f32]])| {
+                run(&mut rows.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
+            };
+            rows(by_widest, &|rows| block.run(rows));
+            rows(by_plain, &|rows| BlockInto { block, rows }.eval(rten_simd::isa::GenericIsa::new()));
+            by_avx2.clone_from(by_plain);
+            #[cfg(target_arch = "x86_64")]
+            if let Some(isa) = rten_simd::isa::Avx2Isa::new() {
+                rows(by_avx2, &|rows| BlockInto { block, rows }.eval(isa));
+            }
+            for (row, cell) in (0..channels).flat_map(|row| (0..count).map(move |cell| (row, cell))) {
+                let [a, b, c] = results.each_ref().map(|rows| rows[row][cell]);
+                assert!((a - b).abs() < 1e-5 && (a - c).abs() < 1e-5, "row {row}, cell {cell}: {a}, {b} and {c}");
+            }
+        }
+    }
+
+    #[test]
+    fn maps_of_other_shapes_are_refused() {
+        let mut random = Pcg64Mcg::seed_from_u64(31);
+        let layer =
+            ConvolutionLayer::new(&convolution(&mut random, ConvolutionKind::Dense, [3, 2], Window::same(3, 1)));
+        let told = |shape: [usize; 4]| {
+            let values = vec![0.0; shape.iter().product()];
+            layer.run(MapView { shape, values: &values }).unwrap_err().to_string()
+        };
+        assert_eq!(told([1, 4, 8, 8]), "a map of 4 channels; expected 3");
+        assert_eq!(told([1, 3, 0, 8]), "a map of 8x0 cells is empty");
     }
 }

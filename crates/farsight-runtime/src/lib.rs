@@ -12,6 +12,7 @@ pub mod finite;
 pub mod library;
 pub mod onnxruntime;
 pub mod openvino;
+mod plan;
 pub mod probe;
 pub mod rten;
 pub mod runner;

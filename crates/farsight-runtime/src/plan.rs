@@ -1,0 +1,191 @@
+//! A network in the order in which it is computed: convolutions here, what lies between them by rten.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use farsight_onnx::{OnnxModel, Step, Subgraph};
+use rten::{Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueOrView, ValueView, op_registry};
+use rten_tensor::prelude::*;
+use rten_tensor::{Tensor as RtenTensor, TensorView as RtenTensorView};
+
+use crate::convolution::{ConvolutionLayer, MapView};
+use crate::library::Failure;
+use crate::runner::Tensor;
+
+/// Where a value is kept while a network runs.
+type Slot = usize;
+
+/// A network in the order in which it is computed.
+pub(crate) struct Plan {
+    steps: Vec<PlannedStep>,
+    slots: usize,
+    outputs: Vec<Slot>,
+}
+
+struct PlannedStep {
+    operation: Operation,
+    /// What no later step reads.
+    last_reads: Vec<Slot>,
+}
+
+enum Operation {
+    Convolution { layer: ConvolutionLayer, input: Slot, output: Slot },
+    Graph { model: Model, inputs: Vec<(NodeId, Slot)>, outputs: Vec<(NodeId, Slot)> },
+}
+
+impl Operation {
+    fn reads(&self) -> Vec<Slot> {
+        match self {
+            Self::Convolution { input, .. } => vec![*input],
+            Self::Graph { inputs, .. } => inputs.iter().map(|(_, slot)| *slot).collect(),
+        }
+    }
+}
+
+impl Plan {
+    /// # Errors
+    /// When rten cannot load what lies between the convolutions.
+    pub(crate) fn new(model: &OnnxModel) -> Result<Self, Failure> {
+        let mut slots = Slots::default();
+        slots.add(&model.input().name);
+        let mut operations = Vec::new();
+        for step in model.steps(Path::new("the network"))? {
+            operations.push(match step {
+                Step::Convolution(convolution) => {
+                    let input = slots.of(&convolution.input)?;
+                    let layer = ConvolutionLayer::new(&convolution);
+                    Operation::Convolution { layer, input, output: slots.add(&convolution.output) }
+                }
+                Step::Graph(Subgraph { bytes, inputs, outputs }) => {
+                    let model = load(bytes)?;
+                    let inputs = inputs.iter().map(|name| Ok((model.node_id(name)?, slots.of(name)?)));
+                    let inputs = inputs.collect::<Result<_, Failure>>()?;
+                    let outputs = outputs.iter().map(|name| Ok((model.node_id(name)?, slots.add(name))));
+                    let outputs = outputs.collect::<Result<_, Failure>>()?;
+                    Operation::Graph { model, inputs, outputs }
+                }
+            });
+        }
+        let outputs = model.outputs().iter().map(|output| slots.of(&output.name)).collect::<Result<Vec<_>, _>>()?;
+        let mut read_later = outputs.clone();
+        let mut steps = Vec::with_capacity(operations.len());
+        for operation in operations.into_iter().rev() {
+            let mut last_reads = operation.reads();
+            last_reads.retain(|slot| !read_later.contains(slot));
+            read_later.extend(&last_reads);
+            steps.push(PlannedStep { operation, last_reads });
+        }
+        steps.reverse();
+        Ok(Self { steps, slots: slots.count, outputs })
+    }
+
+    /// All outputs, in the order of the file, for one value an input. Runs in the thread pool of the caller, which is
+    /// `pool` where that is given.
+    pub(crate) fn run(
+        &self,
+        inputs: Vec<ValueView<'_>>,
+        pool: Option<&Arc<ThreadPool>>,
+    ) -> Result<Vec<Tensor>, Failure> {
+        let mut values: Vec<Option<ValueOrView<'_>>> = inputs.into_iter().map(|view| Some(view.into())).collect();
+        values.resize_with(self.slots, || None);
+        for PlannedStep { operation, last_reads } in &self.steps {
+            match operation {
+                Operation::Convolution { layer, input, output } => {
+                    let read = values[*input].as_ref().ok_or("a value is not there")?;
+                    let map: RtenTensorView<'_, f32> = read.as_view().try_into()?;
+                    let shape = map.shape().try_into().map_err(|_| format!("a map of shape {:?}", map.shape()))?;
+                    let (made, shape) = layer.run(MapView { shape, values: map.to_contiguous().data() })?;
+                    values[*output] = Some(Value::from(RtenTensor::from_data(&shape[..], made)).into());
+                }
+                Operation::Graph { model, inputs, outputs } => {
+                    let mut taken = Vec::new();
+                    for &(_, slot) in inputs {
+                        taken.push(if last_reads.contains(&slot) { values[slot].take() } else { None });
+                    }
+                    let mut given = Vec::with_capacity(inputs.len());
+                    for (&(node, slot), taken) in inputs.iter().zip(taken) {
+                        let kept = || values[slot].as_ref().map(|value| value.as_view().into());
+                        given.push((node, taken.or_else(kept).ok_or("a value is not there")?));
+                    }
+                    let nodes: Vec<NodeId> = outputs.iter().map(|(node, _)| *node).collect();
+                    let options = RunOptions::default().with_thread_pool(pool.cloned());
+                    let made = model.run(given, &nodes, Some(options))?;
+                    for (&(_, slot), made) in outputs.iter().zip(made) {
+                        values[slot] = Some(made.into());
+                    }
+                }
+            }
+            for &slot in last_reads {
+                values[slot] = None;
+            }
+        }
+        // A value may be two outputs.
+        let is_last = |place: usize| !self.outputs[place + 1..].contains(&self.outputs[place]);
+        let outputs = self.outputs.iter().enumerate().map(|(place, &slot)| {
+            let value =
+                if is_last(place) { values[slot].take() } else { values[slot].as_ref().map(|v| v.to_owned().into()) };
+            tensor(value.ok_or("a value is not there")?.into_owned())
+        });
+        outputs.collect()
+    }
+}
+
+/// Where values are kept, by their names.
+#[derive(Default)]
+struct Slots {
+    names: HashMap<String, Slot>,
+    count: usize,
+}
+
+impl Slots {
+    fn add(&mut self, name: &str) -> Slot {
+        let slot = self.count;
+        self.count += 1;
+        self.names.insert(name.to_owned(), slot);
+        slot
+    }
+
+    fn of(&self, name: &str) -> Result<Slot, String> {
+        self.names.get(name).copied().ok_or_else(|| format!("nothing makes the value \"{name}\""))
+    }
+}
+
+fn load(bytes: Vec<u8>) -> Result<Model, Failure> {
+    // Operators that are not listed here are not compiled in.
+    let operators = op_registry!(
+        Add,
+        BatchNormalization,
+        Cast,
+        Clip,
+        Concat,
+        Conv,
+        ConvTranspose,
+        DepthToSpace,
+        DequantizeLinear,
+        Div,
+        Gather,
+        GlobalAveragePool,
+        GridSample,
+        InstanceNormalization,
+        MaxPool,
+        Mul,
+        QuantizeLinear,
+        Range,
+        Relu,
+        Reshape,
+        Resize,
+        Shape,
+        Sigmoid,
+        Slice,
+        Split,
+        Sub,
+        Transpose
+    );
+    Ok(ModelOptions::with_ops(operators).prepack_weights(true).load(bytes)?)
+}
+
+fn tensor(value: Value) -> Result<Tensor, Failure> {
+    let tensor = value.into_tensor::<f32>().ok_or("an output is not of floats")?;
+    Ok(Tensor { shape: tensor.shape().to_vec(), values: tensor.into_data() })
+}
