@@ -6,17 +6,15 @@
     python3 scripts/profile_layers.py --onnx farsight-s.onnx --int8 farsight-s-int8.onnx --input 960x288 \
         --table docs/results/layers.json
 
-ONNX Runtime and OpenVINO (from PyPI, with numpy) tell the time of each layer; rten does through Farsight's own program, where
-`RTEN_TIMING` asks for it. Layers of one kind are added up; medians over the runs.
+ONNX Runtime and OpenVINO (from PyPI, with numpy) tell the time of each layer. Layers of one kind are added up; medians
+over the runs.
 """
 import argparse
 import collections
 import json
-import os
 import pathlib
 import re
 import statistics
-import subprocess
 import tempfile
 
 import numpy as np
@@ -92,33 +90,8 @@ def openvino_layers(model, image, threads, _):
     return by_run
 
 
-def rten_layers(options):
-    """rten prints a table for each run of a network."""
-
-    def layers(model, image, threads, _):
-        command = [options.farsight, "bench", "--model", model, "--runs", str(RUNS), "--threads", str(threads)]
-        command += ["--refiner", "none", "--input", options.input, "--engine", "rten"]
-        told = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, "RTEN_TIMING": "1"})
-        by_run, layers = [], collections.Counter()
-        for line in (told.stdout + told.stderr).splitlines():
-            found = re.match(r"^\|?\s*(\w+)\s*\|\s*\d+\s*\|\s*[\d.]+\s*\|\s*([\d.]+)", line) or re.match(
-                r"^(\w+)\s+([\d.]+)ms\s+\(", line
-            )
-            if found:
-                layers[kind(found[1], "float")] += float(found[2])
-            elif layers:
-                by_run.append(layers)
-                layers = collections.Counter()
-        # Runs of the regression head at the peaks are short ones of their own.
-        longest = max(sum(run.values()) for run in by_run)
-        return [run for run in by_run if sum(run.values()) > longest / 4][WARM_UP:]
-
-    return layers
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--farsight", default="target/release/farsight")
     parser.add_argument("--onnx", required=True, help="the plain export")
     parser.add_argument("--int8", required=True, help="the same quantised")
     parser.add_argument("--input", default="960x288")
@@ -130,11 +103,9 @@ def main():
     image = np.random.default_rng(0).standard_normal((1, 3, height, width), dtype=np.float32)
     command = f"python3 scripts/profile_layers.py --onnx ONNX --int8 ONNX --input {options.input} --threads {options.threads}"
     table = MeasuredTable(command, COLUMNS)
-    engines = [("rten", rten_layers(options)), ("ONNX Runtime", onnxruntime_layers), ("OpenVINO", openvino_layers)]
+    engines = [("ONNX Runtime", onnxruntime_layers), ("OpenVINO", openvino_layers)]
     for numbers, model in (("fp32", options.onnx), ("int8", options.int8)):
         for engine, layers in engines:
-            if (engine, numbers) == ("rten", "int8"):
-                continue  # It computes 8 bits in float.
             with tempfile.TemporaryDirectory() as folder:
                 by_run = layers(model, image, options.threads, pathlib.Path(folder))
             names = {name for run in by_run for name in run}

@@ -171,7 +171,7 @@ impl<'a> Parts<'a> {
                 && let Found::Convolution(convolution) = &mut found[maker]
             {
                 convolution.limits = limits;
-                convolution.output = (*output).to_owned();
+                (*output).clone_into(&mut convolution.output);
                 found[place] = Found::Absorbed;
             }
             makers.extend(node.outputs.iter().map(|name| (*name, place)));
@@ -227,10 +227,9 @@ impl<'a> Parts<'a> {
         let is_depthwise = groups == channels && of_group == 1;
         let kind = match (is_transposed, groups) {
             (true, _) if is_depthwise && enlarges => ConvolutionKind::Upsampling,
-            (true, _) => return Ok(None),
             (false, 1) => ConvolutionKind::Dense,
             (false, _) if is_depthwise => ConvolutionKind::Depthwise,
-            (false, _) => return Ok(None),
+            _ => return Ok(None),
         };
         let [input, output] = [input, output].map(|name| (*name).to_owned());
         let limits = [f32::NEG_INFINITY, f32::INFINITY];

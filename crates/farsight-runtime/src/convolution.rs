@@ -372,6 +372,7 @@ struct BlockInto<'a, 'b, 'c> {
 impl SimdOp for BlockInto<'_, '_, '_> {
     type Output = ();
 
+    #[expect(clippy::inline_always, reason = "vectors are registers only inside of what is compiled for them")]
     #[inline(always)]
     fn eval<I: Isa>(self, isa: I) {
         let Self { block: Block { input, taps, weights, biases, limits, count }, rows } = self;
@@ -416,6 +417,7 @@ struct Single<'a> {
 impl SimdOp for Single<'_> {
     type Output = ();
 
+    #[expect(clippy::inline_always, reason = "vectors are registers only inside of what is compiled for them")]
     #[inline(always)]
     fn eval<I: Isa>(self, isa: I) {
         let Self { input, taps, weights, bias, limits, count, output } = self;
@@ -456,6 +458,7 @@ struct Sums<'a> {
 
 impl Sums<'_> {
     /// `VECTORS` vectors of neighbouring cells, of `CHANNELS` of the `WIDTH` channels from `first` on.
+    #[expect(clippy::inline_always, reason = "vectors are registers only inside of what is compiled for them")]
     #[inline(always)]
     fn run<I: Isa, const WIDTH: usize, const CHANNELS: usize, const VECTORS: usize>(
         self,

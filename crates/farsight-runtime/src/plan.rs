@@ -31,7 +31,7 @@ struct PlannedStep {
 
 enum Operation {
     Convolution { layer: ConvolutionLayer, input: Slot, output: Slot },
-    Graph { model: Model, inputs: Vec<(NodeId, Slot)>, outputs: Vec<(NodeId, Slot)> },
+    Graph { model: Box<Model>, inputs: Vec<(NodeId, Slot)>, outputs: Vec<(NodeId, Slot)> },
 }
 
 impl Operation {
@@ -46,11 +46,15 @@ impl Operation {
 impl Plan {
     /// # Errors
     /// When rten cannot load what lies between the convolutions.
-    pub(crate) fn new(model: &OnnxModel) -> Result<Self, Failure> {
+    pub(crate) fn new(model: OnnxModel) -> Result<Self, Failure> {
+        let steps = model.steps(Path::new("the network"))?;
+        let outputs = model.outputs().to_vec();
         let mut slots = Slots::default();
         slots.add(&model.input().name);
-        let mut operations = Vec::new();
-        for step in model.steps(Path::new("the network"))? {
+        // The steps have what they need of the file.
+        drop(model);
+        let mut operations = Vec::with_capacity(steps.len());
+        for step in steps {
             operations.push(match step {
                 Step::Convolution(convolution) => {
                     let input = slots.of(&convolution.input)?;
@@ -58,7 +62,7 @@ impl Plan {
                     Operation::Convolution { layer, input, output: slots.add(&convolution.output) }
                 }
                 Step::Graph(Subgraph { bytes, inputs, outputs }) => {
-                    let model = load(bytes)?;
+                    let model = Box::new(load(bytes)?);
                     let inputs = inputs.iter().map(|name| Ok((model.node_id(name)?, slots.of(name)?)));
                     let inputs = inputs.collect::<Result<_, Failure>>()?;
                     let outputs = outputs.iter().map(|name| Ok((model.node_id(name)?, slots.add(name))));
@@ -67,7 +71,7 @@ impl Plan {
                 }
             });
         }
-        let outputs = model.outputs().iter().map(|output| slots.of(&output.name)).collect::<Result<Vec<_>, _>>()?;
+        let outputs = outputs.iter().map(|output| slots.of(&output.name)).collect::<Result<Vec<_>, _>>()?;
         let mut read_later = outputs.clone();
         let mut steps = Vec::with_capacity(operations.len());
         for operation in operations.into_iter().rev() {

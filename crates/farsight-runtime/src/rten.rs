@@ -1,4 +1,4 @@
-//! The engine that is always there: `rten`, in pure Rust, with convolutions of our own ([`crate::convolution`]).
+//! The engine that is always there: `rten`, in pure Rust, with convolutions of our own.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ impl RtenRunner {
     pub fn new(model: OnnxModel, threads: Option<usize>) -> Result<Self, EngineError> {
         let (inputs, outputs) = (vec![model.input().clone()], model.outputs().to_vec());
         unpanicked(NAME, || {
-            let plan = Plan::new(&model)?;
+            let plan = Plan::new(model)?;
             Ok(Self { plan: Arc::new(plan), inputs, outputs, threads, pool: None })
         })
     }
