@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use farsight_core::Camera;
 use farsight_core::detection::DecodeOptions;
 use farsight_data::read_image;
-use farsight_graph::graph::Op;
+use farsight_graph::graph::{Node, Op};
 use farsight_graph::init::initial_weights;
 use farsight_graph::layers::{Msfe, NeckKind, NormKind};
 use farsight_graph::model::NetworkConfig;
@@ -20,7 +20,7 @@ use farsight_methods::smoke::decode::raw_regression;
 use farsight_methods::smoke::network::Backbone;
 use farsight_methods::smoke::{DetectorFile, HeadMaps, SmokeDetector, SparseHead};
 use farsight_methods::smoke::{LOGITS, REGRESSION};
-use farsight_onnx::{Facts, LocalHeadFile, OnnxModel, Target, write};
+use farsight_onnx::{Facts, LocalHeadFile, OnnxModel, Step, Target, write};
 use farsight_runtime::RtenRunner;
 use farsight_testing::{Array, Golden, kitti};
 use image::RgbImage;
@@ -142,6 +142,23 @@ fn folding_changes_nothing_but_the_node_count() {
                 }
             }
         }
+    }
+}
+
+/// rten would be slower, and nothing else would show it.
+#[test]
+fn all_convolutions_are_steps_of_their_own() {
+    for backbone in [Backbone::Dla34, Backbone::MobilenetV2Tensorflow, Backbone::Resnet18] {
+        let model = lively(SmokeConfig { backbone, ..small(NormKind::Batch, NeckKind::Plain, Msfe::A) });
+        let network = Network::deployable(&model).unwrap();
+        let is_convolution = |node: &&Node| matches!(node.op, Op::Conv { .. } | Op::UpConv { .. });
+        let convolutions = network.graph.nodes.iter().filter(is_convolution).count();
+        let bytes = write(&network, &Facts::new(&model, Target::Portable), Target::Portable).unwrap();
+        let onnx = OnnxModel::from_bytes(bytes, Path::new("in memory")).unwrap();
+        let steps = onnx.steps(Path::new("in memory")).unwrap();
+        let taken = steps.iter().filter(|step| matches!(step, Step::Convolution(_))).count();
+        assert_eq!(taken, convolutions, "{backbone:?}");
+        assert!(convolutions > 10);
     }
 }
 
