@@ -37,7 +37,7 @@ pub(crate) struct ConvolutionLayer {
     kind: ConvolutionKind,
     window: Window,
     channels: [usize; 2],
-    /// `[block][in, ky, kx]` of a dense one, `[channel][ky, kx]` in the first place of the others.
+    /// `[block][in, ky, kx]` of a dense one, `[channel][ky, kx]` of the others.
     weights: Weights,
     biases: Vec<f32>,
     limits: [f32; 2],
@@ -496,7 +496,8 @@ impl Sums<'_> {
                         sum = ops.add(ops.load(row), sum);
                     }
                     if place == last {
-                        sum = ops.min(ops.max(sum, low), high);
+                        // In this order what is no number stays none.
+                        sum = ops.min(high, ops.max(low, sum));
                     }
                     ops.store(sum, row);
                 }
@@ -660,6 +661,18 @@ mod tests {
                 assert!((a - b).abs() < 1e-5 && (a - c).abs() < 1e-5, "row {row}, cell {cell}: {a}, {b} and {c}");
             }
         }
+    }
+
+    /// A limit must not hide that a network overflows.
+    #[test]
+    fn what_is_no_number_stays_none() {
+        let mut random = Pcg64Mcg::seed_from_u64(33);
+        let mut convolution = convolution(&mut random, ConvolutionKind::Dense, [1, 1], Window::same(1, 1));
+        convolution.limits = [0.0, 6.0];
+        let values = [0.0, f32::NAN, 0.0, 0.0];
+        let (made, _) =
+            ConvolutionLayer::new(&convolution).run(MapView { shape: [1, 1, 2, 2], values: &values }).unwrap();
+        assert_eq!(made.iter().map(|value| value.is_nan()).collect::<Vec<_>>(), [false, true, false, false]);
     }
 
     #[test]
