@@ -54,6 +54,14 @@ pub struct Convolution {
     pub limits: [f32; 2],
 }
 
+impl Convolution {
+    /// Whether it is a dense one whose windows are one cell each, and every cell has one.
+    pub fn is_pointwise(&self) -> bool {
+        let Window { kernel, stride, padding, end_padding, .. } = self.window;
+        self.kind == ConvolutionKind::Dense && kernel == 1 && stride == 1 && padding == 0 && end_padding == 0
+    }
+}
+
 /// Operators that need no convolution between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subgraph {

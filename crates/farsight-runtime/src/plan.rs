@@ -4,12 +4,12 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use farsight_onnx::{OnnxModel, Step, Subgraph};
+use farsight_onnx::{Convolution, ConvolutionKind, OnnxModel, Step, Subgraph, TensorInfo};
 use rten::{Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueOrView, ValueView, op_registry};
 use rten_tensor::prelude::*;
 use rten_tensor::{Tensor as RtenTensor, TensorView as RtenTensorView};
 
-use crate::convolution::{ConvolutionLayer, MapView};
+use crate::convolution::{ConvolutionLayer, InvertedResidual, MapView};
 use crate::library::Failure;
 use crate::runner::Tensor;
 
@@ -31,13 +31,14 @@ struct PlannedStep {
 
 enum Operation {
     Convolution { layer: ConvolutionLayer, input: Slot, output: Slot },
+    InvertedResidual { block: InvertedResidual, input: Slot, output: Slot },
     Graph { model: Box<Model>, inputs: Vec<(NodeId, Slot)>, outputs: Vec<(NodeId, Slot)> },
 }
 
 impl Operation {
     fn reads(&self) -> Vec<Slot> {
         match self {
-            Self::Convolution { input, .. } => vec![*input],
+            Self::Convolution { input, .. } | Self::InvertedResidual { input, .. } => vec![*input],
             Self::Graph { inputs, .. } => inputs.iter().map(|(_, slot)| *slot).collect(),
         }
     }
@@ -54,22 +55,37 @@ impl Plan {
         // The steps have what they need of the file.
         drop(model);
         let mut operations = Vec::with_capacity(steps.len());
-        for step in steps {
-            operations.push(match step {
-                Step::Convolution(convolution) => {
-                    let input = slots.of(&convolution.input)?;
-                    let layer = ConvolutionLayer::new(&convolution);
-                    Operation::Convolution { layer, input, output: slots.add(&convolution.output) }
+        for group in joined(steps, &outputs) {
+            let mut convolutions = Vec::new();
+            for step in group {
+                match step {
+                    Step::Convolution(convolution) => convolutions.push(convolution),
+                    Step::Graph(Subgraph { bytes, inputs, outputs }) => {
+                        let model = Box::new(load(bytes)?);
+                        let inputs = inputs.iter().map(|name| Ok((model.node_id(name)?, slots.of(name)?)));
+                        let inputs = inputs.collect::<Result<_, Failure>>()?;
+                        let outputs = outputs.iter().map(|name| Ok((model.node_id(name)?, slots.add(name))));
+                        let outputs = outputs.collect::<Result<_, Failure>>()?;
+                        operations.push(Operation::Graph { model, inputs, outputs });
+                    }
                 }
-                Step::Graph(Subgraph { bytes, inputs, outputs }) => {
-                    let model = Box::new(load(bytes)?);
-                    let inputs = inputs.iter().map(|name| Ok((model.node_id(name)?, slots.of(name)?)));
-                    let inputs = inputs.collect::<Result<_, Failure>>()?;
-                    let outputs = outputs.iter().map(|name| Ok((model.node_id(name)?, slots.add(name))));
-                    let outputs = outputs.collect::<Result<_, Failure>>()?;
-                    Operation::Graph { model, inputs, outputs }
+            }
+            if let [first, .., last] = &convolutions[..]
+                && last.is_pointwise()
+            {
+                let (input, output) = (slots.of(&first.input)?, slots.add(&last.output));
+                let mut layers = convolutions.iter().map(ConvolutionLayer::new).rev();
+                if let (Some(projection), Some(depthwise)) = (layers.next(), layers.next()) {
+                    let block = InvertedResidual::new(layers.next(), depthwise, projection);
+                    operations.push(Operation::InvertedResidual { block, input, output });
                 }
-            });
+                continue;
+            }
+            for convolution in convolutions {
+                let input = slots.of(&convolution.input)?;
+                let layer = ConvolutionLayer::new(&convolution);
+                operations.push(Operation::Convolution { layer, input, output: slots.add(&convolution.output) });
+            }
         }
         let outputs = outputs.iter().map(|output| slots.of(&output.name)).collect::<Result<Vec<_>, _>>()?;
         let mut read_later = outputs.clone();
@@ -96,11 +112,10 @@ impl Plan {
         for PlannedStep { operation, last_reads } in &self.steps {
             match operation {
                 Operation::Convolution { layer, input, output } => {
-                    let read = values[*input].as_ref().ok_or("a value is not there")?;
-                    let map: RtenTensorView<'_, f32> = read.as_view().try_into()?;
-                    let shape = map.shape().try_into().map_err(|_| format!("a map of shape {:?}", map.shape()))?;
-                    let (made, shape) = layer.run(MapView { shape, values: map.to_contiguous().data() })?;
-                    values[*output] = Some(Value::from(RtenTensor::from_data(&shape[..], made)).into());
+                    values[*output] = Some(mapped(values[*input].as_ref(), |map| layer.run(map))?.into());
+                }
+                Operation::InvertedResidual { block, input, output } => {
+                    values[*output] = Some(mapped(values[*input].as_ref(), |map| block.run(map))?.into());
                 }
                 Operation::Graph { model, inputs, outputs } => {
                     let mut taken = Vec::new();
@@ -133,6 +148,53 @@ impl Plan {
         });
         outputs.collect()
     }
+}
+
+/// What `make` makes of a map.
+fn mapped(
+    read: Option<&ValueOrView<'_>>,
+    make: impl FnOnce(MapView<'_>) -> Result<(Vec<f32>, [usize; 4]), Failure>,
+) -> Result<Value, Failure> {
+    let read = read.ok_or("a value is not there")?;
+    let map: RtenTensorView<'_, f32> = read.as_view().try_into()?;
+    let shape = map.shape().try_into().map_err(|_| format!("a map of shape {:?}", map.shape()))?;
+    let (made, shape) = make(MapView { shape, values: map.to_contiguous().data() })?;
+    Ok(Value::from(RtenTensor::from_data(&shape[..], made)))
+}
+
+/// The steps in an order in which they can be computed, with those together that are an inverted residual: a depthwise
+/// convolution, the one before it and the one after it if their windows are one cell and nothing else reads what is
+/// between them.
+fn joined(steps: Vec<Step>, outputs: &[TensorInfo]) -> Vec<Vec<Step>> {
+    let mut readers: HashMap<String, usize> = HashMap::new();
+    let reads = steps.iter().flat_map(|step| match step {
+        Step::Convolution(convolution) => std::slice::from_ref(&convolution.input),
+        Step::Graph(graph) => &graph.inputs[..],
+    });
+    for name in reads.chain(outputs.iter().map(|output| &output.name)) {
+        *readers.entry(name.clone()).or_default() += 1;
+    }
+    let continues = |group: &[Step], next: &Convolution| {
+        let Some(Step::Convolution(last)) = group.last() else { return false };
+        let is_depthwise = |one: &Convolution| one.kind == ConvolutionKind::Depthwise;
+        let are_joined = if is_depthwise(next) {
+            group.len() == 1 && last.is_pointwise()
+        } else {
+            is_depthwise(last) && next.is_pointwise()
+        };
+        are_joined && last.output == next.input && readers.get(&last.output) == Some(&1)
+    };
+    let mut groups: Vec<Vec<Step>> = Vec::new();
+    for step in steps {
+        let before = match &step {
+            Step::Convolution(next) => groups.iter().rposition(|group| continues(group, next)),
+            Step::Graph(_) => None,
+        };
+        let mut group = before.map(|place| groups.remove(place)).unwrap_or_default();
+        group.push(step);
+        groups.push(group);
+    }
+    groups
 }
 
 /// Where values are kept, by their names.

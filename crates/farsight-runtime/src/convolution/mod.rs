@@ -5,28 +5,20 @@
 //! neighbouring cells is one load. rten unrolls windows into a matrix number by number, which takes a third of the
 //! time of our networks, and its depthwise convolutions know no vectors.
 
+mod inverted_residual;
+mod lattice;
+mod sums;
+
+pub(crate) use inverted_residual::InvertedResidual;
+
 use farsight_graph::graph::Window;
 use farsight_onnx::{Convolution, ConvolutionKind};
 use rayon::prelude::*;
-use rten_simd::ops::{BitOps, NumOps};
-use rten_simd::{Isa, SimdOp};
+use rten_simd::SimdOp;
 
 use crate::library::Failure;
-
-/// Output channels that are computed together.
-const BLOCK: usize = 8;
-
-/// Vectors of cells that are computed together.
-const VECTORS: usize = 3;
-
-/// The same of a depthwise convolution, where a tap is one number.
-const DEPTHWISE_VECTORS: usize = 8;
-
-/// Lanes of the widest vectors.
-const MAX_LANES: usize = 16;
-
-/// So many products are added up one after the other: rounding grows with their number.
-const SUMMANDS: usize = 256;
+use lattice::{Lattice, copy_out};
+use sums::{BLOCK, Block, MAX_LANES, Single, VECTORS};
 
 /// Numbers that are copied for some rows of the output: they stay in the second-level cache.
 const STRIP: usize = 1 << 16;
@@ -41,6 +33,8 @@ pub(crate) struct ConvolutionLayer {
     weights: Weights,
     biases: Vec<f32>,
     limits: [f32; 2],
+    /// Whether windows of a dense one are one cell, and every cell has one.
+    is_pointwise: bool,
 }
 
 #[derive(Debug)]
@@ -67,29 +61,16 @@ impl ConvolutionLayer {
         };
         let mut biases = bias.clone();
         biases.resize(out.next_multiple_of(BLOCK), 0.0);
-        Self { kind: *kind, window: *window, channels, weights, biases, limits: *limits }
+        let is_pointwise = convolution.is_pointwise();
+        Self { kind: *kind, window: *window, channels, weights, biases, limits: *limits, is_pointwise }
     }
 
     /// What it makes of `input`, and its shape. Runs in the thread pool of the caller.
     pub(crate) fn run(&self, input: MapView<'_>) -> Result<(Vec<f32>, [usize; 4]), Failure> {
-        let [batch, channels, height, width] = input.shape;
-        let [expected, out] = self.channels;
-        if channels != expected {
-            return Err(format!("a map of {channels} channels; expected {expected}").into());
-        }
-        if input.values.is_empty() {
-            return Err(format!("a map of {width}x{height} cells is empty").into());
-        }
-        let [rows, columns] = match self.kind {
-            ConvolutionKind::Upsampling => [height, width].map(|side| side * self.window.stride),
-            ConvolutionKind::Dense | ConvolutionKind::Depthwise => {
-                let sides = [height, width].map(|side| self.window.output_size(side));
-                let [Some(rows), Some(columns)] = sides else {
-                    return Err(format!("a map of {width}x{height} cells is smaller than a window").into());
-                };
-                [rows, columns]
-            }
-        };
+        self.check(input)?;
+        let [batch, _, height, width] = input.shape;
+        let [_, out] = self.channels;
+        let [rows, columns] = self.output_size([height, width])?;
         let mut output = vec![0.0; batch * out * rows * columns];
         let shape = [batch, out, rows, columns];
         match &self.weights {
@@ -110,20 +91,54 @@ impl ConvolutionLayer {
         Ok((output, shape))
     }
 
+    /// Refuses what it cannot read.
+    fn check(&self, input: MapView<'_>) -> Result<(), Failure> {
+        let [_, channels, height, width] = input.shape;
+        let [expected, _] = self.channels;
+        if channels != expected {
+            return Err(format!("a map of {channels} channels; expected {expected}").into());
+        }
+        if input.values.is_empty() {
+            return Err(format!("a map of {width}x{height} cells is empty").into());
+        }
+        Ok(())
+    }
+
+    /// Height and width of what it makes of a map of this size.
+    fn output_size(&self, [height, width]: [usize; 2]) -> Result<[usize; 2], Failure> {
+        if self.kind == ConvolutionKind::Upsampling {
+            return Ok([height, width].map(|side| side * self.window.stride));
+        }
+        let sides = [height, width].map(|side| self.window.output_size(side));
+        let [Some(rows), Some(columns)] = sides else {
+            return Err(format!("a map of {width}x{height} cells is smaller than a window").into());
+        };
+        Ok([rows, columns])
+    }
+
+    /// Eight output channels of a dense one whose windows are one cell, for `count` cells; the first cell of each
+    /// channel is where `taps` say.
+    fn block<'a>(&'a self, block: usize, input: &'a [f32], taps: &'a [usize], count: usize) -> Block<'a> {
+        let Weights::Blocks(weights) = &self.weights else { unreachable!("a dense convolution") };
+        let weights = &weights[block * taps.len()..][..taps.len()];
+        let biases = &self.biases.as_chunks::<BLOCK>().0[block];
+        Block { input, taps, weights, biases, limits: self.limits, count }
+    }
+
     fn dense(&self, input: MapView<'_>, weights: &[[f32; BLOCK]], output: &mut [f32], [rows, columns]: [usize; 2]) {
         let [_, channels, height, width] = input.shape;
         let [_, out] = self.channels;
         let lattice = Lattice::new(self.window, columns);
         let cells = rows * columns;
         // Ranges of cells; of whole rows, unless a window is one cell.
-        let strips: Vec<[usize; 2]> = if self.is_pointwise() {
+        let strips: Vec<[usize; 2]> = if self.is_pointwise {
             // What is left over for less than a vector is a strip of its own.
             let whole = cells - cells % MAX_LANES;
             let step = (STRIP / channels.max(1)).next_multiple_of(VECTORS * MAX_LANES);
             let strips = (0..whole).step_by(step).map(|from| [from, whole.min(from + step)]);
             strips.chain((whole < cells).then_some([whole, cells])).collect()
         } else {
-            let a_row = channels * lattice.pitch * lattice.phases.len();
+            let a_row = lattice.channel(1) * channels / (1 + lattice.reach);
             let step = (STRIP / a_row.max(1)).saturating_sub(lattice.reach).max(lattice.reach.max(1));
             (0..rows).step_by(step).map(|from| [from, rows.min(from + step)].map(|row| row * columns)).collect()
         };
@@ -138,11 +153,11 @@ impl ConvolutionLayer {
         }
         tasks.into_par_iter().for_each_init(Scratch::default, |scratch, (image, [from, to], mut parts)| {
             let Scratch { input, output } = scratch;
-            let is_whole = self.is_pointwise() && (to - from).is_multiple_of(MAX_LANES);
+            let is_whole = self.is_pointwise && (to - from).is_multiple_of(MAX_LANES);
             // A window of one cell has one row.
             let (input, count, plane, [columns, pitch]) = if is_whole {
                 (&image[from..], to - from, cells, [to - from; 2])
-            } else if self.is_pointwise() {
+            } else if self.is_pointwise {
                 copy_cells(image, cells, [from, to], input);
                 (&input[..], to - from, to - from, [to - from; 2])
             } else {
@@ -168,12 +183,6 @@ impl ConvolutionLayer {
                 }
             }
         });
-    }
-
-    /// Whether a window is one cell, and every cell has one.
-    fn is_pointwise(&self) -> bool {
-        let Window { kernel, stride, padding, end_padding, .. } = self.window;
-        kernel == 1 && stride == 1 && padding == 0 && end_padding == 0
     }
 
     fn depthwise(&self, plane: &Plane<'_>, result: &mut [f32], [rows, columns]: [usize; 2], scratch: &mut Scratch) {
@@ -249,86 +258,6 @@ struct Scratch {
     output: Vec<f32>,
 }
 
-/// How an input is laid out: for each remainder of row and column by the stride that taps have, a plane of its own.
-struct Lattice {
-    window: Window,
-    /// Remainders of row and column.
-    phases: Vec<[usize; 2]>,
-    /// Rows and columns that the last tap is after the first one in its plane.
-    reach: usize,
-    /// Numbers in a row of a plane.
-    pitch: usize,
-}
-
-impl Lattice {
-    fn new(window: Window, columns: usize) -> Self {
-        let Window { kernel, stride, dilation, .. } = window;
-        let mut remainders: Vec<usize> = (0..kernel).map(|tap| tap * dilation % stride).collect();
-        remainders.sort_unstable();
-        remainders.dedup();
-        let phases = remainders.iter().flat_map(|&y| remainders.iter().map(move |&x| [y, x])).collect();
-        let reach = (kernel - 1) * dilation / stride;
-        Self { window, phases, reach, pitch: columns + reach }
-    }
-
-    /// Numbers in a plane for so many rows of the output.
-    fn plane(&self, rows: usize) -> usize {
-        (rows + self.reach) * self.pitch
-    }
-
-    /// Where the taps of the first cell are, for each channel and tap, in planes of this size.
-    fn taps(&self, channels: usize, plane: usize) -> Vec<usize> {
-        let Window { kernel, stride, dilation, .. } = self.window;
-        let tap = |y: usize, x: usize| {
-            let [y, x] = [y * dilation, x * dilation];
-            let phase = [y % stride, x % stride];
-            let place = self.phases.iter().position(|other| *other == phase).unwrap_or_default();
-            place * plane + y / stride * self.pitch + x / stride
-        };
-        let of_window: Vec<usize> =
-            (0..kernel).flat_map(|y| (0..kernel).map(move |x| (y, x))).map(|(y, x)| tap(y, x)).collect();
-        let a_channel = self.phases.len() * plane;
-        (0..channels).flat_map(|channel| of_window.iter().map(move |tap| channel * a_channel + tap)).collect()
-    }
-
-    /// Copies what the rows `from..to` of the output are made of, of all channels.
-    fn copy_rows(&self, image: &[f32], [height, width]: [usize; 2], [from, to]: [usize; 2], copy: &mut Vec<f32>) {
-        let Window { stride, padding, .. } = self.window;
-        let plane = self.plane(to - from);
-        let channels = image.len() / (height * width);
-        let length = channels * self.phases.len() * plane;
-        copy.resize(length + VECTORS.max(DEPTHWISE_VECTORS) * MAX_LANES, 0.0);
-        let planes = copy[..length].chunks_mut(plane);
-        let sources =
-            image.chunks(height * width).flat_map(|channel| self.phases.iter().map(move |phase| (channel, phase)));
-        for (plane, (channel, &[y, x])) in planes.zip(sources) {
-            // Columns of the plane that lie in the image.
-            let first = padding.saturating_sub(x).div_ceil(stride).min(self.pitch);
-            let end = (width + padding).saturating_sub(x).div_ceil(stride).clamp(first, self.pitch);
-            for (row, copied) in plane.chunks_mut(self.pitch).enumerate() {
-                let line = ((from + row) * stride + y).checked_sub(padding).filter(|line| *line < height);
-                let Some(line) = line else {
-                    copied.fill(0.0);
-                    continue;
-                };
-                copied[..first].fill(0.0);
-                copied[end..].fill(0.0);
-                if first < end {
-                    let start = line * width + first * stride + x - padding;
-                    let source = &channel[start..(line + 1) * width];
-                    if stride == 1 {
-                        copied[first..end].copy_from_slice(&source[..end - first]);
-                    } else {
-                        for (copied, value) in copied[first..end].iter_mut().zip(source.iter().step_by(stride)) {
-                            *copied = *value;
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
 /// Copies some cells of all channels.
 fn copy_cells(image: &[f32], plane: usize, [from, to]: [usize; 2], copy: &mut Vec<f32>) {
     copy.clear();
@@ -338,187 +267,24 @@ fn copy_cells(image: &[f32], plane: usize, [from, to]: [usize; 2], copy: &mut Ve
     copy.resize(copy.len() + VECTORS * MAX_LANES, 0.0);
 }
 
-/// Copies rows that begin every `pitch` numbers.
-fn copy_out(made: &[f32], pitch: usize, rows: &mut [f32], columns: usize) {
-    for (row, made) in rows.chunks_mut(columns).zip(made.chunks(pitch)) {
-        row.copy_from_slice(&made[..columns]);
-    }
-}
-
-/// At most eight channels of a strip.
-#[derive(Clone, Copy)]
-struct Block<'a> {
-    input: &'a [f32],
-    taps: &'a [usize],
-    weights: &'a [[f32; BLOCK]],
-    biases: &'a [f32; BLOCK],
-    limits: [f32; 2],
-    /// Cells to be computed.
-    count: usize,
-}
-
-impl Block<'_> {
-    /// Computes the channels that there are rows for.
-    fn run(self, rows: &mut [&mut [f32]]) {
-        BlockInto { block: self, rows }.dispatch();
-    }
-}
-
-struct BlockInto<'a, 'b, 'c> {
-    block: Block<'a>,
-    rows: &'b mut [&'c mut [f32]],
-}
-
-impl SimdOp for BlockInto<'_, '_, '_> {
-    type Output = ();
-
-    #[expect(clippy::inline_always, reason = "vectors are registers only inside of what is compiled for them")]
-    #[inline(always)]
-    fn eval<I: Isa>(self, isa: I) {
-        let Self { block: Block { input, taps, weights, biases, limits, count }, rows } = self;
-        let lanes = isa.f32().len();
-        // As many sums as there are registers for.
-        let has_many = lanes == MAX_LANES || cfg!(target_arch = "aarch64");
-        let mut at = 0;
-        while at < count {
-            let vectors = (count - at).div_ceil(lanes).min(VECTORS);
-            let sums = Sums { input: &input[at..], taps, limits, at };
-            if has_many {
-                match vectors {
-                    3 => sums.run::<I, BLOCK, BLOCK, 3>(isa, weights, biases, 0, rows),
-                    2 => sums.run::<I, BLOCK, BLOCK, 2>(isa, weights, biases, 0, rows),
-                    _ => sums.run::<I, BLOCK, BLOCK, 1>(isa, weights, biases, 0, rows),
-                }
-            } else {
-                for first in (0..rows.len()).step_by(BLOCK / 2) {
-                    match vectors {
-                        3 => sums.run::<I, BLOCK, 4, 3>(isa, weights, biases, first, rows),
-                        2 => sums.run::<I, BLOCK, 4, 2>(isa, weights, biases, first, rows),
-                        _ => sums.run::<I, BLOCK, 4, 1>(isa, weights, biases, first, rows),
-                    }
-                }
-            }
-            at += vectors * lanes;
-        }
-    }
-}
-
-/// One channel of a depthwise convolution.
-struct Single<'a> {
-    input: &'a [f32],
-    taps: &'a [usize],
-    weights: &'a [f32],
-    bias: f32,
-    limits: [f32; 2],
-    count: usize,
-    output: &'a mut [f32],
-}
-
-impl SimdOp for Single<'_> {
-    type Output = ();
-
-    #[expect(clippy::inline_always, reason = "vectors are registers only inside of what is compiled for them")]
-    #[inline(always)]
-    fn eval<I: Isa>(self, isa: I) {
-        let Self { input, taps, weights, bias, limits, count, output } = self;
-        let weights = weights.as_chunks::<1>().0;
-        let lanes = isa.f32().len();
-        let rows = &mut [output];
-        let mut at = 0;
-        while at < count {
-            let sums = Sums { input: &input[at..], taps, limits, at };
-            let vectors = match (count - at).div_ceil(lanes) {
-                DEPTHWISE_VECTORS.. => {
-                    sums.run::<I, 1, 1, DEPTHWISE_VECTORS>(isa, weights, &[bias], 0, rows);
-                    DEPTHWISE_VECTORS
-                }
-                4.. => {
-                    sums.run::<I, 1, 1, 4>(isa, weights, &[bias], 0, rows);
-                    4
-                }
-                _ => {
-                    sums.run::<I, 1, 1, 1>(isa, weights, &[bias], 0, rows);
-                    1
-                }
-            };
-            at += vectors * lanes;
-        }
-    }
-}
-
-/// Sums of products that are kept in registers.
-#[derive(Clone, Copy)]
-struct Sums<'a> {
-    input: &'a [f32],
-    taps: &'a [usize],
-    limits: [f32; 2],
-    /// Where they belong in the rows.
-    at: usize,
-}
-
-impl Sums<'_> {
-    /// `VECTORS` vectors of neighbouring cells, of `CHANNELS` of the `WIDTH` channels from `first` on.
-    #[expect(clippy::inline_always, reason = "vectors are registers only inside of what is compiled for them")]
-    #[inline(always)]
-    fn run<I: Isa, const WIDTH: usize, const CHANNELS: usize, const VECTORS: usize>(
-        self,
-        isa: I,
-        weights: &[[f32; WIDTH]],
-        biases: &[f32; WIDTH],
-        first: usize,
-        rows: &mut [&mut [f32]],
-    ) {
-        let ops = isa.f32();
-        let span = VECTORS * ops.len();
-        let channels = first..first + CHANNELS;
-        let [low, high] = self.limits.map(|limit| ops.splat(limit));
-        let biases = &biases[channels.clone()];
-        let rows = &mut rows[first..];
-        let parts = self.taps.chunks(SUMMANDS).zip(weights.chunks(SUMMANDS));
-        let last = parts.len() - 1;
-        for (place, (taps, weights)) in parts.enumerate() {
-            let mut sums: [[I::F32; VECTORS]; CHANNELS] = std::array::from_fn(|channel| {
-                [if place == 0 { ops.splat(biases[channel]) } else { ops.zero() }; VECTORS]
-            });
-            for (tap, weights) in taps.iter().zip(weights) {
-                let cells: [I::F32; VECTORS] = ops.load_many(&self.input[*tap..tap + span]);
-                for (sums, weight) in sums.iter_mut().zip(&weights[channels.clone()]) {
-                    let weight = ops.splat(*weight);
-                    for (sum, cells) in sums.iter_mut().zip(cells) {
-                        *sum = ops.mul_add(cells, weight, *sum);
-                    }
-                }
-            }
-            for (row, sums) in rows.iter_mut().zip(sums) {
-                let row = &mut row[self.at..][..span];
-                for (mut sum, row) in sums.into_iter().zip(row.chunks_mut(ops.len())) {
-                    if place > 0 {
-                        sum = ops.add(ops.load(row), sum);
-                    }
-                    if place == last {
-                        // In this order what is no number stays none.
-                        sum = ops.min(high, ops.max(low, sum));
-                    }
-                    ops.store(sum, row);
-                }
-            }
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use farsight_graph::weights::WeightTensor;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
     use super::*;
 
-    fn numbers(random: &mut Pcg64Mcg, count: usize) -> Vec<f32> {
+    pub(super) fn numbers(random: &mut Pcg64Mcg, count: usize) -> Vec<f32> {
         (0..count).map(|_| random.random_range(-1.0..1.0)).collect()
     }
 
-    fn convolution(random: &mut Pcg64Mcg, kind: ConvolutionKind, channels: [usize; 2], window: Window) -> Convolution {
+    pub(super) fn convolution(
+        random: &mut Pcg64Mcg,
+        kind: ConvolutionKind,
+        channels: [usize; 2],
+        window: Window,
+    ) -> Convolution {
         let [of_group, out] = channels;
         let shape = vec![out, of_group, window.kernel, window.kernel];
         let weight = WeightTensor::new(shape.clone(), numbers(random, shape.iter().product())).unwrap();
@@ -630,36 +396,6 @@ mod tests {
             let expected = expected(&convolution, input, [rows, columns]);
             let error = made.iter().zip(expected).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
             assert!(error < 1e-4, "{window:?} of {:?}: {error}", input.shape);
-        }
-    }
-
-    /// Machines with narrow vectors have fewer sums at once.
-    #[test]
-    fn all_vectors_give_the_same_sums() {
-        let mut random = Pcg64Mcg::seed_from_u64(32);
-        let (count, taps) = (37, [0, 1, 2, 50, 51, 52]);
-        let input = numbers(&mut random, 50 + 48 + 52);
-        let weights: Vec<[f32; BLOCK]> =
-            (0..taps.len()).map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0))).collect();
-        let biases = [0.5; BLOCK];
-        let block = Block { input: &input, taps: &taps, weights: &weights, biases: &biases, limits: [0.0, 6.0], count };
-        for channels in [BLOCK, 3] {
-            let mut results = [(); 3].map(|()| vec![vec![0.0; 48]; channels]);
-            let [by_widest, by_plain, by_avx2] = &mut results;
-            let rows = |rows: &mut Vec<Vec<f32>>, run: &dyn Fn(&mut [&mut [f32]])| {
-                run(&mut rows.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
-            };
-            rows(by_widest, &|rows| block.run(rows));
-            rows(by_plain, &|rows| BlockInto { block, rows }.eval(rten_simd::isa::GenericIsa::new()));
-            by_avx2.clone_from(by_plain);
-            #[cfg(target_arch = "x86_64")]
-            if let Some(isa) = rten_simd::isa::Avx2Isa::new() {
-                rows(by_avx2, &|rows| BlockInto { block, rows }.eval(isa));
-            }
-            for (row, cell) in (0..channels).flat_map(|row| (0..count).map(move |cell| (row, cell))) {
-                let [a, b, c] = results.each_ref().map(|rows| rows[row][cell]);
-                assert!((a - b).abs() < 1e-5 && (a - c).abs() < 1e-5, "row {row}, cell {cell}: {a}, {b} and {c}");
-            }
         }
     }
 
