@@ -5,6 +5,7 @@ use farsight_graph::layers::{Builder, NormKind};
 use farsight_graph::model::NetworkConfig;
 use serde::{Deserialize, Serialize};
 
+use super::Cascade;
 use super::geometry::{INPUT_CHANNELS, KINDS, PLACE_CHANNELS, StageFusion};
 use crate::method::Method;
 use crate::roi::ANSWER;
@@ -26,12 +27,16 @@ pub struct RefinerConfig {
     /// How its answers and the detector's go together.
     #[serde(alias = "looks")]
     pub fusion: StageFusion,
+    /// Which objects another iteration pays for.
+    #[serde(skip_serializing_if = "is_unfitted")]
+    pub cascade: Cascade,
 }
 
 impl Default for RefinerConfig {
     fn default() -> Self {
         let (backbone, channels) = (RoiBackbone::default(), [24, 48, 96, 160]);
-        Self { side: 96, backbone, channels, hidden: 192, fusion: StageFusion::default() }
+        let (fusion, cascade) = (StageFusion::default(), Cascade::default());
+        Self { side: 96, backbone, channels, hidden: 192, fusion, cascade }
     }
 }
 
@@ -41,16 +46,24 @@ fn is_residual(backbone: &RoiBackbone) -> bool {
     *backbone == RoiBackbone::Residual
 }
 
+/// Files of before there was a cascade do not name it.
+fn is_unfitted(cascade: &Cascade) -> bool {
+    *cascade == Cascade::default()
+}
+
 impl NetworkConfig for RefinerConfig {
     const METHOD: &'static str = "refiner";
     const NAME: &'static str = "a refiner";
     const OUTPUTS: &'static [&'static str] = &[ANSWER];
 
     fn problem(&self) -> Option<String> {
-        let Self { side, backbone, channels, hidden, fusion } = self;
+        let Self { side, backbone, channels, hidden, fusion, cascade } = self;
         let multiple = backbone.stride(channels.len());
         let unusable = || format!("model.fusion is {fusion:?}; expected the numbers of a fit");
-        problem_of_sizes("model", *side, multiple, channels, *hidden).or_else(|| (!fusion.is_usable()).then(unusable))
+        let no_cascade = || format!("model.cascade is {:?}; expected shares from 0 to 1", cascade.shares());
+        problem_of_sizes("model", *side, multiple, channels, *hidden)
+            .or_else(|| (!fusion.is_usable()).then(unusable))
+            .or_else(|| (!cascade.is_usable()).then(no_cascade))
     }
 
     /// # Shapes

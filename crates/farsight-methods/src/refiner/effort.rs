@@ -1,5 +1,10 @@
 //! How much is done for each object.
 
+use super::Cascade;
+
+/// No object has more iterations.
+pub(super) const ITERATIONS: usize = 3;
+
 /// How many iterations of the refiner each object gets, and how many mirror images.
 ///
 /// A cut-out around a box that hardly differs from that of the iteration before shows the same pixels, and the answer
@@ -9,7 +14,7 @@
 pub enum Effort {
     /// One iteration, or two where the first one moved the box; no mirror images.
     Fast,
-    /// Three iterations as long as an object is promising, the last cut-out mirrored, too.
+    /// Three iterations as long as an object is promising ([`Cascade`]), the last cut-out mirrored, too.
     #[default]
     Normal,
     /// Three iterations for whatever the detector found, the last cut-out mirrored, too: what the numbers of the fusion
@@ -34,7 +39,7 @@ impl Effort {
     pub(super) fn iterations(self) -> usize {
         match self {
             Self::Fast => 2,
-            Self::Normal | Self::Best => 3,
+            Self::Normal | Self::Best => ITERATIONS,
         }
     }
 
@@ -51,13 +56,13 @@ impl Effort {
         }
     }
 
-    /// What has a score above this share of the least score that counts gets one more iteration, which can raise it so
-    /// far.
-    pub(super) fn promising_share(self) -> f64 {
+    /// What has a score below these shares of the score that is sought before each iteration gets no more of them.
+    pub(super) fn least_shares(self, cascade: &Cascade) -> [f64; ITERATIONS] {
+        let [first, second, third] = cascade.shares();
         match self {
-            Self::Fast => 0.5,
-            Self::Normal => 0.2,
-            Self::Best => 0.0,
+            Self::Fast => [first, second.max(0.5), third.max(0.5)],
+            Self::Normal => [first, second, third],
+            Self::Best => [0.0; ITERATIONS],
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The refiner: each found object is cropped from the original image, and a small network says again, from the crop and
 //! its camera alone, what it is and where.
 
+pub mod cascade;
 pub mod config;
 pub mod effort;
 pub mod geometry;
@@ -10,6 +11,7 @@ pub mod train;
 
 use farsight_graph::model::Model;
 
+pub use cascade::{Cascade, ScoreTrace};
 pub use config::RefinerConfig;
 pub use effort::Effort;
 pub use refine::{Flip, Refiner};

@@ -1,7 +1,8 @@
 //! The refiner at what was found ([`crate::refiner::geometry`]).
 
+use crate::refiner::effort::ITERATIONS;
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
-use crate::refiner::{Effort, RefinerConfig};
+use crate::refiner::{Effort, RefinerConfig, ScoreTrace};
 use farsight_core::nms::{SAME_OBJECT_OVERLAP, class_nms, soft_suppression};
 use farsight_core::{Box2d, Camera, ClassReference, Detection, Region, ScalePrior};
 use farsight_data::network_input_in;
@@ -86,7 +87,7 @@ impl Refiner {
 
     /// What is in `image`, taken by `camera`, after refining each of `candidates`: what has a score above `min_score`
     /// then, highest first, each object once, of one of `classes`. What is not likely to reach the score `sought` gets
-    /// one iteration.
+    /// fewer iterations, or none.
     ///
     /// # Errors
     /// When the engine fails.
@@ -100,7 +101,7 @@ impl Refiner {
         sought: f64,
     ) -> Result<Vec<Detection>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let refinements = self.refinements(image, camera, &candidates, self.effort.promising_share() * sought)?;
+        let refinements = self.refinements(image, camera, &candidates, sought)?;
         let fused = |(first, second): (Detection, Option<Refinement>)| {
             let fused = self.config.fusion.fused(&first, second.as_ref(), camera, image_size);
             let is_known = classes.iter().any(|known| known.class == fused.class);
@@ -117,7 +118,8 @@ impl Refiner {
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
     /// Several iterations ([`Effort`]), each where the one before it saw the object: a cut-out around a better box
-    /// shows more of the object and less of the rest. What has no score above `promising` after one keeps its answer.
+    /// shows more of the object and less of the rest. What is not likely to reach the score `sought` ([`Cascade`](super::Cascade))
+    /// keeps the answer that it has.
     ///
     /// # Errors
     /// When the engine fails.
@@ -126,19 +128,54 @@ impl Refiner {
         image: &RgbImage,
         camera: &Camera,
         detections: &[Detection],
-        promising: f64,
+        sought: f64,
+    ) -> Result<Vec<Option<Refinement>>, EngineError> {
+        self.iterated(image, camera, detections, sought, |_, _, _| {})
+    }
+
+    /// The scores of each detection before each iteration and after the last one: what a [`Cascade`](super::Cascade) is fitted on.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn score_traces(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        detections: &[Detection],
+    ) -> Result<Vec<ScoreTrace>, EngineError> {
+        let image_size = [image.width(), image.height()].map(|side| side as usize);
+        let mut traces = vec![ScoreTrace::default(); detections.len()];
+        let refinements = self.iterated(image, camera, detections, 0.0, |place, iteration, score| {
+            traces[place][iteration] = score;
+        })?;
+        for ((trace, detection), refinement) in traces.iter_mut().zip(detections).zip(&refinements) {
+            trace[ITERATIONS] = self.config.fusion.fused(detection, refinement.as_ref(), camera, image_size).score;
+        }
+        Ok(traces)
+    }
+
+    /// [`Refiner::refinements`]; `tell` hears place, iteration (from 0) and the score before it.
+    fn iterated(
+        &mut self,
+        image: &RgbImage,
+        camera: &Camera,
+        detections: &[Detection],
+        sought: f64,
+        mut tell: impl FnMut(usize, usize, f64),
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
+        let least_shares = self.effort.least_shares(&self.config.cascade);
         let mut seen: Vec<Option<Seen>> = vec![None; detections.len()];
         // Objects that are not settled.
         let mut places: Vec<usize> = (0..detections.len()).collect();
-        for iteration in 1..=self.effort.iterations() {
-            let is_last = iteration == self.effort.iterations();
+        for (iteration, least_share) in least_shares.into_iter().take(self.effort.iterations()).enumerate() {
+            let is_last = iteration + 1 == self.effort.iterations();
             let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(places.len());
             places.retain(|&place| {
                 let known = seen[place].as_ref().map(|seen| &seen.refinement);
                 let fused = self.config.fusion.fused(&detections[place], known, camera, image_size);
-                if iteration > 1 && fused.score <= promising {
+                tell(place, iteration, fused.score);
+                if fused.score < least_share * sought {
                     return false;
                 }
                 let Some(crop) = Crop::from_box(&fused.box2d, camera, self.config.side) else { return true };

@@ -7,7 +7,7 @@ use farsight_onnx::{Facts, INPUT, OnnxError, OnnxModel, Target};
 use farsight_runtime::{EngineError, Runner, TensorView};
 
 /// So many crops, or pairs of one and its mirror image, are looked at together.
-pub(crate) const BATCH: usize = 8;
+pub(crate) const BATCH: usize = 4;
 
 /// A network over crops, ready to run.
 pub struct RoiRunner {

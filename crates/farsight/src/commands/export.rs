@@ -1,6 +1,7 @@
 //! `farsight export`: a model as an ONNX file, checked before it is kept.
 
 mod camera;
+mod cascade;
 pub(super) mod fit;
 mod int8;
 mod plates;
@@ -65,7 +66,11 @@ pub(crate) struct ExportArgs {
     /// seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// With --fit-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w",
+    /// Images like those that a refiner will see, with or without labels: to fit below which scores a further iteration
+    /// of it does not pay; nothing else of the model changes [default: the model's]
+    #[arg(long, value_name = "DIR", requires = "half")]
+    cascade_on: Option<PathBuf>,
+    /// With --fit-on, --cascade-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w",
     /// "farsight-s", "farsight-n" or a file
     #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "half")]
     detector: PathBuf,
@@ -147,6 +152,7 @@ pub(crate) fn run(args: &ExportArgs, printer: &mut Printer) -> Result<Outcome> {
     if let Some(model) = SecondStageModel::read(&args.model)? {
         return model.export(args, target, printer);
     }
+    ensure!(args.cascade_on.is_none(), "{}: a detector; --cascade-on is of refiners", args.model.display());
     if is_other_detector(&args.model) {
         return whole::run(args, target, printer);
     }

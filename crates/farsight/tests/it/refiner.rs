@@ -217,6 +217,15 @@ fn mistakes_are_told_with_the_file() {
     assert!(
         told(folder, &described).contains("--training-data, --training-data-licence and --evaluation are of detectors")
     );
+    let scenes = root().join("assets/scenes/image_2").display().to_string();
+    let cascade = |model: &str, more: &[&str]| {
+        let export = ["export", "--half", "--model", model, "--cascade-on", &scenes, "--out", "x.safetensors"];
+        told(folder, &[&export[..], more].concat())
+    };
+    assert!(cascade(&refiner, &[]).contains("image_2: too few detections with high scores"));
+    assert!(cascade("farsight-s", &[]).contains("a detector; --cascade-on is of refiners"));
+    assert!(cascade("shipped-plates", &[]).contains("shipped-plates: --cascade-on is of refiners"));
+    assert!(cascade(&refiner, &["--fit-on", "scenes"]).contains("--cascade-on changes nothing else of the model"));
     assert!(!folder.join("x.onnx").exists() && !folder.join("x.safetensors").exists());
     let as_detector = told(folder, &["range", &scene, "--hfov", "81", "--model", &refiner]);
     let expected = "farsight-refiner.safetensors: a refiner; expected a detector, name it with --refiner";

@@ -90,7 +90,7 @@ fn measured<C: NetworkConfig>(
         !is_changed && !args.tells_facts(),
         "--int8 --half measures ranges and changes nothing else of the model; expected --calibration and --out alone beside it"
     );
-    let (images, cameras) = images(&folder)?;
+    let images = Images::find(&folder)?;
     let network = Network::deployable(model)?;
     let layers = layers_of(&network.graph, &int8_outputs::<C>());
     let facts = Facts::new(model, Target::Portable);
@@ -98,14 +98,9 @@ fn measured<C: NetworkConfig>(
     let calibration = Calibration::new(&network, &layers, C::OUTPUTS, &facts, threads)?;
     let mut look = look(Box::new(calibration.try_clone()?), model)?;
     let bar = progress_bar(images.len());
-    for path in &images {
-        let image = read_image(path)?;
-        let size @ [width, height] = [image.width() as usize, image.height() as usize];
-        let camera = match &cameras {
-            Some(cameras) => cameras.camera(path, size, &Exif::NONE)?,
-            None => Camera::from_hfov(KITTI_HFOV_DEG, width, height)?,
-        };
-        look(&image, &camera).with_context(|| path.display().to_string())?;
+    for index in 0..images.len() {
+        let (image, camera) = images.read(index)?;
+        look(&image, &camera).with_context(|| images.paths[index].display().to_string())?;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -126,14 +121,39 @@ fn measured<C: NetworkConfig>(
     Ok(Outcome::Done)
 }
 
-/// The images of the calibration, and their cameras where the folder has them.
-fn images(folder: &Path) -> Result<(Vec<PathBuf>, Option<CameraSource>)> {
-    let found = inputs::find(&[folder.to_owned()]);
-    if let Some(problem) = found.problems.first().filter(|_| found.images.is_empty()) {
-        bail!("{problem}");
+/// Images like those that a network will see, and their cameras where the folder has them.
+pub(super) struct Images {
+    paths: Vec<PathBuf>,
+    cameras: Option<CameraSource>,
+}
+
+impl Images {
+    /// Those in `folder`.
+    pub(super) fn find(folder: &Path) -> Result<Self> {
+        let found = inputs::find(&[folder.to_owned()]);
+        if let Some(problem) = found.problems.first().filter(|_| found.images.is_empty()) {
+            bail!("{problem}");
+        }
+        let cameras = CameraSource::of_layout(&found.images);
+        Ok(Self { paths: found.images, cameras })
     }
-    let cameras = CameraSource::of_layout(&found.images);
-    Ok((found.images, cameras))
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.paths.len()
+    }
+
+    /// The image at a place, and its camera.
+    pub(super) fn read(&self, index: usize) -> Result<(RgbImage, Camera)> {
+        let path = &self.paths[index];
+        let image = read_image(path)?;
+        let size @ [width, height] = [image.width() as usize, image.height() as usize];
+        let camera = match &self.cameras {
+            Some(cameras) => cameras.camera(path, size, &Exif::NONE)?,
+            None => Camera::from_hfov(KITTI_HFOV_DEG, width, height)?,
+        };
+        Ok((image, camera))
+    }
 }
 
 fn detector(mut detector: Box<dyn Detector>) -> Look {

@@ -62,6 +62,10 @@ pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, data: &Path, print
     let scores = fitted_scores(&model.config.fusion, &seen, &classes, printer);
     let (scores, renamed_scores) = scores.with_context(|| data.display().to_string())?;
     model.config.fusion = StageFusion { scores, renamed_scores, ..model.config.fusion };
+    let dataset = open_labelled(data, None)?;
+    let read = |index: usize| Ok((dataset.image(index)?, dataset.camera(index)?));
+    let cascade = super::cascade::fitted(&model, &mut *detector, &engine, dataset.len(), printer, read)?;
+    model.config.cascade = cascade.unwrap_or_default();
     model.write_half(&args.out)?;
     printer.line(&format!("{}: half-precision numbers", args.out.display()));
     Ok(Outcome::Done)

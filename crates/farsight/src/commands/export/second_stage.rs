@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use farsight::model_file::{SHIPPED_CAMERA, SHIPPED_PLATES, shipped_refiner};
 use farsight::shipped;
 use farsight_graph::model::{Model, NetworkConfig};
@@ -47,6 +47,10 @@ impl SecondStageModel {
 
     /// Writes it in the form that is asked for.
     pub(super) fn export(self, args: &ExportArgs, target: Target, printer: &mut Printer) -> Result<Outcome> {
+        if let Some(folder) = &args.cascade_on {
+            let Self::Refiner(model) = self else { bail!("{}: --cascade-on is of refiners", args.model.display()) };
+            return super::cascade::run(model, args, folder, printer);
+        }
         match self {
             Self::Refiner(model) => match args.second_stage_data(RefinerConfig::NAME)? {
                 Some(data) => super::refiner::run(model, args, data, printer),
