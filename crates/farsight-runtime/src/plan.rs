@@ -31,7 +31,7 @@ struct PlannedStep {
 
 enum Operation {
     Convolution { layer: ConvolutionLayer, input: Slot, output: Slot },
-    InvertedResidual { block: InvertedResidual, input: Slot, output: Slot },
+    InvertedResidual { block: Box<InvertedResidual>, input: Slot, output: Slot },
     Graph { model: Box<Model>, inputs: Vec<(NodeId, Slot)>, outputs: Vec<(NodeId, Slot)> },
 }
 
@@ -76,7 +76,7 @@ impl Plan {
                 let (input, output) = (slots.of(&first.input)?, slots.add(&last.output));
                 let mut layers = convolutions.iter().map(ConvolutionLayer::new).rev();
                 if let (Some(projection), Some(depthwise)) = (layers.next(), layers.next()) {
-                    let block = InvertedResidual::new(layers.next(), depthwise, projection);
+                    let block = Box::new(InvertedResidual::new(layers.next(), depthwise, projection));
                     operations.push(Operation::InvertedResidual { block, input, output });
                 }
                 continue;

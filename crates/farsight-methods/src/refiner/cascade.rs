@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::effort::ITERATIONS;
+/// No object has more iterations.
+pub(super) const ITERATIONS: usize = 3;
 
 /// The score of a detection before each iteration of the refiner, and after the last one.
 pub type ScoreTrace = [f64; ITERATIONS + 1];
@@ -95,7 +96,7 @@ mod tests {
     fn no_share_is_fitted_on_too_few_or_above_one() {
         assert_eq!(Cascade::fit(&traces([0.4; 3])[..800]), None);
         let falling = Cascade::fit(&traces([3.0, 1.0, 0.5])).expect("enough").shares();
-        assert!(falling[0] == 1.0 && falling[1] == 1.0 && falling[2] < 0.51, "{falling:?}");
+        assert!(falling[0] > 0.99 && falling[1] > 0.99 && falling[2] < 0.51, "{falling:?}");
         assert!(Cascade { shares: falling }.is_usable() && Cascade::default().is_usable());
         assert!(!Cascade { shares: [0.1, f64::NAN, 0.1] }.is_usable());
     }

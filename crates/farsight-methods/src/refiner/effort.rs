@@ -1,9 +1,6 @@
 //! How much is done for each object.
 
-use super::Cascade;
-
-/// No object has more iterations.
-pub(super) const ITERATIONS: usize = 3;
+use super::cascade::{Cascade, ITERATIONS};
 
 /// How many iterations of the refiner each object gets, and how many mirror images.
 ///

@@ -1,6 +1,6 @@
 //! The refiner at what was found ([`crate::refiner::geometry`]).
 
-use crate::refiner::effort::ITERATIONS;
+use crate::refiner::cascade::ITERATIONS;
 use crate::refiner::geometry::{Crop, INPUT_CHANNELS, OUTPUT_CHANNELS, Refinement, input_rules};
 use crate::refiner::{Effort, RefinerConfig, ScoreTrace};
 use farsight_core::nms::{SAME_OBJECT_OVERLAP, class_nms, soft_suppression};
@@ -118,8 +118,8 @@ impl Refiner {
     /// What the refiner alone says of each detection; `None` where it has no answer.
     ///
     /// Several iterations ([`Effort`]), each where the one before it saw the object: a cut-out around a better box
-    /// shows more of the object and less of the rest. What is not likely to reach the score `sought` ([`Cascade`](super::Cascade))
-    /// keeps the answer that it has.
+    /// shows more of the object and less of the rest. What is not likely to reach the score `sought` keeps the answer
+    /// that it has ([`Cascade`](super::Cascade)).
     ///
     /// # Errors
     /// When the engine fails.
@@ -133,7 +133,8 @@ impl Refiner {
         self.iterated(image, camera, detections, sought, |_, _, _| {})
     }
 
-    /// The scores of each detection before each iteration and after the last one: what a [`Cascade`](super::Cascade) is fitted on.
+    /// The scores of each detection before each iteration and after the last one: what a [`Cascade`](super::Cascade)
+    /// is fitted on.
     ///
     /// # Errors
     /// When the engine fails.

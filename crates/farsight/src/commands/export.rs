@@ -66,12 +66,12 @@ pub(crate) struct ExportArgs {
     /// seventy are right) [default: the model's]
     #[arg(long, value_name = "DIR")]
     fit_on: Option<PathBuf>,
-    /// Images like those that a refiner will see, with or without labels: to fit below which scores a further iteration
-    /// of it does not pay; nothing else of the model changes [default: the model's]
+    /// Images like those that a refiner will see: to fit below which scores a further iteration of it does not pay;
+    /// nothing else of the model changes [default: the model's]
     #[arg(long, value_name = "DIR", requires = "half")]
     cascade_on: Option<PathBuf>,
-    /// With --fit-on, --cascade-on or --int8 of a refiner or a plate reader: the detector that it is to follow, "farsight-w",
-    /// "farsight-s", "farsight-n" or a file
+    /// With --fit-on, --cascade-on or --int8 of a refiner or a plate reader: the detector that it is to follow,
+    /// "farsight-w", "farsight-s", "farsight-n" or a file
     #[arg(long, value_name = "FILE", default_value = "farsight-s", requires = "half")]
     detector: PathBuf,
     /// With --fit-on of a refiner: another training of the same network, whose weights and this one's are averaged (a
