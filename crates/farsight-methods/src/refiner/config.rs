@@ -60,7 +60,7 @@ impl NetworkConfig for RefinerConfig {
         let Self { side, backbone, channels, hidden, fusion, cascade } = self;
         let multiple = backbone.stride(channels.len());
         let unusable = || format!("model.fusion is {fusion:?}; expected the numbers of a fit");
-        let no_cascade = || format!("model.cascade is {:?}; expected shares from 0 to 1", cascade.shares());
+        let no_cascade = || format!("model.cascade is {cascade:?}; expected scores of a fit");
         problem_of_sizes("model", *side, multiple, channels, *hidden)
             .or_else(|| (!fusion.is_usable()).then(unusable))
             .or_else(|| (!cascade.is_usable()).then(no_cascade))

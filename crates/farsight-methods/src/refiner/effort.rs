@@ -53,11 +53,11 @@ impl Effort {
         }
     }
 
-    /// What has a score below these shares of the score that is sought before each iteration gets no more of them.
-    pub(super) fn least_shares(self, cascade: &Cascade) -> [f64; ITERATIONS] {
-        let [first, second, third] = cascade.shares();
+    /// What has a score below these before each iteration gets no more of them, where the score `sought` counts.
+    pub(super) fn least_scores(self, cascade: &Cascade, sought: f64) -> [f64; ITERATIONS] {
+        let [first, second, third] = cascade.least(sought);
         match self {
-            Self::Fast => [first, second.max(0.5), third.max(0.5)],
+            Self::Fast => [first, second.max(0.5 * sought), third.max(0.5 * sought)],
             Self::Normal => [first, second, third],
             Self::Best => [0.0; ITERATIONS],
         }

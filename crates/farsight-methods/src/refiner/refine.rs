@@ -165,18 +165,18 @@ impl Refiner {
         mut tell: impl FnMut(usize, usize, f64),
     ) -> Result<Vec<Option<Refinement>>, EngineError> {
         let image_size = [image.width(), image.height()].map(|side| side as usize);
-        let least_shares = self.effort.least_shares(&self.config.cascade);
+        let least_scores = self.effort.least_scores(&self.config.cascade, sought);
         let mut seen: Vec<Option<Seen>> = vec![None; detections.len()];
         // Objects that are not settled.
         let mut places: Vec<usize> = (0..detections.len()).collect();
-        for (iteration, least_share) in least_shares.into_iter().take(self.effort.iterations()).enumerate() {
+        for (iteration, least_score) in least_scores.into_iter().take(self.effort.iterations()).enumerate() {
             let is_last = iteration + 1 == self.effort.iterations();
             let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(places.len());
             places.retain(|&place| {
                 let known = seen[place].as_ref().map(|seen| &seen.refinement);
                 let fused = self.config.fusion.fused(&detections[place], known, camera, image_size);
                 tell(place, iteration, fused.score);
-                if fused.score < least_share * sought {
+                if fused.score < least_score {
                     return false;
                 }
                 let Some(crop) = Crop::from_box(&fused.box2d, camera, self.config.side) else { return true };

@@ -61,11 +61,12 @@ pub(super) fn fitted(
     let Some(cascade) = Cascade::fit(&traces) else {
         return Ok(None);
     };
-    let [first, second, third] = cascade.shares();
-    printer.status(&format!(
-        "looked at from {first:.2}, {second:.2} and {third:.2} of the score that is sought on, fitted on {} in {}",
-        counted(traces.len(), "detection"),
-        counted(count, "image")
-    ));
+    for sought in Cascade::SOUGHT {
+        let [first, second, third] = cascade.least(sought);
+        printer.status(&format!(
+            "for a score of {sought}: iterations from a score of {first:.2}, {second:.2} and {third:.2} on"
+        ));
+    }
+    printer.status(&format!("fitted on {} in {}", counted(traces.len(), "detection"), counted(count, "image")));
     Ok(Some(cascade))
 }
