@@ -177,12 +177,14 @@ fn joined(steps: Vec<Step>, outputs: &[TensorInfo]) -> Vec<Vec<Step>> {
     let continues = |group: &[Step], next: &Convolution| {
         let Some(Step::Convolution(last)) = group.last() else { return false };
         let is_depthwise = |one: &Convolution| one.kind == ConvolutionKind::Depthwise;
-        let are_joined = if is_depthwise(next) {
-            group.len() == 1 && last.is_pointwise()
+        let (are_joined, channels) = if is_depthwise(next) {
+            (group.len() == 1 && last.is_pointwise(), next.weight.shape[0])
         } else {
-            is_depthwise(last) && next.is_pointwise()
+            (is_depthwise(last) && next.is_pointwise(), next.weight.shape[1])
         };
-        are_joined && last.output == next.input && readers.get(&last.output) == Some(&1)
+        // A file may say that they follow each other although they cannot.
+        let do_fit = last.weight.shape[0] == channels;
+        are_joined && do_fit && last.output == next.input && readers.get(&last.output) == Some(&1)
     };
     let mut groups: Vec<Vec<Step>> = Vec::new();
     for step in steps {

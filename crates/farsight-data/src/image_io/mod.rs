@@ -115,7 +115,13 @@ pub fn read_image(path: &Path) -> Result<RgbImage, ImageError> {
 /// When the file is no regular file, cannot be read, is no such image, is damaged or truncated, or has more pixels than
 /// `limits` allow: this is checked from its header, before memory is taken for the pixels.
 pub fn load_image(path: &Path, limits: ImageLimits) -> Result<LoadedImage, ImageError> {
-    decode(Input::open(path)?, limits)
+    let mut input = Input::open(path)?;
+    // A PNG file is in many small chunks, which are gone through three times: hundreds of reads of the file.
+    if input.format == ImageFormat::Png && input.length <= SPARE_BYTES {
+        let bytes = input.bytes(SPARE_BYTES).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
+        return decode_image(&bytes, path, limits);
+    }
+    decode(input, limits)
 }
 
 /// Reads an image from memory; errors call it `name`.

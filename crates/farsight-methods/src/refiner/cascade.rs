@@ -8,8 +8,8 @@ pub(super) const ITERATIONS: usize = 3;
 /// The score of a detection before each iteration of the refiner, and after the last one.
 pub type ScoreTrace = [f64; ITERATIONS + 1];
 
-/// A rejection cascade (Viola and Jones 2001): before each iteration there is a score below which an object gets no more
-/// of them, as hardly any such object would reach the score that is sought.
+/// A rejection cascade (Viola and Jones 2001): before each iteration there is a score below which an object gets no
+/// more of them, as hardly any such object would reach the score that is sought.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Cascade {
