@@ -257,3 +257,48 @@ fn tensor(value: Value) -> Result<Tensor, Failure> {
     let tensor = value.into_tensor::<f32>().ok_or("an output is not of floats")?;
     Ok(Tensor { shape: tensor.shape().to_vec(), values: tensor.into_data() })
 }
+
+#[cfg(test)]
+mod tests {
+    use farsight_graph::graph::Window;
+    use farsight_graph::weights::WeightTensor;
+
+    use super::*;
+
+    /// A convolution from the value `input` to `output`; `weight` are its sides: out, in of a group, kernel.
+    fn convolution(kind: ConvolutionKind, [input, output]: [&str; 2], [out, of_group, kernel]: [usize; 3]) -> Step {
+        let shape = vec![out, of_group, kernel, kernel];
+        let weight = WeightTensor::new(shape.clone(), vec![0.0; shape.iter().product()]).unwrap();
+        let limits = [f32::NEG_INFINITY, f32::INFINITY];
+        let [input, output] = [input, output].map(str::to_owned);
+        let window = Window::same(kernel, 1);
+        Step::Convolution(Convolution { input, output, kind, window, weight, bias: vec![0.0; out], limits })
+    }
+
+    fn groups(steps: Vec<Step>, output: &str) -> Vec<usize> {
+        let output = TensorInfo { name: output.to_owned(), channels: None };
+        joined(steps, &[output]).iter().map(Vec::len).collect()
+    }
+
+    #[test]
+    fn inverted_residuals_are_joined_where_nothing_else_reads_what_is_between() {
+        let [dense, depthwise] = [ConvolutionKind::Dense, ConvolutionKind::Depthwise];
+        let block = |channels: usize| {
+            vec![
+                convolution(dense, ["x", "wide"], [24, 4, 1]),
+                convolution(depthwise, ["wide", "seen"], [channels, 1, 3]),
+                convolution(dense, ["seen", "y"], [6, 24, 1]),
+            ]
+        };
+        assert_eq!(groups(block(24), "y"), [3]);
+        assert_eq!(groups(block(24).split_off(1), "y"), [2]);
+        // What is read, or asked for, besides; windows of more than one cell; channels that do not fit.
+        let with_reader = [block(24), vec![convolution(dense, ["wide", "z"], [5, 24, 1])]].concat();
+        assert_eq!(groups(with_reader, "y"), [1, 2, 1]);
+        assert_eq!(groups(block(24), "seen"), [2, 1]);
+        let mut with_large_windows = block(24);
+        with_large_windows[0] = convolution(dense, ["x", "wide"], [24, 4, 3]);
+        assert_eq!(groups(with_large_windows, "y"), [1, 2]);
+        assert_eq!(groups(block(23), "y"), [1, 1, 1]);
+    }
+}
