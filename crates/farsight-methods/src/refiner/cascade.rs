@@ -55,8 +55,8 @@ impl Cascade {
 
     /// Whether these are numbers that a fit could have given: files from strangers may hold others.
     pub fn is_usable(&self) -> bool {
-        let rows = self.least.iter().zip(Self::SOUGHT);
-        rows.into_iter().all(|(least, sought)| least.iter().all(|score| (0.0..=sought).contains(score)))
+        let mut rows = self.least.iter().zip(Self::SOUGHT);
+        rows.all(|(least, sought)| least.iter().all(|score| (0.0..=sought).contains(score)))
     }
 
     /// The least scores before each iteration for what is to reach the score `sought`: interpolated between those of

@@ -225,7 +225,11 @@ fn mistakes_are_told_with_the_file() {
     assert!(cascade(&refiner, &[]).contains("image_2: too few detections with high scores"));
     assert!(cascade("farsight-s", &[]).contains("a detector; --cascade-on is of refiners"));
     assert!(cascade("shipped-plates", &[]).contains("shipped-plates: --cascade-on is of refiners"));
-    assert!(cascade(&refiner, &["--fit-on", "scenes"]).contains("--cascade-on changes nothing else of the model"));
+    for more in [["--fit-on", "scenes"], ["--input", "640x192"], ["--training-data", "a"]] {
+        assert!(cascade(&refiner, &more).contains("--cascade-on changes nothing else of the model"), "{more:?}");
+    }
+    let ranges = cascade(&refiner, &["--int8", "--calibration", &scenes]);
+    assert!(ranges.contains("--int8 --half measures ranges and changes nothing else of the model"), "{ranges}");
     assert!(!folder.join("x.onnx").exists() && !folder.join("x.safetensors").exists());
     let as_detector = told(folder, &["range", &scene, "--hfov", "81", "--model", &refiner]);
     let expected = "farsight-refiner.safetensors: a refiner; expected a detector, name it with --refiner";

@@ -22,8 +22,9 @@ const TOO_FEW: &str = "too few detections with high scores to fit below which sc
 
 /// Fits the cascade of `model` to the images in `folder`, and writes it with that; nothing else changes.
 pub(super) fn run(mut model: RefinerModel, args: &ExportArgs, folder: &Path, printer: &mut Printer) -> Result<Outcome> {
+    let is_changed = args.fit_on.is_some() || args.average_with.is_some() || args.input.is_some();
     ensure!(
-        args.average_with.is_none() && args.fit_on.is_none(),
+        !is_changed && args.focal_range.is_none() && !args.tells_facts(),
         "--cascade-on changes nothing else of the model; expected --half, --detector and --out alone beside it"
     );
     let engine = args.int8.engine.options()?;

@@ -85,7 +85,8 @@ fn measured<C: NetworkConfig>(
     look: impl FnOnce(Box<dyn Runner>, &Model<C>) -> Result<Look>,
 ) -> Result<Outcome> {
     let folder = args.int8.calibration.clone().context("--int8 needs --calibration DIR")?;
-    let is_changed = args.fit_on.is_some() || args.average_with.is_some() || args.input.is_some();
+    let is_fitted = args.fit_on.is_some() || args.cascade_on.is_some();
+    let is_changed = is_fitted || args.average_with.is_some() || args.input.is_some();
     ensure!(
         !is_changed && !args.tells_facts(),
         "--int8 --half measures ranges and changes nothing else of the model; expected --calibration and --out alone beside it"
