@@ -114,7 +114,7 @@ impl EngineOptions {
         }
         let options = SessionOptions {
             threads: self.usable_threads(),
-            sharers: self.side_by_side.unwrap_or(1),
+            sharers: self.at_once(),
             bf16: self.precision == Precision::Bf16,
             device: self.device,
         };

@@ -109,6 +109,7 @@ impl EngineOptions {
     /// in each network, or with a share of the cores. Two networks of one thread do more than one of two.
     ///
     /// libtorch has its threads in common, and a GPU all have in common: there it is one image after the other.
+    /// OpenVINO hands each network to a thread of its own, so one more image keeps the cores at work meanwhile.
     #[must_use]
     pub fn for_images(self, images: usize) -> Self {
         let cores = available_parallelism().map_or(1, NonZero::get);
@@ -117,12 +118,40 @@ impl EngineOptions {
         if count == 1 || self.kind == EngineKind::Libtorch || self.device != Device::Cpu {
             return self;
         }
-        Self { threads: self.threads.or(Some(cores / count)), side_by_side: Some(count), ..self }
+        let ahead = usize::from(self.kind == EngineKind::OpenVino && count < images);
+        Self { threads: self.threads.or(Some(cores / count)), side_by_side: Some(count + ahead), ..self }
+    }
+
+    /// For how many of those that use the network it runs at once: as many as there are cores for.
+    pub(crate) fn at_once(&self) -> usize {
+        let cores = available_parallelism().map_or(1, NonZero::get);
+        let most = cores / self.threads.unwrap_or(1).max(1);
+        self.side_by_side.unwrap_or(1).clamp(1, most.max(1))
     }
 }
 
 impl From<EngineKind> for EngineOptions {
     fn from(kind: EngineKind) -> Self {
         Self { kind, ..Self::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn openvino_has_one_image_more_than_it_runs_for() {
+        let cores = available_parallelism().map_or(1, NonZero::get);
+        for images in [1, 2, 3, 100] {
+            let [rten, openvino] = [EngineKind::Rten, EngineKind::OpenVino].map(|kind| {
+                let options = EngineOptions::from(kind).for_images(images);
+                assert!(options.at_once() * options.threads.unwrap_or(1) <= cores, "{options:?}");
+                options.side_by_side.unwrap_or(1)
+            });
+            let is_one_more = rten > 1 && rten < images;
+            assert_eq!(openvino, rten + usize::from(is_one_more), "{images} images");
+            assert!(openvino <= images);
+        }
     }
 }

@@ -103,12 +103,22 @@ impl QuantizedWeights {
         let rows = weight.chunks_exact((weight.len() / channels.max(1)).max(1));
         let scales: Vec<f32> =
             rows.clone().enumerate().map(|(i, row)| channel_scale(row, bias.get(i), input_scale, range)).collect();
-        let steps = rows.zip(&scales).flat_map(|(row, scale)| row.iter().map(move |value| value / scale));
-        let values = steps.map(|step| step.round_ties_even() as i8).collect();
+        let mut values = Vec::with_capacity(weight.len());
+        for (row, scale) in rows.zip(&scales) {
+            values.extend(row.iter().map(|value| nearest(value / scale)));
+        }
         let bias_scales: Vec<f32> = scales.iter().map(|scale| scale * input_scale).collect();
         let bias = bias.iter().zip(&bias_scales).map(|(b, s)| (f64::from(*b) / f64::from(*s)).round() as i32).collect();
         Self { values, scales, bias, bias_scales }
     }
+}
+
+/// The nearest whole number, of two the even one, to a number that is no larger than a weight can be. All x86 CPUs do
+/// this for many numbers at once; what rounds any number is a call for each of them.
+fn nearest(step: f32) -> i8 {
+    /// Here the numbers of single precision are 1 apart.
+    const SHIFT: f32 = 1.5 * (1 << 23) as f32;
+    ((step + SHIFT) - SHIFT) as i8
 }
 
 /// The shortest step that reaches the largest weight of a channel and its bias. A channel of zeros gets steps of 1.
@@ -124,7 +134,14 @@ fn channel_scale(row: &[f32], bias: Option<&f32>, input_scale: f32, range: Weigh
 mod tests {
     use proptest::prelude::*;
 
-    use super::{QuantizedWeights, Range, WeightRange};
+    use super::{QuantizedWeights, Range, WeightRange, nearest};
+
+    #[test]
+    fn the_nearest_whole_number_is_that_of_the_standard_library() {
+        for step in (-8128..=8128).map(|sixtyfourth| sixtyfourth as f32 / 64.0) {
+            assert_eq!(f32::from(nearest(step)), step.round_ties_even(), "{step}");
+        }
+    }
 
     proptest! {
         #[test]

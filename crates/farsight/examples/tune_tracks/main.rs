@@ -3,10 +3,15 @@
 //!
 //! DATA is what `farsight synth --sequence` wrote; DETECTIONS has one file a sequence (0000.json), which
 //! `farsight range DATA/training/image_02/0000 --calib DATA/training/calib/0000.txt --min-score 0.2 --json` wrote.
+//!
+//! `tune_tracks --fit DATA DETECTIONS [DATA DETECTIONS ...]` looks for options of motion and noise that make the truth
+//! of all these sequences likelier.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::format_push_string, reason = "an example")]
 
 mod baselines;
 mod data;
+mod fit;
+mod settings;
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -17,9 +22,21 @@ use farsight_eval::tracks::{JudgedSequence, PredictedFrame, PredictedTrack, Samp
 
 use baselines::{Baseline, Kind};
 use data::{BIRTH, Sequence, judged, options, sequences, told, update};
+use settings::set;
 
 fn main() -> std::io::Result<()> {
-    let mut arguments = std::env::args().skip(1);
+    let mut arguments = std::env::args().skip(1).peekable();
+    if arguments.next_if_eq("--fit").is_some() {
+        let (settings, folders): (Vec<String>, Vec<String>) = arguments.partition(|one| one.contains('='));
+        let mut start = options();
+        settings.iter().for_each(|setting| set(&mut start, setting));
+        let mut all = Vec::new();
+        for pair in folders.chunks(2) {
+            let [data, folder] = pair else { panic!("expected DATA DETECTIONS") };
+            all.extend(sequences(Path::new(data), Path::new(folder))?);
+        }
+        return fit::fit(&all, &start).map(drop);
+    }
     let (data, folder) = arguments.next().zip(arguments.next()).expect("expected DATA DETECTIONS");
     let mut options = options();
     arguments.for_each(|setting| set(&mut options, &setting));
@@ -47,38 +64,6 @@ fn short(name: &str, judged: &[JudgedSequence]) -> String {
     });
     let (idf1, switches) = (share(report.space.idf1), report.image.switches);
     format!("{name}: in the image {image}, in space {space}, IDF1 in space {idf1}, switches {switches}\n")
-}
-
-fn set(options: &mut TrackerOptions, setting: &str) {
-    let (name, value) = setting.split_once('=').expect("expected NAME=VALUE");
-    let value: f64 = value.parse().expect("a number");
-    let noise = &mut options.noise;
-    let place = match name {
-        "birth_score" => &mut options.birth_score,
-        "low_score" => &mut options.low_score,
-        "min_overlap" => &mut options.min_overlap,
-        "gate_sigmas" => &mut options.gate_sigmas,
-        "even_psd" => &mut options.motion[0].acceleration_psd,
-        "even_lasts_s" => &mut options.motion[0].lasts_s,
-        "pushed_psd" => &mut options.motion[1].acceleration_psd,
-        "pushed_lasts_s" => &mut options.motion[1].lasts_s,
-        "max_coast_s" => &mut options.max_coast_s,
-        "prior_along" => &mut options.prior_speed_mps[1],
-        "prior_across" => &mut options.prior_speed_mps[0],
-        "persistent_share" => &mut noise.persistent_share,
-        "persistent_s" => &mut noise.persistent_s,
-        "least_white" => &mut noise.least_white,
-        "height_share" => &mut noise.height_share,
-        "height_px" => &mut noise.height_px,
-        "height_s" => &mut noise.height_s,
-        "white_height_share" => &mut noise.white_height_share,
-        "white_height_px" => &mut noise.white_height_px,
-        "size_drift" => &mut noise.size_drift,
-        "place_px" => &mut noise.place_px,
-        "place_share" => &mut noise.place_share,
-        _ => panic!("no option {name}"),
-    };
-    *place = value;
 }
 
 fn tracked(sequence: &Sequence, options: &TrackerOptions, coasts: bool) -> Vec<Option<PredictedFrame>> {
