@@ -25,7 +25,10 @@ pub struct TrackerOptions {
     /// The two ways to move: evenly, and braking, accelerating or turning.
     pub motion: [Motion; 2],
     /// Standard deviation of the relative velocity before anything is known: across and along the optical axis, m/s.
+    /// What comes towards a camera that moves is fast.
     pub prior_speed_mps: [f64; 2],
+    /// A velocity is told from these standard deviations on: across and along the optical axis, m/s.
+    pub known_sigma_mps: [f64; 2],
     /// Width of what we drive in, with what is to stay free beside it, metres.
     pub own_width_m: f64,
     /// Errors of the measurements.
@@ -44,7 +47,8 @@ impl Default for TrackerOptions {
             min_overlap: 0.2,
             gate_sigmas: 4.0,
             motion: [Motion { acceleration_psd: 0.3, lasts_s: 1.4 }, Motion { acceleration_psd: 30.0, lasts_s: 0.7 }],
-            prior_speed_mps: [5.0, 10.0],
+            prior_speed_mps: [5.0, 18.0],
+            known_sigma_mps: [2.5, 5.0],
             own_width_m: 2.4,
             noise: Noise::default(),
         }

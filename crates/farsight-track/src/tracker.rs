@@ -105,9 +105,7 @@ const HIDDEN_COAST_SHARE: f64 = 0.5;
 const MIN_EGO_MPS: f64 = 3.0;
 const STILL_PROBABILITY: f64 = 0.9;
 
-/// Nothing is said of a velocity that is less sure than this share of what was thought before anything was known, nor
-/// after fewer detections, nor after less time in seconds.
-const KNOWN_SHARE: f64 = 0.5;
+/// Nothing is said of a velocity after fewer detections, nor after less time in seconds.
 const KNOWN_HITS: u32 = 3;
 const KNOWN_AFTER_S: f64 = 0.25;
 
@@ -421,7 +419,7 @@ impl Entry {
     fn velocity(&self, time_s: f64, options: &TrackerOptions) -> Option<Velocity> {
         let ([vx, vz], [[xx, xz], [_, zz]]) = self.filter.ground_velocity();
         let sigmas = [xx.sqrt(), zz.sqrt()];
-        let is_sure = sigmas.iter().zip(options.prior_speed_mps).all(|(sigma, prior)| *sigma < KNOWN_SHARE * prior);
+        let is_sure = sigmas.iter().zip(options.known_sigma_mps).all(|(sigma, known)| *sigma < known);
         let is_known = is_sure && self.hits >= KNOWN_HITS && time_s - self.born_s >= KNOWN_AFTER_S;
         is_known.then(|| Velocity {
             mps: [vx, 0.0, vz],
