@@ -29,7 +29,9 @@ fn main() -> std::io::Result<()> {
     if arguments.next_if_eq("--fit").is_some() {
         let (settings, folders): (Vec<String>, Vec<String>) = arguments.partition(|one| one.contains('='));
         let mut start = options();
-        settings.iter().for_each(|setting| set(&mut start, setting));
+        for setting in &settings {
+            set(&mut start, setting);
+        }
         let mut all = Vec::new();
         for pair in folders.chunks(2) {
             let [data, folder] = pair else { panic!("expected DATA DETECTIONS") };
