@@ -31,13 +31,15 @@ pub use write::{write, write_quantized};
 /// Name of the one input.
 pub const INPUT: &str = "image";
 
-/// For which engines a file is meant. Networks without deformable convolutions are the same for both.
+/// For which engines a file is meant. Networks are the same for both that have no deformable convolutions, and no
+/// learnt upsampling in 8 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Target {
     /// Deformable convolutions from `GridSample`, which all engines have.
     #[default]
     Portable,
-    /// Deformable convolutions as `DeformConv`, which ONNX Runtime has and is faster.
+    /// Deformable convolutions as `DeformConv`, which ONNX Runtime has and is faster; upsampling in 8 bits without
+    /// `DepthToSpace`, in which ONNX Runtime is slow.
     OnnxRuntime,
 }
 

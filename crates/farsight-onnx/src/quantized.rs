@@ -1,6 +1,7 @@
 //! Numbers in 8 bits, as ONNX writes them (QDQ form).
 
-use crate::parts::{Parts, convolution, int, word};
+use crate::Target;
+use crate::parts::{Parts, convolution, int, ints, word};
 use farsight_graph::graph::Window;
 use farsight_graph::quantize::{QuantizedWeights, Range, WeightRange};
 
@@ -10,8 +11,13 @@ use farsight_graph::quantize::{QuantizedWeights, Range, WeightRange};
 pub(super) fn rounded(parts: &mut Parts, x: &str, range: Range) -> String {
     let scale = parts.floats(&format!("scale {:e}", range.scale()), &[], &[range.scale()]);
     let zero = parts.byte(range.zero_point());
-    let quantized = parts.node("QuantizeLinear", &[x, &scale, &zero], &format!("{x}/quantized"), Vec::new());
-    parts.node("DequantizeLinear", &[&quantized, &scale, &zero], &format!("{x}/rounded"), Vec::new())
+    let bytes = parts.node("QuantizeLinear", &[x, &scale, &zero], &quantized(x), Vec::new());
+    parts.node("DequantizeLinear", &[&bytes, &scale, &zero], &format!("{x}/rounded"), Vec::new())
+}
+
+/// The name of the bytes that [`rounded`] makes of `x`.
+fn quantized(x: &str) -> String {
+    format!("{x}/quantized")
 }
 
 /// A weight whose first axis are the output channels, each with its own scale.
@@ -44,12 +50,13 @@ pub(super) struct UpConv<'a> {
     pub(super) channels: usize,
     pub(super) factor: usize,
     pub(super) weights: WeightRange,
+    pub(super) target: Target,
 }
 
 impl UpConv<'_> {
     /// Writes it; the ranges are those of the map and of the result.
     pub(super) fn write(&self, parts: &mut Parts, [input, output]: [Range; 2], out: &str) -> String {
-        let Self { x, name, kernels, channels, factor, weights } = *self;
+        let Self { x, name, kernels, channels, factor, weights, target } = *self;
         let (copies, window) = (factor * factor, Window::same(3, 1));
         let groups = copies * channels;
         let copied = parts.node("Concat", &vec![x; copies], &format!("{out}/copies"), vec![int("axis", 1)]);
@@ -58,8 +65,36 @@ impl UpConv<'_> {
         let weight = weight(parts, name, &[groups, 1, 3, 3], &weights);
         let phases = parts.node("Conv", &[&copied, &weight], &format!("{out}/phases"), convolution(window, groups));
         let phases = rounded(parts, &phases, output);
-        let how = vec![int("blocksize", factor as i64), word("mode", "DCR")];
-        parts.node("DepthToSpace", &[&phases], out, how)
+        match target {
+            Target::Portable => {
+                let how = vec![int("blocksize", factor as i64), word("mode", "DCR")];
+                parts.node("DepthToSpace", &[&phases], out, how)
+            }
+            Target::OnnxRuntime => self.interleaved(parts, &phases, out),
+        }
+    }
+
+    /// What `DepthToSpace` makes, in a third of the time that it takes ONNX Runtime: two moves of one axis each, the
+    /// second of which copies whole rows.
+    fn interleaved(&self, parts: &mut Parts, phases: &str, out: &str) -> String {
+        let step = |part: &str| format!("{out}/{part}");
+        let [factor, channels] = [self.factor, self.channels].map(|value| value as i64);
+        // Of the bytes: that of what is made of them would make them floats.
+        let shape = parts.node("Shape", &[&quantized(&step("phases"))], &step("shape"), Vec::new());
+        let [from, to, times] = [3, 4, factor].map(|number| parts.list(&[number]));
+        let width = parts.node("Slice", &[&shape, &from, &to], &step("width"), Vec::new());
+        let row = parts.node("Mul", &[&width, &times], &step("row"), Vec::new());
+        let mut with_rows = |sides: &[i64], part: &str| {
+            let sides = parts.list(sides);
+            parts.node("Concat", &[&sides, &row], &step(part), vec![int("axis", 0)])
+        };
+        let (rows, shape) = (with_rows(&[0, factor, -1], "row_shape"), with_rows(&[0, channels, -1], "map_shape"));
+        let positions = parts.list(&[0, factor, factor, -1]);
+        let split = parts.node("Reshape", &[phases, &positions], &step("positions"), Vec::new());
+        let columns = parts.node("Transpose", &[&split], &step("columns"), vec![ints("perm", &[0, 1, 3, 2])]);
+        let rows = parts.node("Reshape", &[&columns, &rows], &step("rows"), Vec::new());
+        let rows = parts.node("Transpose", &[&rows], &step("interleaved"), vec![ints("perm", &[0, 2, 1, 3])]);
+        parts.node("Reshape", &[&rows, &shape], out, Vec::new())
     }
 }
 

@@ -154,7 +154,8 @@ impl Writer<'_> {
                 let kernels = quantized::phases(&self.tensor(*weight)?.values, *factor);
                 let name = self.network.graph.parameters[*weight].name.clone();
                 let (channels, factor, weights) = (node.channels, *factor, self.weight_range());
-                let up = quantized::UpConv { x, name: &name, kernels: &kernels, channels, factor, weights };
+                let target = self.target;
+                let up = quantized::UpConv { x, name: &name, kernels: &kernels, channels, factor, weights, target };
                 up.write(&mut self.parts, ranges, out)
             }
             Op::UpConv { weight, factor } => {

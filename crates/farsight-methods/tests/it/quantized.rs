@@ -40,9 +40,13 @@ fn facts() -> Facts {
 }
 
 fn file(network: &Network, quantization: Option<&Quantization>, facts: &Facts) -> OnnxModel {
+    file_for(Target::Portable, network, quantization, facts)
+}
+
+fn file_for(target: Target, network: &Network, quantization: Option<&Quantization>, facts: &Facts) -> OnnxModel {
     let bytes = match quantization {
-        Some(quantization) => write_quantized(network, quantization, facts, Target::Portable),
-        None => write(network, facts, Target::Portable),
+        Some(quantization) => write_quantized(network, quantization, facts, target),
+        None => write(network, facts, target),
     };
     OnnxModel::from_bytes(bytes.unwrap(), Path::new("in memory")).unwrap()
 }
@@ -189,6 +193,11 @@ fn learnt_upsampling_keeps_its_meaning() {
         assert_eq!(float.map_size, int8.map_size);
         let largest = probe::largest_difference(&float.logits, &int8.logits);
         assert!(largest > 0.0 && largest < 0.04, "factor {factor}: {largest}");
+        // ONNX Runtime gets other operators, of which the same comes.
+        let other = file_for(Target::OnnxRuntime, &network, Some(&quantization), &facts());
+        assert_ne!(other.bytes(), file(&network, Some(&quantization), &facts()).bytes());
+        let other = answer(other, &input, [12, 8]);
+        assert_eq!((other.logits, other.regression), (int8.logits, int8.regression), "factor {factor}");
     }
 }
 
