@@ -3,8 +3,8 @@
 
     cargo build --release
     target/release/farsight export --model models/farsight-s.safetensors --out farsight-s.onnx
-    python3 scripts/compare_engines.py --onnx farsight-s.onnx [--int8 farsight-s-int8.onnx] --input 1280x384 --rounds 7 \
-        --table docs/results/engines.json
+    python3 scripts/compare_engines.py --onnx farsight-s.onnx [--int8 farsight-s-int8.onnx] \
+        [--int8-onnxruntime farsight-s-ort.onnx] --input 1280x384 --rounds 7 --table docs/results/engines.json
 
 Farsight is timed from the image file to the detections (`farsight bench`), and its network alone; the peers get a tensor that is ready
 and give head maps. Peers whose Python package is missing are left out: onnxruntime, openvino, torch, tract (with numpy).
@@ -149,15 +149,18 @@ def contenders(args):
     image = np.random.default_rng(0).standard_normal((1, 3, height, width), dtype=np.float32)
     engines = {"rten": [], "onnxruntime": [], "openvino": []}
     models = [("fp32", args.onnx)] + ([("int8", args.int8)] if args.int8 else [])
-    for numbers, model in models:
+    # As it is made for ONNX Runtime.
+    made = [("fp32", args.onnx)] + [("int8", args.int8_onnxruntime)] if args.int8_onnxruntime else models
+    for numbers, _ in models:
         for engine in engines:
+            model = dict(made if engine == "onnxruntime" else models)[numbers]
             yield f"Farsight, {engine}, {numbers}", lambda m=model, e=engine: farsight_bench(args, m, "--engine", e)
     cpu = pathlib.Path("/proc/cpuinfo")
     if cpu.exists() and "bf16" in cpu.read_text():
         bf16 = ["--engine", "openvino", "--precision", "bf16"]
         yield "Farsight, openvino, bf16", lambda: farsight_bench(args, args.onnx, *bf16)
     peers = [
-        ("ONNX Runtime alone", onnxruntime_peer, models),
+        ("ONNX Runtime alone", onnxruntime_peer, made),
         ("OpenVINO alone", openvino_peer("f32"), models),
         ("PyTorch, eager", torch_peer, models[:1]),
         ("tract", tract_peer, models[:1]),
@@ -177,6 +180,7 @@ def main():
     parser.add_argument("--farsight", default="target/release/farsight")
     parser.add_argument("--onnx", required=True, help="the plain export")
     parser.add_argument("--int8", help="the same quantised")
+    parser.add_argument("--int8-onnxruntime", help="the same for ONNX Runtime (export --target onnxruntime)")
     parser.add_argument("--image", help="image file; default: Farsight's example scene, 1242x375")
     parser.add_argument("--input", default="1280x384")
     parser.add_argument("--threads", type=int, default=2)
@@ -192,7 +196,8 @@ def main():
         print(f"round {number + 1} of {args.rounds}", flush=True)
     base = "ONNX Runtime alone, fp32"
     columns = ["program, precision", "file to detections, ms", "network, ms", f"network / {base}"]
-    command = f"python3 scripts/compare_engines.py --onnx ONNX --int8 ONNX --input {args.input} --rounds {args.rounds}"
+    files = "--onnx ONNX --int8 ONNX --int8-onnxruntime ONNX"
+    command = f"python3 scripts/compare_engines.py {files} --input {args.input} --rounds {args.rounds}"
     table = MeasuredTable(f"{command} --threads {args.threads}", columns)
     for name, _ in runs:
         total = [r[name][0] for r in rounds if r[name][0] is not None]

@@ -2,9 +2,10 @@
 """Where an engine spends its time: kind of layer, numbers that it computes in, share of the network's time.
 
     target/release/farsight export --model models/farsight-s.safetensors --out farsight-s.onnx
-    target/release/farsight export --int8 --model models/farsight-s.safetensors --calibration IMAGES --out farsight-s-int8.onnx
-    python3 scripts/profile_layers.py --onnx farsight-s.onnx --int8 farsight-s-int8.onnx --input 960x288 \
-        --table docs/results/layers.json
+    target/release/farsight export --model models/farsight-s.safetensors --int8 --float-layers 0 \
+        --calibration IMAGES --out farsight-s-int8.onnx      # with --target onnxruntime the third one
+    python3 scripts/profile_layers.py --onnx farsight-s.onnx --int8 farsight-s-int8.onnx \
+        --int8-onnxruntime farsight-s-ort.onnx --input 960x288 --table docs/results/layers.json
 
 ONNX Runtime and OpenVINO (from PyPI, with numpy) tell the time of each layer. Layers of one kind are added up; medians
 over the runs.
@@ -94,6 +95,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--onnx", required=True, help="the plain export")
     parser.add_argument("--int8", required=True, help="the same quantised")
+    parser.add_argument("--int8-onnxruntime", help="the same for ONNX Runtime (export --target onnxruntime)")
     parser.add_argument("--input", default="960x288")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--table", help="write the medians to this table (JSON)")
@@ -101,11 +103,14 @@ def main():
 
     width, height = map(int, options.input.split("x"))
     image = np.random.default_rng(0).standard_normal((1, 3, height, width), dtype=np.float32)
-    command = f"python3 scripts/profile_layers.py --onnx ONNX --int8 ONNX --input {options.input} --threads {options.threads}"
+    files = "--onnx ONNX --int8 ONNX --int8-onnxruntime ONNX"
+    command = f"python3 scripts/profile_layers.py {files} --input {options.input} --threads {options.threads}"
     table = MeasuredTable(command, COLUMNS)
     engines = [("ONNX Runtime", onnxruntime_layers), ("OpenVINO", openvino_layers)]
-    for numbers, model in (("fp32", options.onnx), ("int8", options.int8)):
+    int8 = {"ONNX Runtime": options.int8_onnxruntime or options.int8, "OpenVINO": options.int8}
+    for numbers, models in (("fp32", dict.fromkeys(int8, options.onnx)), ("int8", int8)):
         for engine, layers in engines:
+            model = models[engine]
             with tempfile.TemporaryDirectory() as folder:
                 by_run = layers(model, image, options.threads, pathlib.Path(folder))
             names = {name for run in by_run for name in run}
