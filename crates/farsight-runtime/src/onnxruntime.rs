@@ -79,6 +79,9 @@ mod present {
         fn session(&self) -> Result<Session, Failure> {
             let mut builder = Session::builder(environment(&self.library)?)?
                 .with_optimization_level(GraphOptimizationLevel::All)
+                .map_err(plain)?
+                // Threads of one network that wait for work, busily, take the cores from the next network.
+                .with_config_entry("session.force_spinning_stop", "1")
                 .map_err(plain)?;
             if let Some(threads) = self.options.threads {
                 builder = builder.with_intra_threads(threads).map_err(plain)?;
