@@ -76,13 +76,15 @@ impl Pitch {
         let mut sights: Vec<Sight> = detections.iter().filter_map(|one| Sight::of(one, camera, size)).collect();
         sights.sort_by(|a, b| b.weight.total_cmp(&a.weight));
         sights.truncate(MOST);
-        let log_likelihoods = log_likelihoods(&sights);
-        let best = log_likelihoods.iter().fold(f64::NEG_INFINITY, |best, (_, log)| best.max(*log));
-        let [mut sum, mut mean, mut square] = [0.0; 3];
-        for (tangent, log) in log_likelihoods {
+        let (mut best, [mut sum, mut mean, mut square]) = (f64::NEG_INFINITY, [0.0; 3]);
+        each_log_likelihood(&sights, |tangent, log| {
+            if log > best {
+                let smaller = (best - log).exp();
+                (best, sum, mean, square) = (log, smaller * sum, smaller * mean, smaller * square);
+            }
             let share = (log - best).exp();
             (sum, mean, square) = (sum + share, mean + share * tangent, square + share * tangent * tangent);
-        }
+        });
         mean /= sum;
         let sigma = (square / sum - mean * mean).max(0.0).sqrt();
         // The derivative of the angle by its tangent.
@@ -103,24 +105,22 @@ pub fn camera_from_level(angle_rad: f64) -> Pose {
     Pose { rotation: [[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]], ..Pose::IDENTITY }
 }
 
-/// Tangents of the pitch, and how likely each is with each height of the camera.
-fn log_likelihoods(sights: &[Sight]) -> Vec<(f64, f64)> {
+/// Tells the tangents of the pitch, each with how likely it is with each height of the camera, by at most [`MOST`]
+/// sights.
+fn each_log_likelihood(sights: &[Sight], mut tell: impl FnMut(f64, f64)) {
     let step = |place: usize, count: usize| place as f64 / (count - 1) as f64;
     let [lowest_m, highest_m] = HEIGHTS_M.map(f64::ln);
-    let mut all = Vec::with_capacity(TANGENTS * HEIGHTS);
     for height in 0..HEIGHTS {
         let log_height = lowest_m + (highest_m - lowest_m) * step(height, HEIGHTS);
         let usual = ((log_height - HEIGHT_M.ln()) / HEIGHT_LOG_SIGMA).powi(2);
         let height_m = log_height.exp();
         // Expected tangent of the edge of a level camera, its precision, and what the width of the distribution costs.
-        let expected: Vec<[f64; 3]> = sights
-            .iter()
-            .map(|sight| {
-                let below = height_m * sight.by_height;
-                let variance = EDGE_ERROR.powi(2) + (SIZE_ERROR * below).powi(2);
-                [sight.tangent - below, 1.0 / (DEGREES_OF_FREEDOM * variance), 0.5 * variance.ln()]
-            })
-            .collect();
+        let mut expected = [[0.0; 3]; MOST];
+        for (sight, expected) in sights.iter().zip(&mut expected) {
+            let below = height_m * sight.by_height;
+            let variance = EDGE_ERROR.powi(2) + (SIZE_ERROR * below).powi(2);
+            *expected = [sight.tangent - below, 1.0 / (DEGREES_OF_FREEDOM * variance), 0.5 * variance.ln()];
+        }
         for place in 0..TANGENTS {
             let tangent = MAX_TANGENT * (2.0 * step(place, TANGENTS) - 1.0);
             let mut log = -0.5 * usual - (tangent / TANGENT_SCALE).powi(2).ln_1p();
@@ -129,10 +129,9 @@ fn log_likelihoods(sights: &[Sight]) -> Vec<(f64, f64)> {
                 let tails = f64::midpoint(DEGREES_OF_FREEDOM, 1.0) * (off * off * precision).ln_1p();
                 log -= sight.weight * (tails + width);
             }
-            all.push((tangent, log));
+            tell(tangent, log);
         }
     }
-    all
 }
 
 #[cfg(test)]

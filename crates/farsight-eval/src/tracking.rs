@@ -38,6 +38,12 @@ pub struct TrackingMetrics {
     pub switches: u64,
     /// Times that a track of the truth was lost and found again.
     pub fragments: u64,
+    /// Objects that are matched in more than 80% of their frames.
+    pub mostly_tracked: u64,
+    /// Objects that are matched in 20 to 80% of their frames.
+    pub partially_tracked: u64,
+    /// Objects that are matched in fewer.
+    pub mostly_lost: u64,
     /// F1 of identities.
     pub idf1: f64,
     /// Identity recall and precision.
@@ -52,6 +58,11 @@ pub const ALPHAS: usize = 19;
 /// Least similarity of a match for CLEAR and identity metrics.
 pub const MATCH_SIMILARITY: f64 = 0.5;
 
+/// Shares of an object's frames in which it is matched: more than the first is mostly tracked, from the second on
+/// partially.
+const MOSTLY_TRACKED: f64 = 0.8;
+const PARTIALLY_TRACKED: f64 = 0.2;
+
 /// What keeps its match does so before anything else, as in `TrackEval`.
 const KEEP: f64 = 1000.0;
 
@@ -59,7 +70,12 @@ const KEEP: f64 = 1000.0;
 pub fn tracking_metrics(frames: &[TrackedFrame]) -> TrackingMetrics {
     let counts = Counts::of(frames);
     let (hota, det_a, ass_a, loc_a) = hota(frames, &counts);
-    let Clear { matched, missed, wrong, similarity, switches, fragments } = clear(frames);
+    let Clear { matched, missed, wrong, similarity, switches, fragments, matched_of } = clear(frames);
+    let share = |(id, place): (&u64, &usize)| matched_of.get(id).unwrap_or(&0.0) / counts.truth[*place];
+    let shares: Vec<f64> = counts.truth_place.iter().map(share).collect();
+    let count = |is: fn(f64) -> bool| shares.iter().filter(|share| is(**share)).count() as u64;
+    let mostly_tracked = count(|share| share > MOSTLY_TRACKED);
+    let partially_tracked = count(|share| share >= PARTIALLY_TRACKED) - mostly_tracked;
     let id_matched = id_matched(frames, &counts);
     let [truth, told] = [counts.truth.iter().sum::<f64>(), counts.told.iter().sum::<f64>()];
     TrackingMetrics {
@@ -71,6 +87,9 @@ pub fn tracking_metrics(frames: &[TrackedFrame]) -> TrackingMetrics {
         motp: similarity / matched.max(1.0),
         switches,
         fragments,
+        mostly_tracked,
+        partially_tracked,
+        mostly_lost: shares.len() as u64 - mostly_tracked - partially_tracked,
         idf1: id_matched / f64::midpoint(truth, told).max(1.0),
         id_recall: id_matched / truth.max(1.0),
         id_precision: id_matched / told.max(1.0),
@@ -193,6 +212,8 @@ struct Clear {
     similarity: f64,
     switches: u64,
     fragments: u64,
+    /// Frames in which each object is matched.
+    matched_of: BTreeMap<u64, f64>,
 }
 
 fn clear(frames: &[TrackedFrame]) -> Clear {
@@ -221,6 +242,7 @@ fn clear(frames: &[TrackedFrame]) -> Clear {
             }
             clear.similarity += similarities[i][j];
             now.insert(truth[i], told[j]);
+            *clear.matched_of.entry(truth[i]).or_insert(0.0) += 1.0;
         }
         let matched = now.len() as f64;
         clear.matched += matched;

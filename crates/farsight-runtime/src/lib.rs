@@ -25,5 +25,5 @@ pub use calibration::Calibration;
 pub use finite::FiniteRunner;
 pub use rten::RtenRunner;
 pub use runner::{EngineError, Runner, Tensor, TensorView};
-pub use session_options::{Device, SessionOptions};
+pub use session_options::{Device, FloatPrecision, SessionOptions};
 pub use timing::StageTimes;

@@ -29,7 +29,7 @@ mod present {
     use crate::elf::check_whole;
     use crate::library::{Failure, unpanicked};
     use crate::runner::{Runner, Tensor, TensorView, input};
-    use crate::session_options::{Device, SessionOptions};
+    use crate::session_options::{Device, FloatPrecision, SessionOptions};
     use crate::spare::Spare;
 
     /// So many forms of one network are compiled for inputs of one size. Inputs of all other sizes share one more,
@@ -52,8 +52,15 @@ mod present {
             let mut core = Core::new()?;
             let device = options.device;
             check_device(device, &core)?;
-            let precision = if options.bf16 { "bf16" } else { "f32" };
-            core.set_property(&named(device), &RwPropertyKey::HintInferencePrecision, precision)?;
+            let precision = match options.float {
+                FloatPrecision::F32 => Some("f32"),
+                FloatPrecision::Bf16 => Some("bf16"),
+                // What it does by default.
+                FloatPrecision::Fastest => None,
+            };
+            if let Some(precision) = precision {
+                core.set_property(&named(device), &RwPropertyKey::HintInferencePrecision, precision)?;
+            }
             if device == Device::Cpu {
                 share_cores(&mut core, &options)?;
             }

@@ -37,6 +37,18 @@ impl fmt::Display for Device {
     }
 }
 
+/// In which numbers layers that are not in 8 bits are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FloatPrecision {
+    /// Single precision.
+    #[default]
+    F32,
+    /// bfloat16 where the device has it.
+    Bf16,
+    /// What the device is fastest in: bfloat16 where the processor has instructions for it, else single precision.
+    Fastest,
+}
+
 /// How a network is to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SessionOptions {
@@ -44,8 +56,8 @@ pub struct SessionOptions {
     pub threads: Option<usize>,
     /// How many sharers run at the same time; more wait for each other. 0 is 1.
     pub sharers: usize,
-    /// Whether it computes in bfloat16 where the device has it.
-    pub bf16: bool,
+    /// In which numbers it computes. ONNX Runtime knows single precision alone.
+    pub float: FloatPrecision,
     /// What it computes on.
     pub device: Device,
 }

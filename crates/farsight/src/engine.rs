@@ -115,7 +115,7 @@ impl EngineOptions {
         let options = SessionOptions {
             threads: self.usable_threads(),
             sharers: self.at_once(),
-            bf16: self.precision == Precision::Bf16,
+            float: self.precision.of_float_layers(),
             device: self.device,
         };
         match self.kind {

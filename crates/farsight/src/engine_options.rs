@@ -7,6 +7,7 @@ use std::thread::available_parallelism;
 
 use farsight_onnx::Target;
 pub use farsight_runtime::Device;
+use farsight_runtime::FloatPrecision;
 
 use crate::libraries::Library;
 
@@ -70,8 +71,20 @@ pub enum Precision {
     F32,
     /// bfloat16 where the CPU has it: faster, two to three digits. Only OpenVINO has it.
     Bf16,
-    /// Convolutions in 8 bits, with the ranges that model files keep. ONNX Runtime and OpenVINO have it.
+    /// Convolutions in 8 bits, with the ranges that model files keep. ONNX Runtime and OpenVINO have it. What is left in
+    /// float OpenVINO computes in bfloat16 where the CPU has instructions for it.
     Int8,
+}
+
+impl Precision {
+    /// In which numbers layers compute that are not in 8 bits. Beside layers in 8 bits two or three digits are enough.
+    pub(crate) fn of_float_layers(self) -> FloatPrecision {
+        match self {
+            Self::F32 => FloatPrecision::F32,
+            Self::Bf16 => FloatPrecision::Bf16,
+            Self::Int8 => FloatPrecision::Fastest,
+        }
+    }
 }
 
 impl fmt::Display for Precision {

@@ -292,6 +292,10 @@ fn decode<S: BufRead + Seek>(mut input: Input<S>, limits: ImageLimits) -> Result
         }
     }
     if input.format == ImageFormat::Png {
+        let is_small = input.length <= SPARE_BYTES && !found.animated && found.exif.is_none();
+        if let Some(pixels) = is_small.then(|| usual_png(&mut input, limits)).flatten() {
+            return Ok(LoadedImage { pixels, exif, warnings });
+        }
         check_png(&mut input, limits)?;
     }
     let pixels = if input.format == ImageFormat::Jpeg {
@@ -343,6 +347,12 @@ fn check_jpeg(bytes: &[u8], found: &Found, path: &Path) -> Result<(), ImageError
         Some(Flaw::Longer) => Err(ImageError::Longer { path, width, height }),
         Some(Flaw::Broken) => Err(ImageError::Broken { path, reason: "its compressed data make no sense" }),
     }
+}
+
+/// The pixels of a PNG file that has nothing odd about it.
+fn usual_png<S: BufRead + Seek>(input: &mut Input<S>, limits: ImageLimits) -> Option<RgbImage> {
+    let bytes = input.bytes(SPARE_BYTES).ok()?;
+    png::usual(bytes, limits.max_pixels.saturating_mul(RGB_BYTES))
 }
 
 /// Refuses a PNG file that has more picture than its header says; what has too many pixels is left to the decoder.

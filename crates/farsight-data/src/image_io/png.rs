@@ -1,8 +1,60 @@
-//! Whether a PNG file has more picture than its header says. Decoders stop where the header does and say nothing.
+//! PNG files that have more picture than their header says. Decoders stop where the header does and say nothing.
 
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Cursor, Read, Seek, SeekFrom};
 
 use fdeflate::Decompressor;
+use image::RgbImage;
+use png::{BitDepth, Decoder, Limits, Transformations};
+
+/// Where a file has its header: the name of that chunk, its 13 bytes, and their checksum; the height is in it.
+const HEADER: std::ops::Range<usize> = 12..29;
+const HEIGHT: std::ops::Range<usize> = 20..24;
+const CHECKSUM: std::ops::Range<usize> = 29..33;
+
+/// The pixels of a usual file: 8 bits, rows in their order, no more and no less of them than its header says. Its data
+/// are unpacked once: the decoder is told of one row more, which it must not find. None of what is odd or damaged.
+pub(super) fn usual(mut bytes: Vec<u8>, max_bytes: u64) -> Option<RgbImage> {
+    let Header { size: [width, height], .. } = Header::of(bytes.get(HEADER)?.strip_prefix(b"IHDR")?)?;
+    if bytes.get(CHECKSUM)? != crc32fast::hash(&bytes[HEADER]).to_be_bytes() {
+        return None;
+    }
+    bytes[HEIGHT].copy_from_slice(&height.checked_add(1)?.to_be_bytes());
+    let checksum = crc32fast::hash(&bytes[HEADER]);
+    bytes[CHECKSUM].copy_from_slice(&checksum.to_be_bytes());
+
+    let limits = Limits { bytes: usize::try_from(max_bytes).ok()? };
+    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().ok()?;
+    let (color, depth) = reader.output_color_type();
+    let channels = color.samples();
+    let raw_bytes = u64::from(width) * u64::from(height) * channels.max(RGB) as u64;
+    if depth != BitDepth::Eight || reader.info().interlaced || height == 0 || raw_bytes > max_bytes {
+        return None;
+    }
+    let mut pixels = RgbImage::new(width, height);
+    let mut row = vec![0; reader.output_line_size(width)?];
+    for target in pixels.chunks_exact_mut(RGB * width as usize) {
+        if channels == RGB {
+            reader.read_row(target).ok()??;
+            continue;
+        }
+        reader.read_row(&mut row).ok()??;
+        for (target, source) in target.chunks_exact_mut(RGB).zip(row.chunks_exact(channels)) {
+            if let [r, g, b, _] = *source {
+                target.copy_from_slice(&[r, g, b]);
+            } else {
+                target.fill(source[0]);
+            }
+        }
+    }
+    // The row more is missing, and nothing else is wrong.
+    (reader.read_row(&mut row).is_err() && reader.finish().is_ok()).then_some(pixels)
+}
+
+/// Channels of a pixel as it is used.
+const RGB: usize = 3;
 
 /// Bytes that a compressed stream may refer back to.
 const WINDOW: usize = 1 << 15;
@@ -138,7 +190,7 @@ mod tests {
     use std::path::Path;
 
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-    use image::{GrayImage, ImageEncoder, RgbaImage};
+    use image::{DynamicImage, GrayImage, ImageEncoder, RgbaImage};
 
     use super::*;
     use crate::image_io::{ImageLimits, decode_image};
@@ -186,6 +238,78 @@ mod tests {
             assert!(!is_longer(&with_height(png.clone(), 241)));
             assert!(!is_longer(&png[..png.len() / 2]));
         }
+    }
+
+    fn written(write: impl FnOnce(PngEncoder<&mut Vec<u8>>)) -> Vec<u8> {
+        let mut png = Vec::new();
+        write(PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Adaptive));
+        png
+    }
+
+    fn noise<P: image::Pixel<Subpixel = u8>>(width: u32, height: u32) -> image::ImageBuffer<P, Vec<u8>> {
+        let mut state = 7_u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        image::ImageBuffer::from_fn(width, height, |_, _| {
+            *P::from_slice(&[next(), next(), next(), next()][..usize::from(P::CHANNEL_COUNT)])
+        })
+    }
+
+    /// A picture with a palette of three colours, one of them transparent.
+    fn with_palette() -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 3, 2);
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_palette(vec![255, 0, 0, 0, 255, 0, 0, 0, 255]);
+        encoder.set_trns(vec![255, 255, 0]);
+        encoder.write_header().unwrap().write_image_data(&[0, 1, 2, 2, 1, 0]).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn what_is_unpacked_once_is_what_the_decoder_makes_of_it() {
+        let files = [
+            written(|to| noise::<image::Rgb<u8>>(37, 21).write_with_encoder(to).unwrap()),
+            written(|to| noise::<image::Rgba<u8>>(5, 300).write_with_encoder(to).unwrap()),
+            written(|to| noise::<image::Luma<u8>>(64, 9).write_with_encoder(to).unwrap()),
+            written(|to| noise::<image::LumaA<u8>>(1, 1).write_with_encoder(to).unwrap()),
+            with_palette(),
+        ];
+        for png in files {
+            let expected = image::load_from_memory(&png).unwrap().into_rgb8();
+            let found = usual(png.clone(), u64::MAX).unwrap();
+            assert_eq!(found, expected);
+            let height = found.height();
+            // What is longer, shorter, cut, damaged or too large is for the others.
+            for height in [height - 1, height + 1] {
+                assert_eq!(usual(with_height(png.clone(), height), u64::MAX), None);
+            }
+            for end in 0..png.len() {
+                assert_eq!(usual(png[..end].to_vec(), u64::MAX), None, "{end} bytes");
+            }
+            let start = png.windows(4).position(|name| name == b"IDAT").unwrap();
+            for place in start..png.len() {
+                let mut damaged = png.clone();
+                damaged[place] ^= 1;
+                let found = usual(damaged.clone(), u64::MAX);
+                let expected = image::load_from_memory(&damaged).ok().map(DynamicImage::into_rgb8);
+                assert!(found.is_none() || found == expected, "byte {place}");
+            }
+            assert_eq!(usual(png, expected.len() as u64 - 1), None);
+        }
+    }
+
+    #[test]
+    fn what_is_unusual_is_left_alone() {
+        let deep = written(|to| {
+            to.write_image(&[1; 12], 2, 1, image::ExtendedColorType::Rgb16).unwrap();
+        });
+        assert_eq!(usual(deep, u64::MAX), None, "16 bits");
+        let mut interlaced = written(|to| noise::<image::Luma<u8>>(1, 1).write_with_encoder(to).unwrap());
+        interlaced[28] = 1;
+        assert_eq!(usual(with_height(interlaced, 1), u64::MAX), None, "interlaced");
     }
 
     #[test]

@@ -9,11 +9,13 @@
 //! | `labels` | label files of KITTI's tracking benchmark, and the velocities of rendered sequences |
 //! | `sequence` | who is whom in each frame |
 //! | `errors` | errors and coverage |
+//! | `lifetimes` | how soon objects are told of, and for how long |
 //! | `report` | several sequences together, and against others |
 //! | `text`, `page` | the report for people; the course of each track |
 
 mod errors;
 mod labels;
+mod lifetimes;
 mod page;
 mod report;
 mod sequence;
@@ -23,6 +25,7 @@ use farsight_core::{Box2d, Box3d, Label, ObjectClass};
 
 pub use errors::{Errors, Sample, TTC_BINS, TtcBin};
 pub use labels::{MAX_FRAMES, TrackLabelError, read_sequence};
+pub use lifetimes::{Lifetime, Lifetimes};
 pub use page::page;
 pub use report::{Difference, Figures, TracksReport, differences};
 pub use sequence::{JudgedSequence, judge};

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::errors::Errors;
+use super::lifetimes::Lifetimes;
 use super::sequence::JudgedSequence;
 use crate::bootstrap::{Bootstrap, Interval};
 use crate::tracking::{TrackedFrame, TrackingMetrics, tracking_metrics};
@@ -19,6 +20,8 @@ pub struct TracksReport {
     pub space: TrackingMetrics,
     /// Errors of all samples.
     pub errors: Errors,
+    /// How soon objects are told of in the image, and for how long.
+    pub lifetimes: Lifetimes,
     /// Name, HOTA in the image and in space, switches and distance error of each sequence.
     pub sequences: Vec<(String, TrackingMetrics, TrackingMetrics, Errors)>,
 }
@@ -37,6 +40,7 @@ impl TracksReport {
             image: tracking_metrics(&together(&each, |one| &one.image)),
             space: tracking_metrics(&together(&each, |one| &one.space)),
             errors: Errors::of(sequences.iter().flat_map(|one| &one.samples)),
+            lifetimes: Lifetimes::of(sequences.iter().flat_map(|one| &one.lifetimes)),
             sequences: sequences.iter().map(of_one).collect(),
         }
     }
@@ -52,18 +56,31 @@ pub struct Figures {
     pub space: BTreeMap<&'static str, f64>,
     /// Errors of distance, speed and time to collision.
     pub errors: Errors,
+    /// How soon objects are told of, and for how long.
+    pub lifetimes: Lifetimes,
 }
 
 impl TracksReport {
     /// The figures of all sequences together.
     pub fn figures(&self) -> Figures {
-        Figures { image: named(&self.image), space: named(&self.space), errors: self.errors.clone() }
+        Figures {
+            image: named(&self.image),
+            space: named(&self.space),
+            errors: self.errors.clone(),
+            lifetimes: self.lifetimes.clone(),
+        }
     }
 }
 
 fn named(metrics: &TrackingMetrics) -> BTreeMap<&'static str, f64> {
     let TrackingMetrics { hota, det_a, ass_a, loc_a, mota, motp, idf1, .. } = *metrics;
-    let counts = [("switches", metrics.switches as f64), ("fragments", metrics.fragments as f64)];
+    let counts = [
+        ("switches", metrics.switches as f64),
+        ("fragments", metrics.fragments as f64),
+        ("mostly_tracked", metrics.mostly_tracked as f64),
+        ("partially_tracked", metrics.partially_tracked as f64),
+        ("mostly_lost", metrics.mostly_lost as f64),
+    ];
     let shares = [
         ("hota", hota),
         ("det_a", det_a),

@@ -7,6 +7,7 @@ use farsight_core::{Box2d, ObjectClass};
 use farsight_track::assigned;
 
 use super::errors::Sample;
+use super::lifetimes::{Lifetime, times_s};
 use super::{GroundTruthFrame, GroundTruthTrack, PredictedFrame, PredictedTrack};
 use crate::difficulty::Difficulty;
 use crate::tracking::TrackedFrame;
@@ -33,6 +34,8 @@ pub struct JudgedSequence {
     pub space: Vec<TrackedFrame>,
     /// Errors of each match in the image.
     pub samples: Vec<Sample>,
+    /// How soon each object is told of in the image, and for how long.
+    pub lifetimes: Vec<Lifetime>,
 }
 
 /// Compares what is told of a sequence with what is true. Frames of the truth beyond those that are told of count.
@@ -42,8 +45,7 @@ pub fn judge(
     truth: &[GroundTruthFrame],
     told: &[Option<PredictedFrame>],
 ) -> JudgedSequence {
-    let mut judged =
-        JudgedSequence { name: name.to_owned(), image: Vec::new(), space: Vec::new(), samples: Vec::new() };
+    let (mut image_frames, mut space_frames, mut samples) = (Vec::new(), Vec::new(), Vec::new());
     // Since when each track is told of.
     let mut born_s: BTreeMap<u64, f64> = BTreeMap::new();
     let nothing = PredictedFrame::default();
@@ -58,15 +60,17 @@ pub fn judge(
         let kept = kept(&counted, &ignored, &frame.dont_care, &of_class);
         let overlap = |truth: &GroundTruthTrack, told: &PredictedTrack| iou_2d(&truth.label.box2d, &told.box2d);
         let image = tracked(&counted, &kept, overlap);
-        judged.space.push(tracked(&counted, &kept, nearness));
+        space_frames.push(tracked(&counted, &kept, nearness));
         for (row, column) in matches(&image.similarities) {
             let (truth, told_track) = (counted[row], kept[column]);
             let age_s = told.time_s - born_s.get(&told_track.id).copied().unwrap_or(told.time_s);
-            judged.samples.push(Sample::new(number, truth, told_track, age_s));
+            samples.push(Sample::new(number, truth, told_track, age_s));
         }
-        judged.image.push(image);
+        image_frames.push(image);
     }
-    judged
+    let told_s = told.iter().enumerate().filter_map(|(number, told)| Some((number, told.as_ref()?.time_s)));
+    let lifetimes = Lifetime::all(&image_frames, &times_s(truth.len(), told_s), &samples);
+    JudgedSequence { name: name.to_owned(), image: image_frames, space: space_frames, samples, lifetimes }
 }
 
 fn is_moderate(track: &GroundTruthTrack) -> bool {

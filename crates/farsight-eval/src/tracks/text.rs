@@ -7,7 +7,8 @@ use crate::tracking::TrackingMetrics;
 
 /// Tables of what was found.
 pub fn text(report: &TracksReport) -> String {
-    let mut text = "             HOTA   DetA   AssA   LocA   MOTA   MOTP   IDF1  switches  fragments\n".to_owned();
+    let mut text =
+        "             HOTA   DetA   AssA   LocA   MOTA   MOTP   IDF1   MT   PT   ML  switches  fragments\n".to_owned();
     for (name, metrics) in [("in the image", &report.image), ("in space", &report.space)] {
         text += &row(name, metrics);
     }
@@ -52,6 +53,19 @@ pub fn text(report: &TracksReport) -> String {
     }
     let held = number(errors.ttc_coverage.map(|share| 100.0 * share), "%");
     let _ = writeln!(text, "time to collision inside 90% intervals: {held}");
+    let lives = &report.lifetimes;
+    let seconds = |value: Option<f64>| number(value, " s");
+    let _ = writeln!(
+        text,
+        "{} of {} objects told of, one identity for {} of {}; after {} (TID), with a speed after {}; longest gap {} (LGD)",
+        lives.told,
+        lives.objects,
+        seconds(lives.track_s),
+        seconds(lives.present_s),
+        seconds(lives.told_after_s),
+        seconds(lives.speed_after_s),
+        seconds(lives.longest_gap_s),
+    );
     text += "\nsequence      HOTA 2D  HOTA 3D  switches  distance MAE  closing MAE below 30 m\n";
     for (name, image, space, errors) in &report.sequences {
         let _ = writeln!(
@@ -69,10 +83,12 @@ pub fn text(report: &TracksReport) -> String {
 
 fn row(name: &str, metrics: &TrackingMetrics) -> String {
     let TrackingMetrics { hota, det_a, ass_a, loc_a, mota, motp, idf1, switches, fragments, .. } = metrics;
+    let TrackingMetrics { mostly_tracked: mt, partially_tracked: pt, mostly_lost: ml, .. } = metrics;
     let [hota, det_a, ass_a, loc_a, mota, motp, idf1] =
         [hota, det_a, ass_a, loc_a, mota, motp, idf1].map(|share| format!("{:.1}%", 100.0 * share));
     format!(
-        "{name:12} {hota:>6} {det_a:>6} {ass_a:>6} {loc_a:>6} {mota:>6} {motp:>6} {idf1:>6}  {switches:>8}  {fragments:>9}\n"
+        "{name:12} {hota:>6} {det_a:>6} {ass_a:>6} {loc_a:>6} {mota:>6} {motp:>6} {idf1:>6} {mt:>4} {pt:>4} {ml:>4}  \
+         {switches:>8}  {fragments:>9}\n"
     )
 }
 
@@ -87,7 +103,9 @@ pub fn rows(report: &TracksReport) -> Vec<[String; 2]> {
     };
     let held = |value: Option<[f64; 3]>| value.map_or_else(dash, |shares| percents(&shares));
     let whole = |share: Option<f64>| share.map_or_else(dash, |share| percents(&[share]));
-    let (image, space) = (&report.image, &report.space);
+    let (image, space, lives) = (&report.image, &report.space, &report.lifetimes);
+    let lengths = format!("{} of {}", number(lives.track_s, " s"), number(lives.present_s, " s"));
+    let delays = format!("{}; {}", number(lives.told_after_s, " s"), number(lives.speed_after_s, " s"));
     let row = |what: &str, figure: String| [what.to_owned(), figure];
     let mut rows = vec![
         row("matches in the image", errors.count.to_string()),
@@ -106,6 +124,13 @@ pub fn rows(report: &TracksReport) -> Vec<[String; 2]> {
         row("HOTA in space; in the image", format!("{:.1}%; {:.1}%", 100.0 * space.hota, 100.0 * image.hota)),
         row("IDF1 in space; in the image", format!("{:.1}%; {:.1}%", 100.0 * space.idf1, 100.0 * image.idf1)),
         row("identity switches in the image", image.switches.to_string()),
+        row(
+            "objects mostly tracked; partially; mostly lost",
+            format!("{}; {}; {}", image.mostly_tracked, image.partially_tracked, image.mostly_lost),
+        ),
+        row("objects have one identity, of the time that they are there", lengths),
+        row("told after (TID); with a speed after", delays),
+        row("longest gap (LGD)", number(lives.longest_gap_s, " s")),
     ]);
     rows
 }

@@ -47,10 +47,12 @@ fn sequence(seed: u64, objects: u64) -> Vec<TrackedFrame> {
         .collect()
 }
 
-fn numbers(metrics: &TrackingMetrics) -> [f64; 11] {
+fn numbers(metrics: &TrackingMetrics) -> [f64; 14] {
     let TrackingMetrics { hota, det_a, ass_a, loc_a, mota, motp, switches, fragments, idf1, .. } = *metrics;
-    let counts = [switches, fragments].map(|count| count as f64);
-    [hota, det_a, ass_a, loc_a, mota, motp, counts[0], counts[1], idf1, metrics.id_recall, metrics.id_precision]
+    let TrackingMetrics { mostly_tracked, partially_tracked, mostly_lost, id_recall, id_precision, .. } = *metrics;
+    let [switches, fragments, mt, pt, ml] =
+        [switches, fragments, mostly_tracked, partially_tracked, mostly_lost].map(|count| count as f64);
+    [hota, det_a, ass_a, loc_a, mota, motp, switches, fragments, idf1, id_recall, id_precision, mt, pt, ml]
 }
 
 /// Reads sequences, writes `TrackEval`'s numbers for each.
@@ -88,6 +90,7 @@ for line in sys.stdin:
         mean("HOTA"), mean("DetA"), mean("AssA"), mean("LocA"),
         float(clear["MOTA"]), float(clear["MOTP"]), float(clear["IDSW"]), float(clear["Frag"]),
         float(identity["IDF1"]), float(identity["IDR"]), float(identity["IDP"]),
+        float(clear["MT"]), float(clear["PT"]), float(clear["ML"]),
     ]))
 "#;
 
@@ -104,7 +107,7 @@ for line in sys.stdin:
     identity = motrics.compute_identity_from_similarity(*data)
     print(json.dumps([
         hota.hota, hota.deta, hota.assa, hota.loca, clear.mota, clear.motp, clear.num_switches, clear.frag,
-        identity.idf1, identity.idr, identity.idp,
+        identity.idf1, identity.idr, identity.idp, clear.mt, clear.pt, clear.ml,
     ]))
 ";
 
@@ -152,7 +155,7 @@ fn compare_with(package: &str, script: &str) {
     let lines: Vec<&str> = answers.lines().filter(|line| line.starts_with("[0") || line.starts_with("[1")).collect();
     assert_eq!(lines.len(), cases.len(), "{answers}");
     for (place, (line, frames)) in lines.into_iter().zip(&cases).enumerate() {
-        let expected: [f64; 11] = serde_json::from_str(line).unwrap();
+        let expected: [f64; 14] = serde_json::from_str(line).unwrap();
         let found = numbers(&tracking_metrics(frames));
         for (what, (found, expected)) in found.into_iter().zip(expected).enumerate() {
             assert!((found - expected).abs() < 1e-9, "case {place}, number {what}: {found}, not {expected}");
@@ -175,6 +178,7 @@ fn truth_told_as_it_is_has_full_marks() {
         assert!((value - 1.0).abs() < 1e-9, "{metrics:?}");
     }
     assert_eq!(metrics.switches, 0);
+    assert_eq!([metrics.mostly_tracked, metrics.partially_tracked, metrics.mostly_lost], [6, 0, 0]);
 }
 
 #[test]

@@ -171,7 +171,7 @@ impl Refiner {
         let mut places: Vec<usize> = (0..detections.len()).collect();
         for (iteration, least_score) in least_scores.into_iter().take(self.effort.iterations()).enumerate() {
             let is_last = iteration + 1 == self.effort.iterations();
-            let mut shots: Vec<(usize, Shot)> = Vec::with_capacity(places.len());
+            let (mut shot_places, mut shots) = (Vec::with_capacity(places.len()), Vec::with_capacity(places.len()));
             places.retain(|&place| {
                 let known = seen[place].as_ref().map(|seen| &seen.refinement);
                 let fused = self.config.fusion.fused(&detections[place], known, camera, image_size);
@@ -181,17 +181,21 @@ impl Refiner {
                 }
                 let Some(crop) = Crop::from_box(&fused.box2d, camera, self.config.side) else { return true };
                 let settled = seen[place].filter(|seen| self.is_settled(&seen.crop, &crop));
-                match settled {
-                    Some(Seen { crop, answer, .. }) if self.effort.mirrors() => {
-                        shots.push((place, Shot { crop, known: Some(answer), mirrored: true }));
+                let mirrors = self.effort.mirrors();
+                let shot = match settled {
+                    Some(Seen { crop, answer, .. }) => {
+                        mirrors.then_some(Shot { crop, known: Some(answer), mirrored: true })
                     }
-                    Some(_) => {}
-                    None => shots.push((place, Shot { crop, known: None, mirrored: is_last && self.effort.mirrors() })),
+                    None => Some(Shot { crop, known: None, mirrored: is_last && mirrors }),
+                };
+                if let Some(shot) = shot {
+                    shot_places.push(place);
+                    shots.push(shot);
                 }
                 settled.is_none()
             });
-            let answers = self.answers(image, shots.iter().map(|(_, shot)| *shot))?;
-            for ((place, Shot { crop, .. }), answer) in shots.into_iter().zip(answers) {
+            let answers = self.answers(image, &shots)?;
+            for ((place, Shot { crop, .. }), answer) in shot_places.into_iter().zip(shots).zip(answers) {
                 // Where an answer is no place, the one before it stays.
                 if let Some(refinement) = crop.decode(&answer) {
                     seen[place] = Some(Seen { crop, answer, refinement });
@@ -221,13 +225,13 @@ impl Refiner {
         let crops: Vec<Option<Crop>> =
             boxes.iter().map(|box2d| Crop::from_box(box2d, camera, self.config.side)).collect();
         let shot = |crop: &Crop| Shot { crop: *crop, known: None, mirrored: flip == Flip::Averaged };
-        let mut answers = self.answers(image, crops.iter().flatten().map(shot))?.into_iter();
+        let shots: Vec<Shot> = crops.iter().flatten().map(shot).collect();
+        let mut answers = self.answers(image, &shots)?.into_iter();
         Ok(crops.iter().map(|crop| crop.and_then(|crop| crop.decode(&answers.next()?))).collect())
     }
 
     /// The network's answers for some cut-outs, one for each.
-    fn answers(&mut self, image: &RgbImage, shots: impl Iterator<Item = Shot>) -> Result<Vec<Answer>, EngineError> {
-        let shots: Vec<Shot> = shots.collect();
+    fn answers(&mut self, image: &RgbImage, shots: &[Shot]) -> Result<Vec<Answer>, EngineError> {
         let mut answers = Vec::with_capacity(shots.len());
         for batch in shots.chunks(BATCH) {
             self.see(image, batch);

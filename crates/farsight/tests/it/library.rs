@@ -19,7 +19,7 @@ use farsight_data::{Corruption, denoised};
 use farsight_testing::asked;
 
 /// Bytes that an image of farsight-n may ask for: lists of objects. A cut-out for the refiner would take 221,184 more.
-const MOST_OF_AN_IMAGE: usize = 250_000;
+const MOST_OF_AN_IMAGE: usize = 150_000;
 
 fn scene(id: &str) -> PathBuf {
     root().join(format!("assets/scenes/image_2/{id}.jpg"))
