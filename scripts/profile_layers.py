@@ -39,7 +39,7 @@ def kind(operator, numbers):
     return operator, numbers
 
 
-def onnxruntime_layers(model, image, threads, folder):
+def onnxruntime_layers(model, image, threads, folder, _):
     """Milliseconds of each kind of layer, one dictionary a run."""
     import onnxruntime
 
@@ -70,22 +70,26 @@ def onnxruntime_layers(model, image, threads, folder):
     return by_run[WARM_UP:]
 
 
-def openvino_layers(model, image, threads, _):
+def openvino_layers(model, image, threads, _, numbers):
     import openvino
 
     core = openvino.Core()
     network = core.read_model(model)
     network.reshape(list(image.shape))
     hints = {"PERF_COUNT": True, "INFERENCE_NUM_THREADS": threads, "PERFORMANCE_HINT": "LATENCY"}
-    request = core.compile_model(network, "CPU", hints | {"INFERENCE_PRECISION_HINT": "f32"}).create_infer_request()
+    if numbers == "fp32":
+        # In 8 bits the other layers may compute in bfloat16, as in Farsight.
+        hints["INFERENCE_PRECISION_HINT"] = "f32"
+    request = core.compile_model(network, "CPU", hints).create_infer_request()
     by_run = []
     for number in range(WARM_UP + RUNS):
         request.infer({"image": image})
         layers = collections.Counter()
         for layer in request.profiling_info:
             if layer.status == openvino.ProfilingInfo.Status.EXECUTED:
-                numbers = "8 bits" if re.search(r"_[IU]8$", layer.exec_type) else "float"
-                layers[kind(layer.node_type, numbers)] += layer.real_time.total_seconds() * 1e3
+                known = [("8 bits", r"_[IU]8$"), ("bfloat16", "_bf16$")]
+                found = next((name for name, ending in known if re.search(ending, layer.exec_type)), "float")
+                layers[kind(layer.node_type, found)] += layer.real_time.total_seconds() * 1e3
         if number >= WARM_UP:
             by_run.append(layers)
     return by_run
@@ -112,7 +116,7 @@ def main():
         for engine, layers in engines:
             model = models[engine]
             with tempfile.TemporaryDirectory() as folder:
-                by_run = layers(model, image, options.threads, pathlib.Path(folder))
+                by_run = layers(model, image, options.threads, pathlib.Path(folder), numbers)
             names = {name for run in by_run for name in run}
             ms = {name: statistics.median(run.get(name, 0.0) for run in by_run) for name in names}
             total, other = sum(ms.values()), 0.0

@@ -2,7 +2,7 @@
 
 use farsight_core::{Box2d, Box3d, Camera, Detection, Dimensions};
 
-use crate::modes::Modes;
+use crate::modes::{Modes, mixed};
 use crate::options::{Noise, TrackerOptions};
 use crate::state::{
     BEARING, BEARING_RATE, FACTOR, HEIGHT_ERROR, LOG_DEPTH, LOG_HEIGHT, LOG_RATE, Matrix, N, State, Vector, row,
@@ -33,9 +33,26 @@ const LATEST_WEIGHT: f64 = 0.2;
 /// Roads are as steep as this beside one another: what is not known of a vertical speed, as a share of the speed.
 const SLOPE: f64 = 0.05;
 
-/// What stands still moves over the ground by no more than about this, m/s; what moves, by about that.
+/// What stands still moves over the ground by no more than about this, m/s.
 const STILL_MPS: f64 = 0.3;
-const MOVING_MPS: f64 = 8.0;
+
+/// How fast somebody is over the ground who moves: standard deviations, m/s, where he heads and across that, by what
+/// headings err and lanes change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Moving {
+    along_mps: f64,
+    across_mps: f64,
+}
+
+impl Moving {
+    /// What has wheels.
+    pub(crate) const DRIVING: Self = Self { along_mps: 8.0, across_mps: 1.0 };
+    /// Who walks, anywhere.
+    pub(crate) const WALKING: Self = Self { along_mps: 1.5, across_mps: 1.5 };
+}
+
+/// Headings whose mean is shorter than this disagree, and say nothing.
+const LEAST_HEADING: f64 = 0.5;
 
 /// What one detection tells.
 #[derive(Debug, Clone)]
@@ -122,6 +139,10 @@ fn add_acceleration(covariance: &mut Matrix, dt_s: f64, psd: f64, lengths_m: [f6
         covariance[rate][place] += mixed;
         covariance[rate][rate] += rate_noise;
     }
+}
+
+fn product(a: &Vector, b: &Vector) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// What is known of an object.
@@ -345,34 +366,65 @@ impl Filter {
         ]
     }
 
-    /// How probable it is that it stands still, when half of all do so.
-    pub(crate) fn stands_still(&self, ego: &EgoMotion) -> f64 {
+    /// Where it heads over the ground, across and along the optical axis, of unit length; none where its headings
+    /// disagree.
+    fn direction(&self) -> Option<[f64; 2]> {
+        let [cos, sin] = self.heading;
+        let length = cos.hypot(sin);
+        (length >= LEAST_HEADING).then(|| [cos / length, -sin / length])
+    }
+
+    /// How probable it is that it stands still, when half of all do so and the others move so.
+    fn stands_still(&self, ego: &EgoMotion, moving: Moving) -> f64 {
         let (velocity, rows) = self.absolute_velocity(ego);
         let both = std::array::from_fn(|i| rows[0][i] + rows[1][i]);
         let [xx, zz, sum] = [rows[0], rows[1], both].map(|row| self.inflation() * self.state.variance(&row));
         let xz = (sum - xx - zz) / 2.0;
-        let still = self.still_variances(ego);
-        let log_density = |[a, b]: [f64; 2]| {
-            let (a, b) = (xx + a, zz + b);
-            let determinant = a * b - xz * xz;
+        let [still_x, still_z] = self.still_variances(ego);
+        // Of the velocity over the ground, less what is not known of it: variances and covariance of what it may be.
+        let log_density = |[x_more, z_more, xz_more]: [f64; 3]| {
+            let (a, b, c) = (xx + still_x + x_more, zz + still_z + z_more, xz + xz_more);
+            let determinant = a * b - c * c;
             let [x, z] = velocity;
-            let squared = (b * x * x - 2.0 * xz * x * z + a * z * z) / determinant;
+            let squared = (b * x * x - 2.0 * c * x * z + a * z * z) / determinant;
             -0.5 * (squared + determinant.ln())
         };
-        let moving = still.map(|variance| variance + MOVING_MPS * MOVING_MPS);
-        1.0 / (1.0 + (log_density(moving) - log_density(still)).exp())
+        let [along, across] = [moving.along_mps, moving.across_mps].map(|mps| mps * mps);
+        // What does not go across its heading need not stand for that.
+        let moves = self.direction().map_or([along, along, 0.0], |[x, z]| {
+            [along * x * x + across * z * z, along * z * z + across * x * x, (along - across) * x * z]
+        });
+        1.0 / (1.0 + (log_density(moves) - log_density([0.0; 3])).exp())
     }
 
-    /// Takes it to stand still, until the next measurement: what is then known of its motion does not depend on what it
-    /// was taken for before.
-    pub(crate) fn keep_still(&mut self, ego: &EgoMotion) {
-        let variances = self.still_variances(ego);
-        for axis in 0..2 {
+    /// Counts that it may stand still, by how probable that is, or move where it heads, until the next measurement:
+    /// what is then known of its motion does not depend on what it was taken for before.
+    pub(crate) fn know_ego(&mut self, ego: &EgoMotion, moving: Moving) {
+        let probability = self.stands_still(ego, moving);
+        let [x_variance, z_variance] = self.still_variances(ego);
+        let mut moves = self.state.clone();
+        if let Some([x, z]) = self.direction() {
+            let (velocity, rows) = self.absolute_velocity(ego);
+            let across = std::array::from_fn(|i| x * rows[1][i] - z * rows[0][i]);
+            let variance = moving.across_mps.powi(2) + z * z * x_variance + x * x * z_variance;
+            moves.update(
+                &across,
+                product(&moves.mean, &across) - (x * velocity[1] - z * velocity[0]),
+                variance,
+                TOLERANCE,
+            );
+        }
+        for (axis, variance) in [x_variance, z_variance].into_iter().enumerate() {
             // The second with the state after the first.
             let (velocity, rows) = self.absolute_velocity(ego);
-            let now: f64 = self.state.mean.iter().zip(rows[axis]).map(|(value, factor)| value * factor).sum();
-            self.state.update(&rows[axis], now - velocity[axis], variances[axis], TOLERANCE);
+            self.state.update(
+                &rows[axis],
+                product(&self.state.mean, &rows[axis]) - velocity[axis],
+                variance,
+                TOLERANCE,
+            );
         }
+        self.state = mixed([&self.state, &moves], [probability, 1.0 - probability]);
     }
 
     /// Where its centre is aside of the camera after `ahead_s` seconds at this velocity, and the standard deviation of

@@ -38,7 +38,7 @@ impl Modes {
         let probabilities: [f64; MODES] = std::array::from_fn(|mode| (0..MODES).map(|from| joint(from, mode)).sum());
         let states = std::array::from_fn(|mode| {
             let weights = std::array::from_fn(|from| joint(from, mode) / probabilities[mode]);
-            step(&mixed(&self.states, &weights), &motion[mode])
+            step(&mixed(self.states.each_ref(), weights), &motion[mode])
         });
         (self.states, self.probabilities) = (states, probabilities);
     }
@@ -68,12 +68,12 @@ impl Modes {
 
     /// Mean and covariance of all together.
     pub(crate) fn state(&self) -> State {
-        mixed(&self.states, &self.probabilities)
+        mixed(self.states.each_ref(), self.probabilities)
     }
 }
 
 /// Mean and covariance of a mixture of states.
-fn mixed(states: &[State; MODES], weights: &[f64; MODES]) -> State {
+pub(crate) fn mixed<const COUNT: usize>(states: [&State; COUNT], weights: [f64; COUNT]) -> State {
     let mut mean: Vector = [0.0; N];
     for (state, weight) in states.iter().zip(weights) {
         for (sum, value) in mean.iter_mut().zip(state.mean) {
@@ -140,7 +140,7 @@ mod tests {
         let mut other = start();
         other.mean[LOG_RATE] = 0.3;
         other.covariance[LOG_RATE][LOG_RATE] = 0.05;
-        let state = mixed(&[start(), other], &[0.25, 0.75]);
+        let state = mixed([&start(), &other], [0.25, 0.75]);
         assert!((state.mean[LOG_RATE] - (0.25 * -0.1 + 0.75 * 0.3)).abs() < 1e-12);
         // Mean of the squares less the square of the mean.
         let squares = 0.25 * (0.01 + 0.01) + 0.75 * (0.05 + 0.09);

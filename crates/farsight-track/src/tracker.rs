@@ -9,7 +9,7 @@ use crate::acceleration::ClosingWindow;
 use crate::assignment::assigned;
 use crate::association::{Strictness, cost};
 use crate::error::TrackError;
-use crate::filter::{Filter, Measured};
+use crate::filter::{Filter, Measured, Moving};
 use crate::options::TrackerOptions;
 use crate::track::{Closing, EgoMotion, Track, Velocity};
 
@@ -100,10 +100,8 @@ const HIDDEN_SHARE: f64 = 0.5;
 const COAST_SHARE: f64 = 0.25;
 const HIDDEN_COAST_SHARE: f64 = 0.5;
 
-/// From so fast a camera, m/s, what stands still can be told from what moves; it is taken to stand from this
-/// probability on.
-const MIN_EGO_MPS: f64 = 3.0;
-const STILL_PROBABILITY: f64 = 0.9;
+/// From so fast a camera, m/s, what stands still can be told from what moves.
+const MIN_EGO_MPS: f64 = 1.0;
 
 /// Nothing is said of a velocity after fewer detections, nor after less time in seconds.
 const KNOWN_HITS: u32 = 3;
@@ -176,7 +174,7 @@ impl Tracker {
         self.take(frame, &seen, &partner);
         self.name(is_new_scene);
         for entry in &mut self.entries {
-            entry.keep_still(frame);
+            entry.know_ego(frame);
         }
         self.end(frame);
         Ok(self.told(frame))
@@ -407,12 +405,11 @@ impl Entry {
         self.classes.iter().max_by(more).map_or(ObjectClass::DontCare, |(class, _)| class.clone())
     }
 
-    /// What probably stands still is taken to do so.
-    fn keep_still(&mut self, frame: &Frame) {
+    /// Makes use of the camera's own motion.
+    fn know_ego(&mut self, frame: &Frame) {
         let Some(ego) = frame.ego.filter(|ego| ego.speed_mps > MIN_EGO_MPS) else { return };
-        if self.misses == 0 && self.hits >= KNOWN_HITS && self.filter.stands_still(&ego) > STILL_PROBABILITY {
-            self.filter.keep_still(&ego);
-        }
+        let walks = matches!(self.class(), ObjectClass::Pedestrian | ObjectClass::PersonSitting);
+        self.filter.know_ego(&ego, if walks { Moving::WALKING } else { Moving::DRIVING });
     }
 
     /// What is known of its motion; none before it is.
