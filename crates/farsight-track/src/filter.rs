@@ -46,7 +46,7 @@ pub(crate) struct Moving {
 
 impl Moving {
     /// What has wheels.
-    pub(crate) const DRIVING: Self = Self { along_mps: 8.0, across_mps: 1.0 };
+    pub(crate) const DRIVING: Self = Self { along_mps: 8.0, across_mps: 2.0 };
     /// Who walks, anywhere.
     pub(crate) const WALKING: Self = Self { along_mps: 1.5, across_mps: 1.5 };
 }
@@ -139,10 +139,6 @@ fn add_acceleration(covariance: &mut Matrix, dt_s: f64, psd: f64, lengths_m: [f6
         covariance[rate][place] += mixed;
         covariance[rate][rate] += rate_noise;
     }
-}
-
-fn product(a: &Vector, b: &Vector) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// What is known of an object.
@@ -397,32 +393,17 @@ impl Filter {
         1.0 / (1.0 + (log_density(moves) - log_density([0.0; 3])).exp())
     }
 
-    /// Counts that it may stand still, by how probable that is, or move where it heads, until the next measurement:
-    /// what is then known of its motion does not depend on what it was taken for before.
-    pub(crate) fn know_ego(&mut self, ego: &EgoMotion, moving: Moving) {
+    /// Counts that it may stand still, by how probable that is, until the next measurement: what is then known of its
+    /// motion does not depend on what it was taken for before.
+    pub(crate) fn may_stand_still(&mut self, ego: &EgoMotion, moving: Moving) {
         let probability = self.stands_still(ego, moving);
-        let [x_variance, z_variance] = self.still_variances(ego);
-        let mut moves = self.state.clone();
-        if let Some([x, z]) = self.direction() {
-            let (velocity, rows) = self.absolute_velocity(ego);
-            let across = std::array::from_fn(|i| x * rows[1][i] - z * rows[0][i]);
-            let variance = moving.across_mps.powi(2) + z * z * x_variance + x * x * z_variance;
-            moves.update(
-                &across,
-                product(&moves.mean, &across) - (x * velocity[1] - z * velocity[0]),
-                variance,
-                TOLERANCE,
-            );
-        }
-        for (axis, variance) in [x_variance, z_variance].into_iter().enumerate() {
+        let variances = self.still_variances(ego);
+        let moves = self.state.clone();
+        for axis in 0..2 {
             // The second with the state after the first.
             let (velocity, rows) = self.absolute_velocity(ego);
-            self.state.update(
-                &rows[axis],
-                product(&self.state.mean, &rows[axis]) - velocity[axis],
-                variance,
-                TOLERANCE,
-            );
+            let now: f64 = self.state.mean.iter().zip(rows[axis]).map(|(value, factor)| value * factor).sum();
+            self.state.update(&rows[axis], now - velocity[axis], variances[axis], TOLERANCE);
         }
         self.state = mixed([&self.state, &moves], [probability, 1.0 - probability]);
     }

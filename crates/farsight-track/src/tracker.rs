@@ -174,7 +174,7 @@ impl Tracker {
         self.take(frame, &seen, &partner);
         self.name(is_new_scene);
         for entry in &mut self.entries {
-            entry.know_ego(frame);
+            entry.may_stand_still(frame);
         }
         self.end(frame);
         Ok(self.told(frame))
@@ -405,11 +405,11 @@ impl Entry {
         self.classes.iter().max_by(more).map_or(ObjectClass::DontCare, |(class, _)| class.clone())
     }
 
-    /// Makes use of the camera's own motion.
-    fn know_ego(&mut self, frame: &Frame) {
+    /// Counts that it may stand still, where the camera's own motion tells that from moving.
+    fn may_stand_still(&mut self, frame: &Frame) {
         let Some(ego) = frame.ego.filter(|ego| ego.speed_mps > MIN_EGO_MPS) else { return };
         let walks = matches!(self.class(), ObjectClass::Pedestrian | ObjectClass::PersonSitting);
-        self.filter.know_ego(&ego, if walks { Moving::WALKING } else { Moving::DRIVING });
+        self.filter.may_stand_still(&ego, if walks { Moving::WALKING } else { Moving::DRIVING });
     }
 
     /// What is known of its motion; none before it is.

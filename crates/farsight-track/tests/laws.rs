@@ -272,6 +272,58 @@ fn what_stands_still_tells_its_distance_to_a_camera_that_knows_its_speed() {
     }
 }
 
+/// Error of the closing speed after 0.8 seconds, m/s, and its standard deviation, of a car that does this speed over the
+/// ground before a camera that drives, seen with the errors that a tracker expects.
+fn closing_error(seed: u64, speed_mps: f64, camera_mps: f64, is_known: bool) -> [f64; 2] {
+    let ego = EgoMotion { speed_mps: camera_mps, speed_sigma_mps: 0.1, yaw_rate: 0.0, yaw_rate_sigma: 0.002 };
+    let (chance, options, sigma) = (&mut Chance::new(seed), TrackerOptions::default(), 0.08);
+    let noise = options.noise.clone();
+    let mut car = Car::new([chance.between(-4.0, 4.0), chance.between(45.0, 70.0)], [0.0, speed_mps - camera_mps]);
+    let mut factor = Lasting::new(noise.persistent_share.sqrt() * sigma, noise.persistent_s, chance);
+    let mut lasting = Lasting::new(noise.height_share, noise.height_s, chance);
+    let mut tracker = Tracker::new(options);
+    let mut told = Vec::new();
+    for frame in 0..=8 {
+        let log_factor = factor.after(0.1, chance) + (1.0 - noise.persistent_share).sqrt() * sigma * chance.normal();
+        let log_growth = lasting.after(0.1, chance) + noise.white_height_share * chance.normal();
+        let frame = Frame {
+            time_s: 0.1 * f64::from(frame),
+            image_size: IMAGE_SIZE,
+            camera: &camera(),
+            detections: &[car.seen(log_factor.exp(), sigma, log_growth.exp())],
+            ego: is_known.then_some(ego),
+            looks_cut: false,
+        };
+        told = tracker.update(&frame).unwrap();
+        car = car.after(0.1);
+    }
+    let closing = told[0].closing.unwrap();
+    [closing.mps + car.velocity[1], closing.sigma_mps]
+}
+
+#[test]
+fn a_camera_that_knows_its_speed_is_no_surer_than_it_is_right() {
+    // Of standing and of moving cars: sum of errors with and without that knowledge, and how often 90% intervals hold.
+    let (mut errors, mut held, runs) = ([[0.0; 2]; 2], 0.0, 300);
+    for seed in 0..runs {
+        let chance = &mut Chance::new(1000 + seed);
+        let moves = seed % 2 == 0;
+        let speed_mps = if moves { 8.0 * chance.normal() } else { 0.0 };
+        let camera_mps = chance.between(3.0, 20.0);
+        let [known, sigma] = closing_error(seed, speed_mps, camera_mps, true);
+        let [unknown, _] = closing_error(seed, speed_mps, camera_mps, false);
+        let sums = &mut errors[usize::from(moves)];
+        *sums = [sums[0] + known.abs(), sums[1] + unknown.abs()];
+        held += f64::from(u8::from(known.abs() <= 1.645 * sigma));
+    }
+    let share = held / runs as f64;
+    assert!((0.85..=0.97).contains(&share), "{share}");
+    let [standing, moving] = errors;
+    assert!(standing[0] < 0.3 * standing[1], "{standing:?}");
+    // Slow ones are taken for standing in part.
+    assert!(standing[0] + moving[0] < 0.8 * (standing[1] + moving[1]), "{standing:?}, {moving:?}");
+}
+
 #[test]
 fn a_camera_that_nods_loses_nobody() {
     let places = [[-4.0, 14.0], [-2.5, 20.0], [1.5, 26.0], [3.0, 48.0], [-1.0, 62.0]];

@@ -36,7 +36,9 @@ impl Lifetime {
             }
         }
         let mut matches: BTreeMap<u64, Vec<&Sample>> = BTreeMap::new();
-        samples.iter().for_each(|one| matches.entry(one.ids[0]).or_default().push(one));
+        for one in samples {
+            matches.entry(one.ids[0]).or_default().push(one);
+        }
         let of_object = |(id, [first, last]): (u64, [usize; 2])| {
             let matches = matches.get(&id).map(Vec::as_slice).unwrap_or_default();
             let since = |frame: usize| times_s[frame] - times_s[first];
@@ -161,8 +163,15 @@ mod tests {
             track_s: 1.0,
         };
         assert_eq!(one, expected);
-        assert_eq!([two.told_after_s, two.speed_after_s], [None; 2]);
-        assert_eq!([two.present_s, two.longest_gap_s, two.track_s], [5.5, 5.5, 0.0]);
+        let expected = Lifetime {
+            id: 2,
+            present_s: 5.5,
+            told_after_s: None,
+            speed_after_s: None,
+            longest_gap_s: 5.5,
+            track_s: 0.0,
+        };
+        assert_eq!(two, expected);
         let mean = Lifetimes::of(&all);
         assert_eq!([mean.objects, mean.told], [2, 1]);
         assert_eq!([mean.present_s, mean.track_s], [Some(5.0), Some(0.5)]);
