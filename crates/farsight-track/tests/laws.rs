@@ -272,8 +272,8 @@ fn what_stands_still_tells_its_distance_to_a_camera_that_knows_its_speed() {
     }
 }
 
-/// Error of the closing speed after 0.8 seconds, m/s, and its standard deviation, of a car that does this speed over the
-/// ground before a camera that drives, seen with the errors that a tracker expects.
+/// Error of the closing speed after 0.8 seconds, m/s, and its standard deviation, of a car that does this speed over
+/// the ground before a camera that drives, seen with the errors that a tracker expects.
 fn closing_error(seed: u64, speed_mps: f64, camera_mps: f64, is_known: bool) -> [f64; 2] {
     let ego = EgoMotion { speed_mps: camera_mps, speed_sigma_mps: 0.1, yaw_rate: 0.0, yaw_rate_sigma: 0.002 };
     let (chance, options, sigma) = (&mut Chance::new(seed), TrackerOptions::default(), 0.08);

@@ -71,8 +71,8 @@ pub enum Precision {
     F32,
     /// bfloat16 where the CPU has it: faster, two to three digits. Only OpenVINO has it.
     Bf16,
-    /// Convolutions in 8 bits, with the ranges that model files keep. ONNX Runtime and OpenVINO have it. What is left in
-    /// float OpenVINO computes in bfloat16 where the CPU has instructions for it.
+    /// Convolutions in 8 bits, with the ranges that model files keep. ONNX Runtime and OpenVINO have it. What is left
+    /// in float OpenVINO computes in bfloat16 where the CPU has instructions for it.
     Int8,
 }
 
