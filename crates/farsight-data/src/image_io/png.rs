@@ -6,6 +6,11 @@ use fdeflate::Decompressor;
 use image::RgbImage;
 use png::{BitDepth, Decoder, Limits, Transformations};
 
+use super::RGB_BYTES;
+
+/// Channels of a pixel as it is used.
+const RGB: usize = RGB_BYTES as usize;
+
 /// Where a file has its header: the name of that chunk, its 13 bytes, and their checksum; the height is in it.
 const HEADER: std::ops::Range<usize> = 12..29;
 const HEIGHT: std::ops::Range<usize> = 20..24;
@@ -52,9 +57,6 @@ pub(super) fn usual(mut bytes: Vec<u8>, max_bytes: u64) -> Option<RgbImage> {
     // The row more is missing, and nothing else is wrong.
     (reader.read_row(&mut row).is_err() && reader.finish().is_ok()).then_some(pixels)
 }
-
-/// Channels of a pixel as it is used.
-const RGB: usize = 3;
 
 /// Bytes that a compressed stream may refer back to.
 const WINDOW: usize = 1 << 15;
@@ -309,7 +311,9 @@ mod tests {
         assert_eq!(usual(deep, u64::MAX), None, "16 bits");
         let mut interlaced = written(|to| noise::<image::Luma<u8>>(1, 1).write_with_encoder(to).unwrap());
         interlaced[28] = 1;
-        assert_eq!(usual(with_height(interlaced, 1), u64::MAX), None, "interlaced");
+        assert_eq!(usual(with_height(interlaced.clone(), 1), u64::MAX), None, "interlaced");
+        interlaced[19] = 0;
+        assert_eq!(usual(with_height(interlaced, 1), u64::MAX), None, "no columns");
     }
 
     #[test]

@@ -116,7 +116,7 @@ pub struct Errors {
     pub ttc_coverage: Option<f64>,
 }
 
-fn mean(values: &[f64]) -> Option<f64> {
+pub(super) fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 

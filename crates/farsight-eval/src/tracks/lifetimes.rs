@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::errors::Sample;
+use super::errors::{Sample, mean};
 use crate::tracking::TrackedFrame;
 
 /// One object of the truth from the first frame in which it counts to the last one.
@@ -20,7 +20,7 @@ pub struct Lifetime {
     pub told_after_s: Option<f64>,
     /// Seconds until its closing speed is told.
     pub speed_after_s: Option<f64>,
-    /// The longest time for which it was not told of, from its first frame on.
+    /// The longest time for which it was not told of, from its first frame to its last one.
     pub longest_gap_s: f64,
     /// From the first to the last frame in which the identity that it had longest was told.
     pub track_s: f64,
@@ -42,9 +42,10 @@ impl Lifetime {
         let of_object = |(id, [first, last]): (u64, [usize; 2])| {
             let matches = matches.get(&id).map(Vec::as_slice).unwrap_or_default();
             let since = |frame: usize| times_s[frame] - times_s[first];
-            // Where it is told of, with its first and its last frame around that.
-            let seen = matches.iter().map(|one| one.frame);
-            let places: Vec<f64> = [first].into_iter().chain(seen).chain([last]).map(since).collect();
+            let told_after_s = matches.first().map(|one| since(one.frame));
+            // From the first frame without it to the next one with it.
+            let between = matches.windows(2).map(|two| since(two[1].frame) - since(two[0].frame + 1));
+            let after = matches.last().map_or(since(last), |one| since(last) - since(one.frame));
             let mut told: BTreeMap<u64, [f64; 2]> = BTreeMap::new();
             for one in matches {
                 let now = since(one.frame);
@@ -53,9 +54,9 @@ impl Lifetime {
             Self {
                 id,
                 present_s: since(last),
-                told_after_s: matches.first().map(|one| since(one.frame)),
+                told_after_s,
                 speed_after_s: matches.iter().find(|one| one.closing.is_some()).map(|one| since(one.frame)),
-                longest_gap_s: places.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max),
+                longest_gap_s: between.chain(told_after_s).chain([after]).fold(0.0, f64::max),
                 track_s: told.values().map(|[from, to]| to - from).fold(0.0, f64::max),
             }
         };
@@ -89,8 +90,7 @@ impl Lifetimes {
         let all: Vec<&Lifetime> = lifetimes.into_iter().collect();
         let told: Vec<&Lifetime> = all.iter().copied().filter(|one| one.told_after_s.is_some()).collect();
         let mean = |of: &[&Lifetime], value: &dyn Fn(&Lifetime) -> Option<f64>| {
-            let values: Vec<f64> = of.iter().filter_map(|one| value(one)).collect();
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+            mean(&of.iter().filter_map(|one| value(one)).collect::<Vec<f64>>())
         };
         Self {
             objects: all.len(),
@@ -159,7 +159,7 @@ mod tests {
             present_s: 4.5,
             told_after_s: Some(1.0),
             speed_after_s: Some(2.0),
-            longest_gap_s: 2.0,
+            longest_gap_s: 1.5,
             track_s: 1.0,
         };
         assert_eq!(one, expected);
@@ -175,7 +175,7 @@ mod tests {
         let mean = Lifetimes::of(&all);
         assert_eq!([mean.objects, mean.told], [2, 1]);
         assert_eq!([mean.present_s, mean.track_s], [Some(5.0), Some(0.5)]);
-        assert_eq!([mean.told_after_s, mean.speed_after_s, mean.longest_gap_s], [Some(1.0), Some(2.0), Some(2.0)]);
+        assert_eq!([mean.told_after_s, mean.speed_after_s, mean.longest_gap_s], [Some(1.0), Some(2.0), Some(1.5)]);
         assert_eq!(Lifetimes::of([]).told_after_s, None);
     }
 
